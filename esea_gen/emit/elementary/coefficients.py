@@ -1,0 +1,400 @@
+"""Derive the tables and polynomial coefficients of the single-precision elementary functions.
+
+Everything in ``esea_f32_tables.h`` comes from here, computed to 60 digits, so that no constant in the C has to be
+believed. The output is deterministic and a test renders it again and compares.
+
+    python -m esea_gen.emit.elementary.coefficients --check
+    python -m esea_gen.emit.elementary.coefficients --write
+
+Notes
+-----
+``Qn`` means an integer that counts units of ``2**-n``. Polynomials are Chebyshev fits, at most a factor of about two
+from the minimax error, and have a bit or more to spare everywhere. A C right shift truncates, which biases a result by
+half a unit; the coefficient added after the last shift carries the opposite half unit, so the bias costs no instruction.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import mpmath
+from mpmath import mp, mpf
+
+TABLES_PATH = Path(__file__).with_name("esea_f32_tables.h")
+
+LOG2_INTERVALS = 64
+EXP2_INTERVALS = 32
+RECIPROCAL_BITS = 11
+
+Real = mpmath.mpf
+
+
+def fixed(value: Real, fraction_bits: int, bias: float = 0.0) -> int:
+    """Round a value to a fixed-point integer.
+
+    Parameters
+    ----------
+    value : mpmath.mpf
+        Value to convert.
+    fraction_bits : int
+        Number of fraction bits.
+    bias : float
+        Offset in units of the last place, half a unit where a later truncation is to be centred.
+
+    Returns
+    -------
+    int
+        Nearest integer to ``value * 2**fraction_bits + bias``.
+    """
+    return int(mpmath.nint(mpmath.ldexp(value, fraction_bits) + mpf(bias)))
+
+
+def fit(function: Callable[[Real], Real], low: Real, high: Real, degree: int) -> tuple[list[Real], Real]:
+    """Fit a polynomial and return its coefficients from the constant upwards, and the error bound.
+
+    Parameters
+    ----------
+    function : callable
+        Function of one real variable.
+    low, high : mpmath.mpf
+        Interval of the fit.
+    degree : int
+        Degree of the polynomial.
+
+    Returns
+    -------
+    coefficients : list of mpmath.mpf
+        Constant coefficient first.
+    error : mpmath.mpf
+        Bound on the absolute error over the interval.
+    """
+    coefficients, error = mpmath.chebyfit(function, [low, high], degree + 1, error=True)
+    return list(reversed(coefficients)), error
+
+
+def reciprocals() -> list[int]:
+    """Choose one short reciprocal for each of the equal intervals of the significand.
+
+    The first and the last interval use exactly 1 and 1/2, so that the tabulated logarithm of both is an integer and
+    nothing cancels around ``x = 1``. Eleven fraction bits make ``significand * reciprocal - 1`` exact modulo
+    ``2**32``.
+
+    Returns
+    -------
+    list of int
+        Reciprocals as Q11.
+    """
+    chosen = []
+    for index in range(LOG2_INTERVALS):
+        middle = 1 + (mpf(index) + mpf(0.5)) / LOG2_INTERVALS
+        chosen.append(fixed(1 / middle, RECIPROCAL_BITS))
+    chosen[0] = 1 << RECIPROCAL_BITS
+    chosen[-1] = 1 << (RECIPROCAL_BITS - 1)
+    return chosen
+
+
+def reduced_range() -> tuple[Real, Real]:
+    """Return the range of ``significand * reciprocal - 1`` over all intervals.
+
+    Returns
+    -------
+    low, high : mpmath.mpf
+        The extreme reduced arguments.
+    """
+    low, high = mpf(0), mpf(0)
+    for index, reciprocal in enumerate(reciprocals()):
+        scale = mpmath.ldexp(mpf(reciprocal), -RECIPROCAL_BITS)
+        low = min(low, (1 + mpf(index) / LOG2_INTERVALS) * scale - 1)
+        high = max(high, (1 + mpf(index + 1) / LOG2_INTERVALS) * scale - 1)
+    # The C keeps this argument as Q37 in 32 bits.
+    if max(-low, high) > mpmath.ldexp(1, -6):
+        raise ValueError(f"reduced argument {low} to {high} leaves +-2**-6; choose other reciprocals")
+    return low, high
+
+
+def log2_table() -> list[int]:
+    """Return log2 of the tabulated significands as Q64, with the reciprocal in the low twelve bits.
+
+    Returns
+    -------
+    list of int
+        One 64-bit word an interval.
+    """
+    rows = []
+    for reciprocal in reciprocals():
+        logarithm = -mpmath.log(mpmath.ldexp(mpf(reciprocal), -RECIPROCAL_BITS), 2)
+        # log2 = 1 becomes 0: the sum is taken modulo one, and what follows is always negative there.
+        word = int(mpmath.nint(mpmath.ldexp(logarithm, 52))) % (1 << 52)
+        rows.append((word << 12) | reciprocal)
+    return rows
+
+
+def exp2_table() -> list[int]:
+    """Return 2**t at the interval centres as Q31, with the truncations of the C centred.
+
+    Returns
+    -------
+    list of int
+        One 32-bit word an interval.
+    """
+    # The fraction that arrives is truncated to Q32, on average 2**-33 too small.
+    centred = 1 + mpmath.log(2) * mpmath.ldexp(1, -33)
+    return [
+        fixed(centred * mpf(2) ** ((index + mpf(0.5)) / EXP2_INTERVALS), 31, 0.5) for index in range(EXP2_INTERVALS)
+    ]
+
+
+def reciprocal_root_table() -> list[int]:
+    """Return seeds of 1/sqrt(a) for a in [1, 4) as Q16.
+
+    Returns
+    -------
+    list of int
+        One seed for each value 16 to 63 of the six leading bits.
+    """
+    return [min(65535, fixed(1 / mpmath.sqrt((mpf(index) + mpf(0.5)) / 16), 16)) for index in range(16, 64)]
+
+
+def two_over_pi_words() -> list[int]:
+    """Return 256 bits of 2/pi behind 64 zero bits, as words with the most significant first.
+
+    Returns
+    -------
+    list of int
+        Ten 32-bit words.
+    """
+    bits = int(mpmath.floor(mpmath.ldexp(2 / mp.pi, 256)))
+    return [0, 0] + [(bits >> (32 * (7 - word))) & 0xFFFFFFFF for word in range(8)]
+
+
+def near_zero(function: Callable[[Real], Real], limit: Real) -> Callable[[Real], Real]:
+    """Fill the removable singularity of a function at zero.
+
+    Parameters
+    ----------
+    function : callable
+        Function of one real variable, undefined at zero.
+    limit : mpmath.mpf
+        Its limit at zero.
+
+    Returns
+    -------
+    callable
+        The completed function.
+    """
+    return lambda t: limit if t == 0 else function(t)
+
+
+def polynomials() -> list[tuple[str, str, list[int]]]:
+    """Return every polynomial as name, meaning and integer coefficients.
+
+    Returns
+    -------
+    list of tuple
+        Macro stem, comment, coefficients from the constant upwards.
+    """
+    low, high = reduced_range()
+    ln2 = mpmath.log(2)
+    half = mpf(0.5)
+    quarter = mpf(0.25)
+    out: list[tuple[str, str, list[int]]] = []
+
+    def add(
+        name: str,
+        meaning: str,
+        function: Callable[[Real], Real],
+        interval: tuple[Real, Real],
+        formats: Sequence[int],
+        *,
+        bias: float = 0.5,
+        sign: Callable[[int], int] = lambda power: 1,
+    ) -> None:
+        coefficients, error = fit(function, interval[0], interval[1], len(formats) - 1)
+        integers = [
+            fixed(sign(power) * value, bits, bias if power == 0 else 0.0)
+            for power, (value, bits) in enumerate(zip(coefficients, formats, strict=True))
+        ]
+        bits_text = ", ".join(f"Q{bits}" for bits in formats)
+        out.append((name, f"{meaning}; {bits_text}; fit error 2^{float(mpmath.log(error, 2)):.1f}", integers))
+
+    add(
+        "LOG2",
+        "log2(1 + r) / r",
+        near_zero(lambda r: mpmath.log1p(r) / (r * ln2), 1 / ln2),
+        (low, high),
+        (30, 28, 26, 24),
+    )
+    add(
+        "LOG",
+        "(log(1 + r) - r) / r^2",
+        near_zero(lambda r: (mpmath.log1p(r) - r) / r**2, -half),
+        (low, high),
+        (31, 26, 21, 16),
+    )
+    add(
+        "EXP2",
+        "(2^t - 1) / t, |t| <= 1/64",
+        near_zero(lambda t: mpmath.expm1(t * ln2) / t, ln2),
+        (-mpf(1) / 64, mpf(1) / 64),
+        (28, 23, 18),
+    )
+    add(
+        "EXPM1",
+        "(exp(x) - 1 - x) / x^2, |x| <= 1/2",
+        near_zero(lambda x: (mpmath.expm1(x) - x) / x**2, half),
+        (-half, half),
+        (31, 31, 31, 31, 31, 31, 31),
+    )
+    add(
+        "TANH",
+        "(1 - tanh(x) / x) / x^2 in s = x^2 <= 1/4, signs alternating",
+        near_zero(lambda s: (1 - mpmath.tanh(mpmath.sqrt(s)) / mpmath.sqrt(s)) / s, mpf(1) / 3),
+        (mpf(0), quarter),
+        (32, 32, 32, 32, 32, 32),
+        sign=lambda power: -1 if power % 2 else 1,
+    )
+    quarter_turn = mp.pi / 2
+    add(
+        "SIN",
+        "sin(f pi/2) / f in s = f^2 <= 1/4, signs alternating",
+        near_zero(lambda s: mpmath.sin(mpmath.sqrt(s) * quarter_turn) / mpmath.sqrt(s), quarter_turn),
+        (mpf(0), quarter),
+        (31, 32, 32, 32, 32),
+        bias=-0.5,
+        sign=lambda power: -1 if power % 2 else 1,
+    )
+    add(
+        "COS",
+        "(1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating",
+        near_zero(lambda s: (1 - mpmath.cos(mpmath.sqrt(s) * quarter_turn)) / s, quarter_turn**2 / 2),
+        (mpf(0), quarter),
+        (31, 31, 31, 31, 31),
+        bias=-0.5,
+        sign=lambda power: -1 if power % 2 else 1,
+    )
+    add(
+        "ATAN",
+        "(1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating",
+        near_zero(lambda s: (1 - mpmath.atan(mpmath.sqrt(s)) / mpmath.sqrt(s)) / s, mpf(1) / 3),
+        (mpf(0), mpf(1)),
+        (32,) * 13,
+        bias=-0.5,
+        sign=lambda power: -1 if power % 2 else 1,
+    )
+    return out
+
+
+def rows(values: Iterable[int], digits: int, suffix: str, per_line: int) -> list[str]:
+    """Format table entries as hexadecimal lines.
+
+    Parameters
+    ----------
+    values : iterable of int
+        Entries.
+    digits : int
+        Hexadecimal digits an entry.
+    suffix : str
+        Literal suffix or closing text.
+    per_line : int
+        Entries a line.
+
+    Returns
+    -------
+    list of str
+        Indented lines.
+    """
+    texts = [f"0x{value:0{digits}X}{suffix}" for value in values]
+    return ["    " + ", ".join(texts[at : at + per_line]) + "," for at in range(0, len(texts), per_line)]
+
+
+def render() -> str:
+    """Render the header.
+
+    Returns
+    -------
+    str
+        Text of ``esea_f32_tables.h``.
+    """
+    with mp.workdps(60):
+        lines = [
+            "/* Constants of esea_f32.c, derived to 60 digits by coefficients.py; included there and nowhere else.",
+            " * Regenerate: python -m esea_gen.emit.elementary.coefficients --write",
+            " *",
+            " * Qn counts units of 2^-n. Coefficients run from the constant upwards. */",
+            "#ifndef ESEA_F32_TABLES_H",
+            "#define ESEA_F32_TABLES_H",
+            "",
+            "#include <stdint.h>",
+            "",
+            "/* log2 of the significand at the 64 reference points: Q64 with the low 12 bits replaced by the",
+            " * reciprocal of the point, Q11. */",
+            f"static const uint64_t LOG2_TABLE[{LOG2_INTERVALS}] = {{",
+            *[line.replace("0x", "UINT64_C(0x").replace("$", ")") for line in rows(log2_table(), 16, "$", 3)],
+            "};",
+            "",
+            "/* 2^((i + 1/2) / 32), Q31. */",
+            f"static const uint32_t EXP2_TABLE[{EXP2_INTERVALS}] = {{",
+            *rows(exp2_table(), 8, "u", 6),
+            "};",
+            "",
+            "/* 1 / sqrt((i + 16 + 1/2) / 16), Q16. */",
+            f"static const uint16_t ROOT_TABLE[{len(reciprocal_root_table())}] = {{",
+            *rows(reciprocal_root_table(), 4, "u", 8),
+            "};",
+            "",
+            "/* 64 zero bits, then 2/pi, most significant word first. */",
+            f"static const uint32_t TWO_OVER_PI[{len(two_over_pi_words())}] = {{",
+            *rows(two_over_pi_words(), 8, "u", 5),
+            "};",
+            "",
+            f"#define LOG2_E_HIGH 0x{fixed(1 / mpmath.log(2), 63) >> 32:08X}u /* log2(e), Q63, two halves */",
+            f"#define LOG2_E_LOW 0x{fixed(1 / mpmath.log(2), 63) & 0xFFFFFFFF:08X}u",
+            f"#define LN_2_Q64 UINT64_C(0x{fixed(mpmath.log(2), 64):016X})",
+            f"#define LN_2_Q56 INT64_C({fixed(mpmath.log(2), 56)})",
+            f"#define PI_Q61 UINT64_C(0x{fixed(mp.pi, 61):016X})",
+        ]
+        for name, meaning, integers in polynomials():
+            lines += ["", f"/* {meaning} */"]
+            for power, value in enumerate(integers):
+                text = f"{value}" if -(2**31) < value < 2**31 else f"0x{value:08X}u"
+                lines.append(f"#define {name}_{power} {text if value >= 0 else f'({text})'}")
+        lines += ["", "#endif"]
+        return "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Check or write the tables.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Command line without the program name.
+
+    Returns
+    -------
+    int
+        Exit status: 0 when the committed file is current or was written.
+    """
+    parser = argparse.ArgumentParser(description="Derive esea_f32_tables.h.")
+    action = parser.add_mutually_exclusive_group(required=True)
+    action.add_argument("--check", action="store_true", help="fail if the committed file differs")
+    action.add_argument("--write", action="store_true", help="write the file")
+    chosen = parser.parse_args(arguments)
+    text = render()
+    if chosen.write:
+        TABLES_PATH.write_text(text, encoding="ascii", newline="\n")
+        return 0
+    if TABLES_PATH.exists() and TABLES_PATH.read_text(encoding="ascii") == text:
+        return 0
+    sys.stderr.write(
+        f"{TABLES_PATH.name} is not what coefficients.py renders; "
+        "run: python -m esea_gen.emit.elementary.coefficients --write\n"
+    )
+    return 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""Models of the actuator's parts: symbols in, Blocks out."""

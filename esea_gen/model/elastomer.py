@@ -1,0 +1,322 @@
+"""Elastomer torque model: deflection in, interaction torque out (thesis chapter 3).
+
+The spring and the viscosity are written once, as SymPy expressions; the same expressions are
+printed in reports and carried across to CasADi.
+
+Two choices are ours, both with the evidence in ``docs/sensor.md``:
+
+* The stop operators run in their play form.  With E the stop's state (3.5 to 3.7), F = theta - E
+  obeys F(k) = clip(F(k-1), theta(k) - r, theta(k) + r): the same operator, but nothing is summed,
+  so that rounding does not accumulate, however long it runs.
+* The Maxwell element takes an exponential step with exp(x) replaced by its third-order series:
+  steady states stay exact, the step is positive and monotone for every x >= 0, its accuracy at
+  1 kHz equals the true exponential's, and no exponential is needed on the board.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.block import (
+    Block,
+    Constant,
+    Flag,
+    Guard,
+    Labels,
+    Port,
+    Tunable,
+    clip,
+    flag_word,
+)
+from esea_gen.device import threshold
+from esea_gen.model.symbolic import equation, to_casadi
+
+if TYPE_CHECKING:
+    from esea_gen.device import Device
+
+THETA, RATE, TAU_R, DT = sp.symbols("theta omega_m tau_r h", real=True)
+K1, K3, KV = sp.symbols("k_1 k_3 k_v", positive=True)
+A, B, M, N, EPS1, EPS2 = sp.symbols("A B m n epsilon_1 epsilon_2", positive=True)
+ALPHA, BETA, RADIUS, SPACING, INDEX = sp.symbols("alpha beta r omega i", positive=True)
+
+TAU_S = K3 * THETA**3 + K1 * THETA
+ETA = (A * sp.Abs(THETA) ** M + EPS1) / (B * sp.Abs(RATE) ** N + EPS2)
+STOP_WEIGHT = ALPHA * sp.exp(-BETA * RADIUS)
+
+STATUS = (
+    Flag("INPUT_INVALID", "an input was NaN or outside its physical range; the last one is held", True),
+    Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
+    Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
+    Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
+    Flag("TORQUE_OUTSIDE", "|torque| is above full scale"),
+    Flag("STEP_CLIPPED", "deflection moved faster than is plausible; its step was clipped", True),
+    Flag("RATE_TORQUE_CLIPPED", "the Maxwell element's torque was clipped at its limit", True),
+)
+
+MODEL_KEYS = ("k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad", "beta_1_rad", "omega_rad")
+RATE_KEYS = ("kv_Nm_rad", "A_Nms_rad", "m", "eps1_Nms_rad", "B", "n", "eps2")
+
+
+def stop_grid(p: Mapping[str, Any], stops: int) -> tuple[list[Any], list[Any]]:
+    """Thresholds and weights of the stop operators (3.10, 3.11).
+
+    Parameters
+    ----------
+    p : mapping
+        ``alpha_Nm_rad``, ``beta_1_rad``, ``omega_rad``: numbers or symbols.
+    stops : int
+        Number of operators.
+
+    Returns
+    -------
+    r_rad, p_Nm_rad : list
+        ``stops`` elements each.
+    """
+    r = [p["omega_rad"] * i for i in range(1, stops + 1)]
+    w = [to_casadi(STOP_WEIGHT, _symbols_of(p) | {RADIUS: ri}) for ri in r]
+    return r, w
+
+
+def _symbols_of(p: Mapping[str, Any]) -> dict[sp.Symbol, Any]:
+    names = {
+        K1: "k1_Nm_rad",
+        K3: "k3_Nm_rad3",
+        ALPHA: "alpha_Nm_rad",
+        BETA: "beta_1_rad",
+        KV: "kv_Nm_rad",
+        A: "A_Nms_rad",
+        B: "B",
+        M: "m",
+        N: "n",
+        EPS1: "eps1_Nms_rad",
+        EPS2: "eps2",
+    }
+    return {symbol: p[key] for symbol, key in names.items() if key in p}
+
+
+def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
+    """The torque sensor as a Block.
+
+    Parameters
+    ----------
+    device : Device
+        Parameters, domain, limits and rate.
+    tunable : bool
+        Make the elastomer's parameters tunables instead of constants: what identification runs.
+
+    Returns
+    -------
+    Block
+        Inputs ``theta_rad`` and ``omega_rad_s`` (the mid-step rate that feeds the viscosity);
+        outputs the torque, its three parts and a status word.
+    """
+    file = device.file
+    stops = int(file.elastomer.stops.value)
+    rate_terms = file.elastomer.maxwell is not None
+    h = device.period_s
+    theta_lim = file.limits.theta_rad.value
+    omega_lim = file.limits.omega_rad_s.value
+    tau_lim = file.limits.tau_Nm.value
+    values: dict[str, Any] = {c.name: c.value for c in device.constants("elastomer")}
+    constants = device.constants("elastomer") + device.constants("domain")
+
+    tunables: tuple[Tunable, ...] = ()
+    coefficients: tuple[Port, ...] = ()
+    prepare = None
+    if tunable:
+        keys = MODEL_KEYS + (RATE_KEYS if rate_terms else ())
+        tunables = tuple(_as_tunable(device, key) for key in keys)
+        direct = ("k1_Nm_rad", "k3_Nm_rad3") + (RATE_KEYS if rate_terms else ())
+        coefficients = (
+            Port("r_rad", 0.0, 4.0, "thresholds of the stop operators", stops, "(3.11)"),
+            Port("p_Nm_rad", 0.0, 1000.0, "weights of the stop operators", stops, "(3.10)"),
+            *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name in direct),
+        )
+
+        def prepare(t: SimpleNamespace) -> dict[str, Any]:
+            r, w = stop_grid(vars(t), stops)
+            return {"r_rad": r, "p_Nm_rad": w} | {k: getattr(t, k) for k in direct}
+
+    theta_domain = threshold(file.domain.theta_max_rad.value)
+    omega_domain = threshold(file.domain.omega_max_rad_s.value)
+    tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        p = dict(values)
+        if tunable:
+            p |= {k: v for k, v in vars(c).items() if k not in ("r_rad", "p_Nm_rad")}
+            r, w = ca.vertsplit(c.r_rad), ca.vertsplit(c.p_Nm_rad)
+        else:
+            r, w = stop_grid(p, stops)
+        symbols = _symbols_of(p)
+
+        # The first valid sample defines where the operators start: E_i(0) = 0, tau_r(0) = 0.
+        primed = label("primed", ca.logic_and(s.primed, guard.state_ok), "0 on the first sample")
+        theta_prev = label(
+            "theta_last_rad", ca.if_else(primed, s.theta_prev_rad, u.theta_rad), "theta(k-1)"
+        )
+        moved = u.theta_rad - theta_prev
+        step_max = threshold(omega_lim * h)
+        dtheta = label("dtheta_rad", clip(moved, -step_max, step_max), "theta(k) - theta(k-1)")
+
+        tau_s = label("tau_s_Nm", to_casadi(sp.horner(TAU_S, wrt=THETA), symbols | {THETA: u.theta_rad}), "(3.2)")
+
+        play, tau_h = [], ca.SX(0)
+        for i in range(stops):
+            start = ca.if_else(primed, s.play_rad[i], u.theta_rad)
+            f = clip(start, u.theta_rad - r[i], u.theta_rad + r[i])
+            play.append(label(f"play_{i + 1}_rad", f, f"(3.5-3.7) play form of stop {i + 1}"))
+            tau_h = tau_h + w[i] * (u.theta_rad - f)
+        label("tau_h_Nm", tau_h, "(3.9)")
+
+        if rate_terms:
+            theta_mid = label(
+                "theta_mid_rad", theta_prev + 0.5 * h * u.omega_rad_s, "deflection half a step on"
+            )
+            # x = h kv / eta as one quotient of two positive numbers: eta itself is not needed.
+            gain = to_casadi(sp.fraction(ETA)[0], symbols | {THETA: theta_mid})
+            drag = to_casadi(sp.fraction(ETA)[1], symbols | {RATE: u.omega_rad_s})
+            x = label("x", (h * p["kv_Nm_rad"]) * drag / gain, "(3.4) step over time constant")
+            series = 1 + x * (0.5 + x * (1.0 / 6.0))
+            tau_r = (s.tau_r_Nm + p["kv_Nm_rad"] * dtheta * series) / (1 + x * series)
+        else:
+            tau_r = ca.SX(0)
+        tau_r_next = label("tau_r_Nm", clip(tau_r, -tau_lim, tau_lim), "(3.3)")
+        tau = label("tau_Nm", tau_s + tau_r_next + tau_h, "(3.1)")
+
+        ready = ca.logic_or(primed, guard.inputs_ok)
+        status = flag_word(
+            [
+                ca.logic_not(guard.inputs_ok),
+                ca.logic_not(guard.state_ok),
+                ca.fabs(u.theta_rad) > theta_domain,
+                ca.fabs(u.omega_rad_s) > omega_domain,
+                ca.fabs(tau) > tau_domain,
+                ca.fabs(moved) > step_max,
+                ca.fabs(tau_r) > threshold(tau_lim),
+            ]
+        )
+        next_state = {
+            "primed": ready,
+            "theta_prev_rad": u.theta_rad,
+            "tau_r_Nm": tau_r_next,
+            "play_rad": play,
+        }
+        outputs = {
+            "tau_Nm": clip(tau, -tau_lim, tau_lim),
+            "tau_spring_Nm": clip(tau_s, -tau_lim, tau_lim),
+            "tau_rate_Nm": tau_r_next,
+            "tau_hysteresis_Nm": clip(tau_h, -tau_lim, tau_lim),
+            "status": status,
+        }
+        return next_state, outputs
+
+    torque = "Nm, part of the torque on the load"
+    return Block.define(
+        "sensor",
+        "Elastomer torque sensor: deflection to interaction torque",
+        period_s=h,
+        constants=constants,
+        tunables=tunables,
+        coefficients=coefficients,
+        prepare=prepare,
+        state=(
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port("theta_prev_rad", -theta_lim, theta_lim, "deflection of the last step"),
+            Port("tau_r_Nm", -tau_lim, tau_lim, "torque of the Maxwell element", equation="(3.3)"),
+            Port(
+                "play_rad",
+                -2 * theta_lim,
+                2 * theta_lim,
+                "play states F_i = theta - E_i of the stop operators",
+                stops,
+                "(3.5-3.7)",
+                repair="block",
+            ),
+        ),
+        inputs=(
+            Port(
+                "theta_rad",
+                -theta_lim,
+                theta_lim,
+                "deflection: motor-side minus load-side angle",
+                on_invalid="theta_prev_rad",
+            ),
+            Port(
+                "omega_rad_s",
+                -omega_lim,
+                omega_lim,
+                "deflection rate in the middle of the step, free of theta(k)",
+                on_invalid=0.0,
+            ),
+        ),
+        outputs=(
+            Port("tau_Nm", -tau_lim, tau_lim, "interaction torque on the load", equation="(3.1)"),
+            Port("tau_spring_Nm", -tau_lim, tau_lim, f"cubic spring: {torque}", equation="(3.2)"),
+            Port("tau_rate_Nm", -tau_lim, tau_lim, f"Maxwell element: {torque}", equation="(3.3)"),
+            Port(
+                "tau_hysteresis_Nm",
+                -tau_lim,
+                tau_lim,
+                f"stop operators: {torque}",
+                equation="(3.9)",
+            ),
+            Port("status", 0, 2 ** len(STATUS) - 1, "what is known of this sample", flags=STATUS),
+        ),
+        equations=_equations(rate_terms),
+        step=step,
+    )
+
+
+def _as_tunable(device: Device, key: str) -> Tunable:
+    from esea_gen.device import _field_extra
+
+    dotted = f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
+    q = dict(device.quantities())[dotted]
+    extra = _field_extra(dotted)
+    return Tunable(key, q.value, extra["low"], extra["high"], extra["text"], q.source, q.status)
+
+
+def _equations(rate_terms: bool) -> tuple[Any, ...]:
+    e, f, k = sp.symbols("E_i F_i k")
+    tau_s, tau_r, tau_h = sp.symbols("tau_s tau_r tau_h")
+    x, s = sp.symbols("x sigma")
+    theta_k, theta_p = sp.Symbol("theta_k"), sp.Symbol("theta_k-1")
+    f_p, tau_p = sp.Symbol("F_i,k-1"), sp.Symbol("tau_r,k-1")
+    p_i, r_i = sp.symbols("p_i r_i")
+    total = tau_s + tau_r + tau_h if rate_terms else tau_s + tau_h
+    common = (
+        equation("(3.1)", "tau_e", total, "torque: spring, rate terms, hysteresis"),
+        equation("(3.2)", "tau_s", TAU_S, "cubic spring"),
+        equation("(3.9)", "tau_h", sp.Sum(p_i * e, (INDEX, 1, sp.Symbol("N"))), "hysteresis"),
+        equation("(3.10)", "p_i", STOP_WEIGHT.subs(RADIUS, r_i), "weight of a stop operator"),
+        equation("(3.11)", "r_i", SPACING * INDEX, "threshold of a stop operator"),
+        equation(
+            "(3.5-3.7), play form",
+            "F_i",
+            sp.Max(sp.Min(f_p, theta_k + r_i), theta_k - r_i),
+            "stop operator E = theta - F, nothing summed",
+        ),
+    )
+    rate = (
+        equation(
+            "(3.3)",
+            "tau_r",
+            (tau_p + KV * (theta_k - theta_p) * s) / (1 + x * s),
+            "Maxwell element, exponential step, series of third order",
+        ),
+        equation("[series]", "sigma", 1 + x / 2 + x**2 / 6, "(exp(x) - 1)/x to third order"),
+        equation("[step]", "x", DT * KV / sp.Symbol("eta"), "step over time constant"),
+        equation("(3.4)", "eta", ETA, "viscosity, from mid-step deflection and rate"),
+    )
+    return common + (rate if rate_terms else ())
+
+
+__all__ = ["MODEL_KEYS", "RATE_KEYS", "STATUS", "Constant", "stop_grid", "torque_sensor"]

@@ -1,0 +1,76 @@
+"""The one bridge from SymPy (derivation, printing) to CasADi (evaluation, code)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import sympy as sp
+from sympy.printing.mathml import MathMLPresentationPrinter
+
+from esea_gen.block import Equation
+
+_CASADI = {
+    "Abs": ca.fabs,
+    "exp": ca.exp,
+    "log": ca.log,
+    "sqrt": ca.sqrt,
+    "tanh": ca.tanh,
+    "sign": ca.sign,
+    "Min": ca.fmin,
+    "Max": ca.fmax,
+}
+
+
+def to_casadi(expression: sp.Expr, values: Mapping[sp.Symbol, Any]) -> ca.SX:
+    """Carry a SymPy expression across to CasADi.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        Expression in the thesis' symbols.
+    values : mapping of sympy.Symbol to float or casadi.SX
+        What each symbol stands for.
+
+    Returns
+    -------
+    casadi.SX
+        The same expression.
+
+    Raises
+    ------
+    ValueError
+        When a symbol has no value.
+    """
+    missing = sorted(str(s) for s in expression.free_symbols if s not in values)
+    if missing:
+        raise ValueError(f"no value for the symbols {missing} of {expression}")
+    symbols = sorted(expression.free_symbols, key=str)
+    function = sp.lambdify(symbols, expression, modules=[_CASADI], cse=False)
+    return ca.SX(function(*[values[s] for s in symbols]))
+
+
+def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equation:
+    """An equation for documents, printed from the expression that is evaluated.
+
+    Parameters
+    ----------
+    number : str
+        Its number in the source.
+    left : sympy.Expr or str
+        Left side.
+    right : sympy.Expr
+        Right side.
+    text : str
+        What it says.
+
+    Returns
+    -------
+    Equation
+        With presentation MathML.
+    """
+    lhs = sp.Symbol(left) if isinstance(left, str) else left
+    printer = MathMLPresentationPrinter({"mul_symbol": ""})
+    body = printer.doprint(sp.Eq(lhs, right, evaluate=False))
+    return Equation(number, f'<math display="block">{body}</math>', text)
