@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -461,24 +462,25 @@ class Block:
             [f"{p.name}_0" for p in state],
         )
 
-        state_ok: Any = ca.SX(1)
-        for p in state:
-            state_ok = ca.logic_and(state_ok, port_ok(raw_s[p.name], p))
+        label = Labels()
+        state_ok = _all([port_ok(raw_s[p.name], p) for p in state])
+        label("state_ok", state_ok, "Guard: a corrupt state starts the block afresh.")
         s = {
             p.name: ca.if_else(state_ok, raw_s[p.name], p.init)
             if p.repair == "init"
             else raw_s[p.name]
             for p in state
         }
-        inputs_ok: Any = ca.SX(1)
-        u = {}
+        u, valid = {}, []
         for p in inputs:
-            ok = port_ok(raw_u[p.name], p)
+            ok = label(f"{p.name}_ok", port_ok(raw_u[p.name], p))
             held = s[p.on_invalid] if isinstance(p.on_invalid, str) else p.on_invalid
             u[p.name] = ca.if_else(ok, raw_u[p.name], held)
-            inputs_ok = ca.logic_and(inputs_ok, ok)
+            if p.size == 1:
+                label(f"{p.name}_used", u[p.name], "Guard: an invalid input is replaced.")
+            valid.append(ok)
+        inputs_ok = label("inputs_ok", _all(valid))
 
-        label = Labels()
         s_next, y = step(
             SimpleNamespace(**coef),
             SimpleNamespace(**s),
@@ -487,6 +489,9 @@ class Block:
             label,
         )
         results = _collect(name, "state", state, s_next) + _collect(name, "output", outputs, y)
+        names = [n for n, _, _ in label.items]
+        if len(names) != len(set(names)):
+            raise ValueError(f"block {name}: a label occurs twice in {names}")
         shared = ca.cse(results + [v for _, _, v in label.items])
         results, labelled = shared[: len(results)], shared[len(results) :]
 
@@ -548,6 +553,10 @@ class Block:
             Freshly initialised.
         """
         return Simulator(self, tunables)
+
+
+def _all(conditions: list[ca.SX]) -> ca.SX:
+    return reduce(ca.logic_and, conditions) if conditions else ca.SX(1)
 
 
 def _collect(

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from esea_gen.block import Block, Port, Simulator
+from esea_gen.block import Block, Port, Simulator, Tunable
 
 if TYPE_CHECKING:
     from esea_gen.device import Device
@@ -150,6 +150,15 @@ class System:
         for block in self.blocks.values():
             unique.setdefault(id(block), block)
         return tuple(unique.values())
+
+    @property
+    def tunables(self) -> tuple[tuple[str, Tunable], ...]:
+        """Every tunable with the instance it belongs to, in the order of the C params struct."""
+        return tuple((i, t) for i, b in self.blocks.items() for t in b.tunables)
+
+    def is_tuned(self, task: Task) -> bool:
+        """Whether a task's Blocks read any coefficient."""
+        return any(self.blocks[i].coefficients for i in task.blocks)
 
     def task(self, name: str) -> Task:
         """Task by name."""

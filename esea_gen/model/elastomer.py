@@ -158,7 +158,9 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
         symbols = _symbols_of(p)
 
         # The first valid sample defines where the operators start: E_i(0) = 0, tau_r(0) = 0.
-        primed = label("primed", ca.logic_and(s.primed, guard.state_ok), "0 on the first sample")
+        primed = label(
+            "primed", ca.logic_and(s.primed, guard.state_ok), "0 until a valid sample has been seen"
+        )
         theta_prev = label(
             "theta_last_rad", ca.if_else(primed, s.theta_prev_rad, u.theta_rad), "theta(k-1)"
         )

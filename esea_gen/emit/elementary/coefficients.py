@@ -1,6 +1,6 @@
 """Derive the tables and polynomial coefficients of the single-precision elementary functions.
 
-Everything in ``esea_f32_tables.h`` comes from here, computed to 60 digits, so that no constant in the C has to be
+Everything in ``esea_f32_tables.h`` comes from here, computed to 110 digits, so that no constant in the C has to be
 believed. The output is deterministic and a test renders it again and compares.
 
     python -m esea_gen.emit.elementary.coefficients --check
@@ -209,7 +209,7 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
         interval: tuple[Real, Real],
         formats: Sequence[int],
         *,
-        bias: float = 0.5,
+        bias: float = 0.0,
         sign: Callable[[int], int] = lambda power: 1,
     ) -> None:
         coefficients, error = fit(function, interval[0], interval[1], len(formats) - 1)
@@ -217,7 +217,8 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
             fixed(sign(power) * value, bits, bias if power == 0 else 0.0)
             for power, (value, bits) in enumerate(zip(coefficients, formats, strict=True))
         ]
-        bits_text = ", ".join(f"Q{bits}" for bits in formats)
+        same = len(set(formats)) == 1
+        bits_text = f"all Q{formats[0]}" if same else ", ".join(f"Q{bits}" for bits in formats)
         out.append((name, f"{meaning}; {bits_text}; fit error 2^{float(mpmath.log(error, 2)):.1f}", integers))
 
     add(
@@ -226,6 +227,7 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
         near_zero(lambda r: mpmath.log1p(r) / (r * ln2), 1 / ln2),
         (low, high),
         (30, 28, 26, 24),
+        bias=0.5,
     )
     add(
         "LOG",
@@ -240,6 +242,13 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
         near_zero(lambda t: mpmath.expm1(t * ln2) / t, ln2),
         (-mpf(1) / 64, mpf(1) / 64),
         (28, 23, 18),
+    )
+    add(
+        "RECIPROCAL",
+        "1 / (1 + r)",
+        lambda r: 1 / (1 + r),
+        (low, high),
+        (30, 25, 20, 15, 10),
     )
     add(
         "EXPM1",
@@ -272,7 +281,6 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
         near_zero(lambda s: (1 - mpmath.cos(mpmath.sqrt(s) * quarter_turn)) / s, quarter_turn**2 / 2),
         (mpf(0), quarter),
         (31, 31, 31, 31, 31),
-        bias=-0.5,
         sign=lambda power: -1 if power % 2 else 1,
     )
     add(
@@ -280,24 +288,21 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
         "(1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating",
         near_zero(lambda s: (1 - mpmath.atan(mpmath.sqrt(s)) / mpmath.sqrt(s)) / s, mpf(1) / 3),
         (mpf(0), mpf(1)),
-        (32,) * 13,
-        bias=-0.5,
+        (32,) * 12,
         sign=lambda power: -1 if power % 2 else 1,
     )
     return out
 
 
-def rows(values: Iterable[int], digits: int, suffix: str, per_line: int) -> list[str]:
-    """Format table entries as hexadecimal lines.
+def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:
+    """Format table entries as lines.
 
     Parameters
     ----------
     values : iterable of int
         Entries.
-    digits : int
-        Hexadecimal digits an entry.
-    suffix : str
-        Literal suffix or closing text.
+    pattern : str
+        Format of one entry.
     per_line : int
         Entries a line.
 
@@ -306,7 +311,7 @@ def rows(values: Iterable[int], digits: int, suffix: str, per_line: int) -> list
     list of str
         Indented lines.
     """
-    texts = [f"0x{value:0{digits}X}{suffix}" for value in values]
+    texts = [pattern.format(value) for value in values]
     return ["    " + ", ".join(texts[at : at + per_line]) + "," for at in range(0, len(texts), per_line)]
 
 
@@ -318,9 +323,9 @@ def render() -> str:
     str
         Text of ``esea_f32_tables.h``.
     """
-    with mp.workdps(60):
+    with mp.workdps(110):
         lines = [
-            "/* Constants of esea_f32.c, derived to 60 digits by coefficients.py; included there and nowhere else.",
+            "/* Constants of esea_f32.c, derived to 110 digits by coefficients.py; included there and nowhere else.",
             " * Regenerate: python -m esea_gen.emit.elementary.coefficients --write",
             " *",
             " * Qn counts units of 2^-n. Coefficients run from the constant upwards. */",
@@ -332,22 +337,22 @@ def render() -> str:
             "/* log2 of the significand at the 64 reference points: Q64 with the low 12 bits replaced by the",
             " * reciprocal of the point, Q11. */",
             f"static const uint64_t LOG2_TABLE[{LOG2_INTERVALS}] = {{",
-            *[line.replace("0x", "UINT64_C(0x").replace("$", ")") for line in rows(log2_table(), 16, "$", 3)],
+            *rows(log2_table(), "UINT64_C(0x{:016X})", 3),
             "};",
             "",
             "/* 2^((i + 1/2) / 32), Q31. */",
             f"static const uint32_t EXP2_TABLE[{EXP2_INTERVALS}] = {{",
-            *rows(exp2_table(), 8, "u", 6),
+            *rows(exp2_table(), "0x{:08X}u", 6),
             "};",
             "",
             "/* 1 / sqrt((i + 16 + 1/2) / 16), Q16. */",
             f"static const uint16_t ROOT_TABLE[{len(reciprocal_root_table())}] = {{",
-            *rows(reciprocal_root_table(), 4, "u", 8),
+            *rows(reciprocal_root_table(), "0x{:04X}u", 8),
             "};",
             "",
             "/* 64 zero bits, then 2/pi, most significant word first. */",
             f"static const uint32_t TWO_OVER_PI[{len(two_over_pi_words())}] = {{",
-            *rows(two_over_pi_words(), 8, "u", 5),
+            *rows(two_over_pi_words(), "0x{:08X}u", 5),
             "};",
             "",
             f"#define LOG2_E_HIGH 0x{fixed(1 / mpmath.log(2), 63) >> 32:08X}u /* log2(e), Q63, two halves */",

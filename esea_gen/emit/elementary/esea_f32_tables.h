@@ -1,4 +1,4 @@
-/* Constants of esea_f32.c, derived to 60 digits by coefficients.py; included there and nowhere else.
+/* Constants of esea_f32.c, derived to 110 digits by coefficients.py; included there and nowhere else.
  * Regenerate: python -m esea_gen.emit.elementary.coefficients --write
  *
  * Qn counts units of 2^-n. Coefficients run from the constant upwards. */
@@ -57,7 +57,7 @@ static const uint16_t ROOT_TABLE[48] = {
 /* 64 zero bits, then 2/pi, most significant word first. */
 static const uint32_t TWO_OVER_PI[10] = {
     0x00000000u, 0x00000000u, 0xA2F9836Eu, 0x4E441529u, 0xFC2757D1u,
-    0xF534DDC0u, 0xDB629599u, 0x3C439041u, 0xFE600000u, 0x00000000u,
+    0xF534DDC0u, 0xDB629599u, 0x3C439041u, 0xFE5163ABu, 0xDEBBC561u,
 };
 
 #define LOG2_E_HIGH 0xB8AA3B29u /* log2(e), Q63, two halves */
@@ -73,17 +73,24 @@ static const uint32_t TWO_OVER_PI[10] = {
 #define LOG2_3 (-5976617)
 
 /* (log(1 + r) - r) / r^2; Q31, Q26, Q21, Q16; fit error 2^-31.3 */
-#define LOG_0 (-1073741823)
+#define LOG_0 (-1073741824)
 #define LOG_1 22369631
 #define LOG_2 (-524304)
 #define LOG_3 12939
 
 /* (2^t - 1) / t, |t| <= 1/64; Q28, Q23, Q18; fit error 2^-26.7 */
-#define EXP2_0 186065280
+#define EXP2_0 186065279
 #define EXP2_1 2015181
 #define EXP2_2 14550
 
-/* (exp(x) - 1 - x) / x^2, |x| <= 1/2; Q31, Q31, Q31, Q31, Q31, Q31, Q31; fit error 2^-31.4 */
+/* 1 / (1 + r); Q30, Q25, Q20, Q15, Q10; fit error 2^-36.1 */
+#define RECIPROCAL_0 1073741824
+#define RECIPROCAL_1 (-33554432)
+#define RECIPROCAL_2 1048577
+#define RECIPROCAL_3 (-32769)
+#define RECIPROCAL_4 1004
+
+/* (exp(x) - 1 - x) / x^2, |x| <= 1/2; all Q31; fit error 2^-31.4 */
 #define EXPM1_0 1073741824
 #define EXPM1_1 357913951
 #define EXPM1_2 89478486
@@ -92,7 +99,7 @@ static const uint32_t TWO_OVER_PI[10] = {
 #define EXPM1_5 428684
 #define EXPM1_6 53521
 
-/* (1 - tanh(x) / x) / x^2 in s = x^2 <= 1/4, signs alternating; Q32, Q32, Q32, Q32, Q32, Q32; fit error 2^-32.9 */
+/* (1 - tanh(x) / x) / x^2 in s = x^2 <= 1/4, signs alternating; all Q32; fit error 2^-32.9 */
 #define TANH_0 1431655765
 #define TANH_1 572662146
 #define TANH_2 231784347
@@ -107,26 +114,25 @@ static const uint32_t TWO_OVER_PI[10] = {
 #define SIN_3 20105885
 #define SIN_4 679491
 
-/* (1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating; Q31, Q31, Q31, Q31, Q31; fit error 2^-40.0 */
-#define COS_0 0x9DE9E64Du
+/* (1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating; all Q31; fit error 2^-40.0 */
+#define COS_0 0x9DE9E64Eu
 #define COS_1 544751120
 #define COS_2 44803972
 #define COS_3 1973959
 #define COS_4 53492
 
-/* (1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating; Q32, Q32, Q32, Q32, Q32, Q32, Q32, Q32, Q32, Q32, Q32, Q32, Q32; fit error 2^-36.5 */
+/* (1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating; all Q32; fit error 2^-33.9 */
 #define ATAN_0 1431655765
-#define ATAN_1 858993444
-#define ATAN_2 613565910
-#define ATAN_3 477199484
-#define ATAN_4 390224587
-#define ATAN_5 328749487
-#define ATAN_6 278617207
-#define ATAN_7 227392357
-#define ATAN_8 166503094
-#define ATAN_9 99851005
-#define ATAN_10 44054194
-#define ATAN_11 12350117
-#define ATAN_12 1623007
+#define ATAN_1 858993380
+#define ATAN_2 613562917
+#define ATAN_3 477144766
+#define ATAN_4 389706139
+#define ATAN_5 325844258
+#define ATAN_6 268277195
+#define ATAN_7 203129613
+#define ATAN_8 128475838
+#define ATAN_9 60442746
+#define ATAN_10 18131883
+#define ATAN_11 2547104
 
 #endif

@@ -1,0 +1,1 @@
+"""One way to C: walker, number formats, ranges, elementary functions, rendering, manifest."""

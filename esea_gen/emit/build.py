@@ -1,0 +1,211 @@
+"""Write, and check, the output folder of a device: files, manifest, whole or not at all."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.device import Device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer, content_hash, versions
+from esea_gen.errors import UserError
+
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """One folder of output: its files in memory.
+
+    Parameters
+    ----------
+    folder : str
+        Name below the device's output folder: a number format, or ``dialect``.
+    files : dict of str to str
+        Relative path to text, manifest included.
+    """
+
+    folder: str
+    files: dict[str, str]
+
+
+def device_hash(device: Device) -> str:
+    """Content hash of a device: device file, kernels, wiring, templates and versions.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    return content_hash(device.system, device.digest)
+
+
+def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
+    """Render a device's output folders in memory.
+
+    Parameters
+    ----------
+    device : Device
+        What to build.
+    reals : iterable of str
+        Number formats.
+
+    Returns
+    -------
+    list of Bundle
+        One a format.
+
+    Raises
+    ------
+    UserError
+        For an unknown number format.
+    """
+    digest = device_hash(device)
+    bundles = []
+    for real in reals:
+        if real not in FORMATS:
+            raise UserError(f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}.")
+        command = f"esea-gen build {device.origin.removesuffix('.toml')} --real {real}"
+        if device.origin.removesuffix(".toml") != device.name:
+            command = f"esea-gen build {device.origin} --real {real}"
+        files = Renderer(device.system, FORMATS[real], digest, command, device.title).files()
+        bundles.append(Bundle(real, files | _manifest(device, digest, real, command, files)))
+    return bundles
+
+
+def _manifest(
+    device: Device, digest: str, kind: str, command: str, files: dict[str, str]
+) -> dict[str, str]:
+    content: dict[str, Any] = {
+        "device": device.name,
+        "kind": kind,
+        "content_hash": digest,
+        "device_sha256": device.digest,
+        "versions": versions(),
+        "command": command,
+        "files": {name: hashlib.sha256(files[name].encode()).hexdigest() for name in sorted(files)},
+    }
+    return {MANIFEST: json.dumps(content, indent=2) + "\n"}
+
+
+def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
+    """Write output folders, each whole or not at all.
+
+    Parameters
+    ----------
+    bundles : list of Bundle
+        What to write.
+    out : Path
+        The device's output folder.
+
+    Returns
+    -------
+    list of Path
+        The folders written.
+
+    Raises
+    ------
+    UserError
+        When a folder holds something that is not ours, or cannot be written; nothing is changed.
+    """
+    for bundle in bundles:
+        _refuse_foreign(out / bundle.folder)
+    written = []
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".esea-", dir=out) as scratch:
+            for bundle in bundles:
+                fresh = Path(scratch) / bundle.folder
+                for name, text in bundle.files.items():
+                    target = fresh / name
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    target.write_text(text, encoding="utf-8", newline="\n")
+            for bundle in bundles:
+                target = out / bundle.folder
+                if target.exists():
+                    target.rename(Path(scratch) / f"old-{bundle.folder}")
+                (Path(scratch) / bundle.folder).rename(target)
+                written.append(target)
+    except OSError as error:
+        raise UserError(
+            f"{out}: cannot be written ({error.strerror or error}).", "Give another --out folder."
+        ) from error
+    return written
+
+
+def _refuse_foreign(folder: Path) -> None:
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise UserError(f"{folder} is a file.", "Give another --out folder.")
+    content = [p.name for p in folder.iterdir()]
+    if content and MANIFEST not in content:
+        raise UserError(
+            f"{folder} holds files that esea-gen did not write ({content[0]}, ...).",
+            "Give another --out folder, or empty this one.",
+        )
+
+
+def differences(bundles: list[Bundle], out: Path) -> list[str]:
+    """Unified diffs between what would be written and what is there.
+
+    Parameters
+    ----------
+    bundles : list of Bundle
+        What would be written.
+    out : Path
+        The device's output folder.
+
+    Returns
+    -------
+    list of str
+        One diff a stale, missing or orphaned file; empty when all is current.
+    """
+    found = []
+    for bundle in bundles:
+        folder = out / bundle.folder
+        present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+        for name in sorted(present | set(bundle.files)):
+            old = (folder / name).read_text(encoding="utf-8") if name in present else ""
+            new = bundle.files.get(name, "")
+            if old != new or (name in present) != (name in bundle.files):
+                label = f"{bundle.folder}/{name}"
+                diff = difflib.unified_diff(
+                    old.splitlines(),
+                    new.splitlines(),
+                    f"{label} (on disk)" if name in present else "(missing)",
+                    f"{label} (as generated now)" if name in bundle.files else "(not generated)",
+                    lineterm="",
+                    n=2,
+                )
+                found.append("\n".join(diff) or f"{label}: empty file missing or left over")
+    return found
+
+
+def remove_bundle(folder: Path) -> None:
+    """Remove an output folder that is ours.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Raises
+    ------
+    UserError
+        When it holds something that is not ours.
+    """
+    _refuse_foreign(folder)
+    shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,277 @@
+"""Number formats: how a kernel's operations are written in C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from esea_gen.emit.walker import Kernel, Node, UnsupportedOperation, fuse_selects
+
+# Functions of the f32 format come from the project's own float-only file, the same on all targets.
+_F32_CALLS = {
+    "sqrt": "esea_f32_sqrt",
+    "exp": "esea_f32_exp",
+    "log": "esea_f32_log",
+    "tanh": "esea_f32_tanh",
+}
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+_COMPARE = {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "||"}
+# Where a boolean operand is taken as it is, without turning it into a number.
+LOGICAL = frozenset({"not", "and", "or"})
+SELECTING = frozenset({"if_else_zero", "select"})
+EXPONENT_LIMIT = 16.0
+EXPONENT_BITS = 27
+
+
+@dataclass(frozen=True)
+class Format:
+    """A number format.
+
+    Parameters
+    ----------
+    name : str
+        ``f64`` or ``f32``.
+    c_type : str
+        C type of a real number.
+    dtype : numpy dtype
+        The same for numpy.
+    epsilon : float
+        Unit roundoff.
+    needs_libm : bool
+        Whether the emitted C links the platform's libm.
+    """
+
+    name: str
+    c_type: str
+    dtype: np.dtype[np.floating]
+    epsilon: float
+    needs_libm: bool
+
+    def passes(self, kernel: Kernel) -> Kernel:
+        """Rewrite a kernel for this format.
+
+        Parameters
+        ----------
+        kernel : Kernel
+            As walked.
+
+        Returns
+        -------
+        Kernel
+            What is printed.
+        """
+        return kernel if self.name == "f64" else fuse_selects(kernel)
+
+    def literal(self, value: float) -> str:
+        """Shortest C literal that reads back as the value in this format.
+
+        Parameters
+        ----------
+        value : float
+            The number.
+
+        Returns
+        -------
+        str
+            C literal with the format's suffix.
+
+        Raises
+        ------
+        UnsupportedOperation
+            For NaN, infinity, or a number outside the format's range.
+        """
+        if not np.isfinite(value):
+            raise UnsupportedOperation(f"constant {value} cannot be emitted")
+        if self.name == "f64":
+            text = repr(float(value))
+            return text if "." in text or "e" in text else text + ".0"
+        single = np.float32(value)
+        if not np.isfinite(single) or (single == 0 and value != 0):
+            raise UnsupportedOperation(f"constant {value!r} is outside float32's range")
+        text = np.format_float_scientific(single, unique=True, trim="0")
+        if 1e-4 <= abs(float(single)) < 1e7 or single == 0:
+            text = np.format_float_positional(single, unique=True, trim="0")
+        return text + "f"
+
+    def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
+        """C expression of one operation.
+
+        Parameters
+        ----------
+        node : Node
+            The operation.
+        args : sequence of str
+            C text of its operands, each an atom (a name, literal or bracketed expression).
+        kernel : Kernel
+            The kernel it stands in, for constant operands.
+
+        Returns
+        -------
+        str
+            The expression, not bracketed.
+
+        Raises
+        ------
+        UnsupportedOperation
+            When this format has no such operation.
+        """
+        op = node.op
+        if op in _INFIX:
+            return f"{args[0]} {_INFIX[op]} {args[1]}"
+        if op in _COMPARE:
+            return f"{args[0]} {_COMPARE[op]} {args[1]}"
+        simple: dict[str, Callable[[], str]] = {
+            "neg": lambda: f"-{args[0]}",
+            "not": lambda: f"!{args[0]}",
+            "sq": lambda: f"{args[0]} * {args[0]}",
+            "twice": lambda: f"{self.literal(2.0)} * {args[0]}",
+            "inv": lambda: f"{self.literal(1.0)} / {args[0]}",
+            "if_else_zero": lambda: f"{args[0]} ? {args[1]} : {self.literal(0.0)}",
+            "select": lambda: f"{args[0]} ? {args[1]} : {args[2]}",
+            "fabs": lambda: f"esea_fabs({args[0]})",
+            "fmin": lambda: f"esea_fmin({args[0]}, {args[1]})",
+            "fmax": lambda: f"esea_fmax({args[0]}, {args[1]})",
+            "sign": lambda: f"esea_sign({args[0]})",
+        }
+        if op in simple:
+            return simple[op]()
+        if self.name == "f64":
+            if op in ("sqrt", "exp", "log", "tanh", "pow"):
+                return f"{op}({', '.join(args)})"
+        elif op in _F32_CALLS:
+            return f"{_F32_CALLS[op]}({args[0]})"
+        elif op == "pow":
+            return self._f32_pow(node, args, kernel)
+        raise UnsupportedOperation(f"{kernel.name}: the {self.name} format has no operation '{op}'")
+
+    def _f32_pow(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
+        exponent = kernel.nodes[node.args[1]]
+        if exponent.op != "const":
+            return f"esea_f32_pow({args[0]}, {args[1]})"
+        if not abs(exponent.value) < EXPONENT_LIMIT:
+            raise UnsupportedOperation(
+                f"{kernel.name}: constant exponent {exponent.value:g} is outside "
+                f"(-{EXPONENT_LIMIT:g}, {EXPONENT_LIMIT:g})"
+            )
+        # A constant exponent goes in as a fixed-point number: rounded to float it would cost ULPs.
+        q27 = round(exponent.value * (1 << EXPONENT_BITS))
+        return f"esea_f32_powk({args[0]}, INT32_C({q27}) /* {exponent.value!r} */)"
+
+
+FORMATS = {
+    "f64": Format("f64", "double", np.dtype(np.float64), 2.0**-53, True),
+    "f32": Format("f32", "float", np.dtype(np.float32), 2.0**-24, False),
+}
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A line of a printed kernel.
+
+    Parameters
+    ----------
+    c_type : str
+        Type of the constant it defines.
+    name : str
+        Its name.
+    expression : str
+        What it is.
+    comment : str
+        Comment above it, or empty.
+    """
+
+    c_type: str
+    name: str
+    expression: str
+    comment: str = ""
+
+
+@dataclass(frozen=True)
+class PrintedKernel:
+    """A kernel as C text.
+
+    Parameters
+    ----------
+    statements : tuple of Statement
+        In order.
+    results : tuple of tuple of str
+        Per result, per element, the C atom that holds it.
+    used_arguments : frozenset of int
+        Arguments that are read.
+    """
+
+    statements: tuple[Statement, ...]
+    results: tuple[tuple[str, ...], ...]
+    used_arguments: frozenset[int]
+
+
+def print_kernel(
+    kernel: Kernel,
+    fmt: Format,
+    access: Callable[[int, int], tuple[str, str]],
+    labels: dict[int, tuple[str, str]],
+) -> PrintedKernel:
+    """Print a kernel as a list of C definitions.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        What to print, already rewritten for the format.
+    fmt : Format
+        Number format.
+    access : callable
+        ``access(argument, element) -> (local name, C expression that reads it)``.
+    labels : dict
+        Name and comment of labelled nodes.
+
+    Returns
+    -------
+    PrintedKernel
+        Text pieces for the templates.
+    """
+    uses = [0] * len(kernel.nodes)
+    for n in kernel.nodes:
+        for a in n.args:
+            uses[a] += 1
+    wanted = {i for r in kernel.results for i in r}
+    atoms: list[str] = []
+    statements: list[Statement] = []
+    arguments = set()
+    for i, n in enumerate(kernel.nodes):
+        if n.op == "const":
+            text = fmt.literal(n.value)
+            atoms.append(f"({text})" if text.startswith("-") else text)
+            continue
+        if n.op == "input":
+            local, source = access(*n.source)
+            arguments.add(n.source[0])
+            statements.append(Statement(fmt.c_type, local, source))
+            atoms.append(local)
+            continue
+        operands = []
+        for position, a in enumerate(n.args):
+            is_condition = n.op in LOGICAL or (n.op in SELECTING and position == 0)
+            cast = kernel.nodes[a].boolean and not is_condition
+            operands.append(f"({fmt.c_type}){atoms[a]}" if cast else atoms[a])
+        text = fmt.expression(n, operands, kernel)
+        named = labels.get(i)
+        # A boolean used once reads best where it is used; so does a short product or difference.
+        inline = named is None and i not in wanted and uses[i] == 1 and (
+            n.boolean or (n.op in ("mul", "sub", "add", "neg") and len(text) <= 34)
+        )
+        if inline:
+            atoms.append(f"({text})")
+            continue
+        c_type = "int" if n.boolean else fmt.c_type
+        name, comment = named if named else (f"v{i}", "")
+        statements.append(Statement(c_type, name, text, comment))
+        atoms.append(name)
+    results = tuple(
+        tuple(f"({fmt.c_type}){atoms[i]}" if kernel.nodes[i].boolean else atoms[i] for i in r)
+        for r in kernel.results
+    )
+    return PrintedKernel(tuple(statements), results, frozenset(arguments))
+
+

@@ -1,0 +1,453 @@
+"""Render a System to C: kernels by the walker, everything round them by Jinja."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import jinja2
+
+from esea_gen.block import Block, Port
+from esea_gen.emit.formats import Format, PrintedKernel, print_kernel
+from esea_gen.emit.walker import Kernel, prune, walk
+from esea_gen.system import External, Latch, Signal, System
+
+
+@cache
+def template_folder() -> Path:
+    """Folder of the Jinja templates: inside the wheel, or at the top of a checkout."""
+    packaged = Path(__file__).parent.parent / "_templates"
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "templates"
+
+
+def environment() -> jinja2.Environment:
+    """The Jinja environment: an undefined name is an error, never an empty string.
+
+    Returns
+    -------
+    jinja2.Environment
+        With the project's filters.
+    """
+    env = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder()),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    env.filters["comment"] = comment
+    env.filters["number"] = lambda v: f"{v:.9g}"
+    return env
+
+
+def comment(text: str, indent: int = 0, width: int = 98) -> str:
+    """A C comment, wrapped.
+
+    Parameters
+    ----------
+    text : str
+        Its text; a comment's end inside it is taken apart.
+    indent : int
+        Columns before it.
+    width : int
+        Last column.
+
+    Returns
+    -------
+    str
+        One or more lines, without a newline at the end.
+    """
+    pad = " " * indent
+    safe = " ".join(text.replace("*/", "* /").split())
+    lines = textwrap.wrap(safe, width - indent - 6)
+    if len(lines) <= 1:
+        return f"{pad}/* {safe} */"
+    return "\n".join(
+        [f"{pad}/* {lines[0]}"] + [f"{pad} * {x}" for x in lines[1:-1]] + [f"{pad} * {lines[-1]} */"]
+    )
+
+
+def elementary_sources() -> list[Path]:
+    """The float-only elementary functions that every f32 folder carries, unmodified."""
+    return sorted((Path(__file__).parent / "elementary").glob("esea_f32*.[ch]"))
+
+
+@dataclass(frozen=True)
+class EmittedBlock:
+    """A Block with its kernels printed in one number format."""
+
+    block: Block
+    prepare: PrintedKernel | None
+    init: PrintedKernel
+    step: PrintedKernel
+
+
+def block_kernels(block: Block) -> dict[str, Kernel]:
+    """The kernels of a Block, as walked.
+
+    Parameters
+    ----------
+    block : Block
+        Any Block.
+
+    Returns
+    -------
+    dict of str to Kernel
+        ``prepare`` (with tunables), ``init`` and ``step``.
+    """
+    kernels = {"init": walk(block.init), "step": walk(block.step)}
+    if block.tunables:
+        kernels["prepare"] = walk(block.prepare)
+    return kernels
+
+
+def _local(port: str, size: int, element: int) -> str:
+    return port if size == 1 else f"{port}_{element}"
+
+
+def _access(groups: list[tuple[str, tuple[Any, ...]]]) -> Callable[[int, int], tuple[str, str]]:
+    flat = [(pointer, p) for pointer, ports in groups for p in ports]
+    clash = {p.name for _, p in flat if [q.name for _, q in flat].count(p.name) > 1}
+
+    def access(argument: int, element: int) -> tuple[str, str]:
+        pointer, p = flat[argument]
+        size = getattr(p, "size", 1)
+        name = f"{pointer}_{p.name}" if p.name in clash else p.name
+        index = "" if size == 1 else f"[{element}]"
+        return _local(f"{name}_now" if pointer == "state" else name, size, element), (
+            f"{pointer}->{p.name}{index}"
+        )
+
+    return access
+
+
+def emit_block(block: Block, fmt: Format) -> EmittedBlock:
+    """Print a Block's kernels.
+
+    Parameters
+    ----------
+    block : Block
+        What to print.
+    fmt : Format
+        Number format.
+
+    Returns
+    -------
+    EmittedBlock
+        For the templates.
+    """
+    coefficients = [("coeffs", block.coefficients)]
+    init = print_kernel(fmt.passes(walk(block.init)), fmt, _access(coefficients), {})
+    prepare = None
+    if block.tunables:
+        access = _access([("params", block.tunables)])
+        prepare = print_kernel(fmt.passes(walk(block.prepare)), fmt, access, {})
+
+    labelled = fmt.passes(walk(block.labelled_step))
+    count = block.step.n_out()
+    names = dict(zip((r[0] for r in labelled.results[count:]), block.labels, strict=True))
+    kernel = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
+    kernel, names = _prune_with(kernel, names)
+    access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
+    return EmittedBlock(block, prepare, init, print_kernel(kernel, fmt, access, names))
+
+
+def _prune_with(
+    kernel: Kernel, names: dict[int, tuple[str, str]]
+) -> tuple[Kernel, dict[int, tuple[str, str]]]:
+    # Names of values that no result needs, of inputs and of constants are dropped.
+    needed = {i for r in kernel.results for i in r}
+    for i in range(len(kernel.nodes) - 1, -1, -1):
+        if i in needed:
+            needed.update(kernel.nodes[i].args)
+    order = sorted(needed)
+    position = {old: new for new, old in enumerate(order)}
+    kept = {
+        position[i]: label
+        for i, label in names.items()
+        if i in needed and kernel.nodes[i].op not in ("input", "const")
+    }
+    return prune(kernel), kept
+
+
+def content_hash(system: System, device_digest: str) -> str:
+    """The hash that runs through device, C, firmware, log and report.
+
+    It covers the device file's content, every kernel instruction by instruction, every port, the
+    wiring, the templates and the versions that the emitted bytes depend on.
+
+    Parameters
+    ----------
+    system : System
+        What is emitted.
+    device_digest : str
+        Hash of the device file's content.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    h = hashlib.sha256()
+
+    def put(text: str) -> None:
+        h.update(text.encode() + b"\0")
+
+    put(device_digest)
+    put(json.dumps(versions(), sort_keys=True))
+    for path in sorted(template_folder().rglob("*.j2")):
+        put(path.relative_to(template_folder()).as_posix())
+        h.update(path.read_bytes())
+    for path in elementary_sources():
+        put(path.name)
+        h.update(path.read_bytes())
+    for block in system.kinds:
+        for kernel in block_kernels(block).values():
+            put(kernel.listing())
+        for port in (*block.coefficients, *block.state, *block.inputs, *block.outputs):
+            put(repr(port))
+        for tunable in block.tunables:
+            put(repr(tunable))
+    put(repr(system.tasks))
+    put(repr(sorted((str(a), str(b)) for a, b in system.wires.items())))
+    put(repr(system.inputs) + repr(system.outputs))
+    return h.hexdigest()[:16]
+
+
+def versions() -> dict[str, str]:
+    """Versions that the emitted bytes depend on."""
+    from esea_gen import __version__
+
+    return {
+        "esea-gen": __version__,
+        "casadi": ca.CasadiMeta.version(),
+        "jinja2": jinja2.__version__,
+    }
+
+
+def reference_c(system: System) -> dict[str, str]:
+    """CasADi's own C of every kernel, float64: the reference that ships beside ours.
+
+    Parameters
+    ----------
+    system : System
+        What to emit.
+
+    Returns
+    -------
+    dict of str to str
+        File name to text.
+    """
+    stem = f"esea_{system.name}_casadi"
+    generator = ca.CodeGenerator(
+        f"{stem}.c", {"with_header": True, "prefix": f"{stem}_", "casadi_int": "int"}
+    )
+    for block in system.kinds:
+        for verb, function in (
+            ("prepare", block.prepare),
+            ("init", block.init),
+            ("step", block.step),
+        ):
+            if verb == "prepare" and not block.tunables:
+                continue
+            renamed = _rename(function, f"{stem}_{block.name}_{verb}")
+            generator.add(renamed)
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(folder + "/")
+        return {
+            f"reference/{stem}{ending}": (Path(folder) / f"{stem}{ending}").read_text()
+            for ending in (".c", ".h")
+        }
+
+
+def _rename(function: ca.Function, name: str) -> ca.Function:
+    arguments = function.sx_in()
+    return ca.Function(
+        name, arguments, function.call(arguments), function.name_in(), function.name_out()
+    )
+
+
+@dataclass(frozen=True)
+class ExampleSample:
+    """A sample of the example program: step, deflection in lattice counts, expected torque."""
+
+    step: int
+    expected: float
+
+
+def example_stream(system: System) -> dict[str, Any]:
+    """The example program's input and what it must give, from the symbolic System.
+
+    The input is a triangle on a lattice of a power of two, so that it is exact in every format.
+
+    Parameters
+    ----------
+    system : System
+        A System whose only task has one scalar input.
+
+    Returns
+    -------
+    dict
+        ``shift`` (lattice 2**-shift), ``peak`` (counts), ``steps``, ``samples``, ``input`` and
+        ``output`` names.
+    """
+    task = system.tasks[0]
+    source = system.task_inputs(task)[0]
+    result = system.task_outputs(task)[0]
+    simulator = system.simulator()
+    reach = 0.5 * min(source.port.high, -source.port.low)
+    shift = 0
+    while reach * 2**shift < 128:
+        shift += 1
+    peak = int(reach * 2**shift)
+    steps = 4 * peak
+    samples = []
+    for k in range(steps):
+        value = triangle(k, peak) * 2.0**-shift
+        out = simulator.step(task.name, **{source.name: value})
+        if k % (steps // 12) == steps // 24:
+            samples.append(ExampleSample(k, round(out[result.name], 6)))
+    return {
+        "shift": shift,
+        "peak": peak,
+        "steps": steps,
+        "samples": samples,
+        "task": task,
+        "input": source,
+        "output": result,
+    }
+
+
+def triangle(k: int, peak: int) -> int:
+    """Whole-numbered triangle wave of period ``4 * peak``: 0, up, down through 0, back.
+
+    Parameters
+    ----------
+    k : int
+        Step.
+    peak : int
+        Largest value.
+
+    Returns
+    -------
+    int
+        Value in [-peak, peak].
+    """
+    phase = k % (4 * peak)
+    if phase <= peak:
+        return phase
+    return 2 * peak - phase if phase <= 3 * peak else phase - 4 * peak
+
+
+class Renderer:
+    """Renders one System in one number format.
+
+    Parameters
+    ----------
+    system : System
+        What to render.
+    fmt : Format
+        Number format.
+    digest : str
+        Content hash.
+    command : str
+        Command that regenerates the files.
+    title : str
+        The device's title.
+    """
+
+    def __init__(self, system: System, fmt: Format, digest: str, command: str, title: str) -> None:
+        self.system = system
+        self.fmt = fmt
+        self.prefix = f"esea_{system.name}"
+        self.emitted = {b.name: emit_block(b, fmt) for b in system.kinds}
+        self.env = environment()
+        self.env.globals |= {
+            "fmt": fmt,
+            "prefix": self.prefix,
+            "PREFIX": self.prefix.upper(),
+            "system": system,
+            "title": title,
+            "content_hash": digest,
+            "command": command,
+            "field": self.field,
+            "port_text": port_text,
+            "feed": self.feed,
+            "versions": versions(),
+        }
+
+    def field(self, port: Any) -> str:
+        """C declaration of a port as a struct field."""
+        if getattr(port, "flags", ()):
+            return f"uint32_t {port.name};"
+        size = getattr(port, "size", 1)
+        return f"{self.fmt.c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
+
+    def feed(self, instance: str, port: Port) -> str:
+        """C expression of what feeds an input port."""
+        source = self.system.feed(Signal(instance, port.name))
+        if isinstance(source, External):
+            return f"in->{source.name}"
+        if isinstance(source, Latch):
+            return f"state->latched.{source.name}"
+        return f"{source.instance}_out.{source.port}"
+
+    def render(self, template: str, **context: Any) -> str:
+        """One file from one template, named by its path."""
+        return self.env.get_template(template).render(template=template, **context)
+
+    def files(self) -> dict[str, str]:
+        """Every file of the output folder but the manifest.
+
+        Returns
+        -------
+        dict of str to str
+            Relative path to text.
+        """
+        p = self.prefix
+        out = {
+            f"{p}.h": self.render("device/esea_device.h.j2"),
+            f"{p}.c": self.render("device/esea_device.c.j2"),
+            f"{p}_real.h": self.render("device/esea_real.h.j2"),
+            "main.c": self.render("device/main.c.j2", example=example_stream(self.system)),
+        }
+        for name, emitted in self.emitted.items():
+            out[f"{p}_{name}.c"] = self.render("device/esea_block.c.j2", e=emitted)
+        if self.fmt.name == "f64":
+            out |= reference_c(self.system)
+        else:
+            out |= {path.name: path.read_text() for path in elementary_sources()}
+        return out
+
+
+def port_text(port: Any) -> str:
+    """What a header says of a port: meaning, unit, range, equation.
+
+    Parameters
+    ----------
+    port : Port or Tunable
+        The port.
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    parts = [port.meaning]
+    if getattr(port, "flags", ()):
+        parts.append("bits below")
+    else:
+        unit = "dimensionless" if port.unit == "1" else port.unit
+        parts.append(f"[{unit}], range {port.low:.9g} to {port.high:.9g}")
+    if getattr(port, "equation", ""):
+        parts.append(f"eq. {port.equation}")
+    return "; ".join(parts)

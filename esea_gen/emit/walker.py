@@ -1,0 +1,231 @@
+"""Walk a CasADi function's instruction list into a typed, single-assignment kernel.
+
+Everything that reads a kernel reads this form: the printers of the number formats, the range and
+error analysis, the cost count and the content hash.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+import casadi as ca
+
+# CasADi's operation codes, by the name used here.  An operation that is not in this table cannot be
+# emitted, and the walker says so.
+_UNARY = {
+    ca.OP_NEG: "neg",
+    ca.OP_SQ: "sq",
+    ca.OP_TWICE: "twice",
+    ca.OP_INV: "inv",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_TANH: "tanh",
+    ca.OP_FABS: "fabs",
+    ca.OP_SIGN: "sign",
+    ca.OP_NOT: "not",
+}
+_BINARY = {
+    ca.OP_ADD: "add",
+    ca.OP_SUB: "sub",
+    ca.OP_MUL: "mul",
+    ca.OP_DIV: "div",
+    ca.OP_FMIN: "fmin",
+    ca.OP_FMAX: "fmax",
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_LT: "lt",
+    ca.OP_LE: "le",
+    ca.OP_EQ: "eq",
+    ca.OP_NE: "ne",
+    ca.OP_AND: "and",
+    ca.OP_OR: "or",
+    ca.OP_IF_ELSE_ZERO: "if_else_zero",
+}
+BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
+COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
+
+
+class UnsupportedOperation(Exception):
+    """A kernel holds an operation that a number format cannot express."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """One value of a kernel.
+
+    Parameters
+    ----------
+    op : str
+        ``input``, ``const``, an operation of the tables above, or ``select`` (condition, value if
+        true, value if false), which only a number format's own pass makes.
+    args : tuple of int
+        Indices of its operands.
+    value : float
+        Of a constant.
+    source : tuple of int
+        Of an input: argument and element.
+    """
+
+    op: str
+    args: tuple[int, ...] = ()
+    value: float = 0.0
+    source: tuple[int, int] = (0, 0)
+
+    @property
+    def boolean(self) -> bool:
+        """Whether the value is 0 or 1 by construction."""
+        return self.op in BOOLEAN
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A straight-line function in single-assignment form.
+
+    Parameters
+    ----------
+    name : str
+        Function name.
+    nodes : tuple of Node
+        In an order in which every operand stands before its use.
+    results : tuple of tuple of int
+        Per result, per element, the index of its node.
+    """
+
+    name: str
+    nodes: tuple[Node, ...]
+    results: tuple[tuple[int, ...], ...]
+
+    def cost(self) -> Counter[str]:
+        """How many operations of each kind one call executes."""
+        return Counter(n.op for n in self.nodes if n.op not in ("input", "const"))
+
+    def listing(self) -> str:
+        """Exact, readable text of the kernel: what the content hash covers."""
+        lines = [self.name]
+        for i, n in enumerate(self.nodes):
+            detail = n.value.hex() if n.op == "const" else " ".join(map(str, n.args))
+            if n.op == "input":
+                detail = f"{n.source[0]}[{n.source[1]}]"
+            lines.append(f"v{i} = {n.op} {detail}")
+        lines += [f"result {k} = {' '.join(map(str, r))}" for k, r in enumerate(self.results)]
+        return "\n".join(lines)
+
+
+def walk(function: ca.Function) -> Kernel:
+    """Turn a CasADi function into a kernel.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Scalar expression graph (SX) with dense arguments and results.
+
+    Returns
+    -------
+    Kernel
+        The same operations in the same dependence, so that evaluating them in the same arithmetic
+        gives the same bits.
+
+    Raises
+    ------
+    UnsupportedOperation
+        For an operation outside the tables.
+    """
+    nodes: list[Node] = []
+    known: dict[Node, int] = {}
+
+    def add(node: Node) -> int:
+        # Equal nodes are one value: this changes no bit, and gives constants and inputs one name.
+        if node not in known:
+            known[node] = len(nodes)
+            nodes.append(node)
+        return known[node]
+
+    work: dict[int, int] = {}
+    results = [[-1] * function.numel_out(k) for k in range(function.n_out())]
+    for k in range(function.n_instructions()):
+        op = function.instruction_id(k)
+        i, o = function.instruction_input(k), function.instruction_output(k)
+        if op == ca.OP_CONST:
+            # -0.0 and 0.0 compare equal: keep them apart by not sharing negative zero.
+            value = float(function.instruction_constant(k))
+            if value == 0 and math.copysign(1, value) < 0:
+                nodes.append(Node("const", value=value))
+                work[o[0]] = len(nodes) - 1
+            else:
+                work[o[0]] = add(Node("const", value=value))
+        elif op == ca.OP_INPUT:
+            work[o[0]] = add(Node("input", source=(i[0], i[1])))
+        elif op == ca.OP_OUTPUT:
+            results[o[0]][o[1]] = work[i[0]]
+        elif op == ca.OP_ASSIGN:
+            work[o[0]] = work[i[0]]
+        elif op in _UNARY:
+            work[o[0]] = add(Node(_UNARY[op], (work[i[0]],)))
+        elif op in _BINARY:
+            work[o[0]] = add(Node(_BINARY[op], (work[i[0]], work[i[1]])))
+        else:
+            raise UnsupportedOperation(
+                f"{function.name()}: CasADi operation number {op} at instruction {k} cannot be "
+                "emitted; express it with the operations that esea_gen.emit.walker lists"
+            )
+    return prune(Kernel(function.name(), tuple(nodes), tuple(map(tuple, results))))
+
+
+def prune(kernel: Kernel) -> Kernel:
+    """Drop the nodes that no result needs.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Any kernel.
+
+    Returns
+    -------
+    Kernel
+        The same results.
+    """
+    needed = {i for r in kernel.results for i in r}
+    for i in range(len(kernel.nodes) - 1, -1, -1):
+        if i in needed:
+            needed.update(kernel.nodes[i].args)
+    order = sorted(needed)
+    position = {old: new for new, old in enumerate(order)}
+    nodes = tuple(
+        Node(n.op, tuple(position[a] for a in n.args), n.value, n.source)
+        for n in (kernel.nodes[i] for i in order)
+    )
+    results = tuple(tuple(position[i] for i in r) for r in kernel.results)
+    return Kernel(kernel.name, nodes, results)
+
+
+def fuse_selects(kernel: Kernel) -> Kernel:
+    """Turn CasADi's two-armed select, (c ? a : 0) + (!c ? b : 0), into one select.
+
+    Saves an addition and a test.  The value is the same but for the sign of a zero, so the f64
+    format, which must equal CasADi's own C bit for bit, does not use it.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Any kernel.
+
+    Returns
+    -------
+    Kernel
+        The fused kernel.
+    """
+    nodes = list(kernel.nodes)
+    for i, n in enumerate(nodes):
+        if n.op != "add":
+            continue
+        for a, b in (n.args, n.args[::-1]):
+            x, y = nodes[a], nodes[b]
+            if x.op == y.op == "if_else_zero":
+                inverse = nodes[y.args[0]]
+                if inverse.op == "not" and inverse.args == (x.args[0],):
+                    nodes[i] = Node("select", (x.args[0], x.args[1], y.args[1]))
+                    break
+    return prune(Kernel(kernel.name, tuple(nodes), kernel.results))

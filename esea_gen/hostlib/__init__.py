@@ -1,0 +1,5 @@
+"""Compile generated C and load it through cffi: the same files that ship."""
+
+from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, find_compiler
+
+__all__ = ["CRunner", "HostLibrary", "compile_device", "find_compiler"]
