@@ -100,11 +100,18 @@ class Flag:
         What it tells the reader of a log.
     counted : bool
         Whether the C keeps a saturating counter of the steps in which it was set.
+    compares : tuple of str
+        Outputs whose magnitude, once computed, decides the bit; empty when the inputs alone do, so
+        that all number formats agree.
+    threshold : float
+        What it is compared with.
     """
 
     name: str
     meaning: str
     counted: bool = False
+    compares: tuple[str, ...] = ()
+    threshold: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -307,7 +314,8 @@ def port_ok(x: ca.SX, port: Port) -> ca.SX:
     """Whether a port's value is plausible.
 
     A scalar must be inside its range.  For a vector the sum of magnitudes must be within size times
-    the largest magnitude: one comparison finds any NaN, infinity or blown-up element.
+    the largest magnitude (and a thousandth, room for rounding): one comparison finds any NaN,
+    infinity or blown-up element.
 
     Parameters
     ----------
@@ -326,7 +334,7 @@ def port_ok(x: ca.SX, port: Port) -> ca.SX:
     total = ca.fabs(x[0])
     for i in range(1, port.size):
         total = total + ca.fabs(x[i])
-    return total <= float(np.float32(port.size * max(abs(port.low), abs(port.high))))
+    return total <= float(np.float32(1.001 * port.size * max(abs(port.low), abs(port.high))))
 
 
 def clip(x: ca.SX, low: Any, high: Any) -> ca.SX:
@@ -376,6 +384,9 @@ class Block:
         ``step`` with the labelled intermediate values as further results.
     labels : tuple of (str, str)
         Name and comment of each of these.
+    split : mapping of str to tuple of float
+        Magnitudes at which the error analysis cuts the range of a state (``s_...``) or input
+        (``u_...``).
     """
 
     name: str
@@ -393,6 +404,7 @@ class Block:
     step: ca.Function = field(repr=False)
     labelled_step: ca.Function = field(repr=False)
     labels: tuple[tuple[str, str], ...] = ()
+    split: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @classmethod
     def define(
@@ -410,12 +422,13 @@ class Block:
         coefficients: tuple[Port, ...] = (),
         prepare: PrepareFn | None = None,
         equations: tuple[Equation, ...] = (),
+        split: Mapping[str, tuple[float, ...]] | None = None,
     ) -> Block:
         """Build a Block from Python functions on symbols.
 
         Parameters
         ----------
-        name, title, period_s, constants, tunables, coefficients, state, inputs, outputs, equations
+        name, title, period_s, constants, tunables, coefficients, state, inputs, outputs, equations, split
             As in the class.
         step : callable
             ``step(c, s, u, guard, label) -> (next_state, outputs)``: ``c``, ``s``, ``u`` hold one
@@ -452,7 +465,8 @@ class Block:
             list(tun.values()),
             _collect(name, "coefficient", coefficients, coefficient_values),
             [t.name for t in tunables],
-            [c.name for c in coefficients],
+            # A tunable that passes through as a coefficient keeps its name; CasADi wants two.
+            [f"c_{c.name}" for c in coefficients],
         )
         init_f = ca.Function(
             f"{name}_init",
@@ -528,12 +542,18 @@ class Block:
             step=step_f,
             labelled_step=labelled_f,
             labels=tuple((n, c) for n, c, _ in label.items),
+            split=dict(split or {}),
         )
 
     @property
     def status_port(self) -> Port | None:
         """The output that is a status word, if there is one."""
         return next((p for p in self.outputs if p.flags), None)
+
+    @property
+    def flag_results(self) -> tuple[int, ...]:
+        """Which results of ``step`` are status words."""
+        return tuple(len(self.state) + k for k, p in enumerate(self.outputs) if p.flags)
 
     def default_tunables(self) -> dict[str, float]:
         """Default of every tunable."""

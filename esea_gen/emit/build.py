@@ -7,7 +7,7 @@ import hashlib
 import json
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,14 +86,19 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
 
 
 def _manifest(
-    device: Device, digest: str, kind: str, command: str, files: dict[str, str]
+    device: Device,
+    digest: str,
+    kind: str,
+    command: str,
+    files: dict[str, str],
+    more_versions: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
     content: dict[str, Any] = {
         "device": device.name,
         "kind": kind,
         "content_hash": digest,
         "device_sha256": device.digest,
-        "versions": versions(),
+        "versions": versions() | dict(more_versions or {}),
         "command": command,
         "files": {name: hashlib.sha256(files[name].encode()).hexdigest() for name in sorted(files)},
     }

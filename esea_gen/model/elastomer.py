@@ -48,15 +48,27 @@ TAU_S = K3 * THETA**3 + K1 * THETA
 ETA = (A * sp.Abs(THETA) ** M + EPS1) / (B * sp.Abs(RATE) ** N + EPS2)
 STOP_WEIGHT = ALPHA * sp.exp(-BETA * RADIUS)
 
-STATUS = (
-    Flag("INPUT_INVALID", "an input was NaN or outside its physical range; the last one is held", True),
-    Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
-    Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
-    Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
-    Flag("TORQUE_OUTSIDE", "|torque| is above full scale"),
-    Flag("STEP_CLIPPED", "deflection moved faster than is plausible; its step was clipped", True),
-    Flag("RATE_TORQUE_CLIPPED", "the Maxwell element's torque was clipped at its limit", True),
-)
+
+def _status(tau_full_scale: float, tau_lim: float) -> tuple[Flag, ...]:
+    invalid = "an input was NaN or outside its physical range; the last deflection is held"
+    return (
+        Flag("INPUT_INVALID", invalid, True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
+        Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
+        Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
+        Flag(
+            "TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), tau_full_scale
+        ),
+        Flag("STEP_CLIPPED", "deflection jumped by more than its rate allows; clipped", True),
+        Flag(
+            "RATE_TORQUE_CLIPPED",
+            "the Maxwell element's torque was clipped at its limit",
+            True,
+            ("tau_rate_Nm",),
+            tau_lim,
+        ),
+    )
+
 
 MODEL_KEYS = ("k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad", "beta_1_rad", "omega_rad")
 RATE_KEYS = ("kv_Nm_rad", "A_Nms_rad", "m", "eps1_Nms_rad", "B", "n", "eps2")
@@ -179,15 +191,20 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
         label("tau_h_Nm", tau_h, "(3.9)")
 
         if rate_terms:
+            # From the stored deflection even on the first sample: tau_r is then 0 whatever x is.
             theta_mid = label(
-                "theta_mid_rad", theta_prev + 0.5 * h * u.omega_rad_s, "deflection half a step on"
+                "theta_mid_rad",
+                s.theta_prev_rad + 0.5 * h * u.omega_rad_s,
+                "deflection half a step on",
             )
             # x = h kv / eta as one quotient of two positive numbers: eta itself is not needed.
             gain = to_casadi(sp.fraction(ETA)[0], symbols | {THETA: theta_mid})
             drag = to_casadi(sp.fraction(ETA)[1], symbols | {RATE: u.omega_rad_s})
             x = label("x", (h * p["kv_Nm_rad"]) * drag / gain, "(3.4) step over time constant")
             series = 1 + x * (0.5 + x * (1.0 / 6.0))
-            tau_r = (s.tau_r_Nm + p["kv_Nm_rad"] * dtheta * series) / (1 + x * series)
+            # One division; kept apart, both factors lie in (0, 1] and every error stays relative.
+            decay = label("decay", 1 / (1 + x * series), "exp(-x), third order")
+            tau_r = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * (series * decay)
         else:
             tau_r = ca.SX(0)
         tau_r_next = label("tau_r_Nm", clip(tau_r, -tau_lim, tau_lim), "(3.3)")
@@ -270,11 +287,34 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
                 f"stop operators: {torque}",
                 equation="(3.9)",
             ),
-            Port("status", 0, 2 ** len(STATUS) - 1, "what is known of this sample", flags=STATUS),
+            Port(
+                "status",
+                0,
+                127,
+                "what is known of this sample",
+                flags=_status(tau_domain, tau_lim),
+            ),
         ),
         equations=_equations(rate_terms),
+        split={
+            "s_theta_prev_rad": _power_cuts(values["A_Nms_rad"], values["m"], values["eps1_Nms_rad"], theta_lim),
+            "u_omega_rad_s": _power_cuts(values["B"], values["n"], values["eps2"], omega_lim),
+        }
+        if rate_terms
+        else {},
         step=step,
     )
+
+
+def _power_cuts(gain: float, exponent: float, offset: float, limit: float) -> tuple[float, ...]:
+    # Where gain |x|^exponent + offset has grown by another factor of 3: the viscosity spans orders
+    # of magnitude, and one interval over all of it would tell the error analysis little.
+    cuts = []
+    level = 3 * offset
+    while gain > 0 and exponent > 0 and level < gain * limit**exponent + offset:
+        cuts.append(((level - offset) / gain) ** (1 / exponent))
+        level *= 3
+    return tuple(cuts)
 
 
 def _as_tunable(device: Device, key: str) -> Tunable:
@@ -321,4 +361,4 @@ def _equations(rate_terms: bool) -> tuple[Any, ...]:
     return common + (rate if rate_terms else ())
 
 
-__all__ = ["MODEL_KEYS", "RATE_KEYS", "STATUS", "Constant", "stop_grid", "torque_sensor"]
+__all__ = ["MODEL_KEYS", "RATE_KEYS", "Constant", "stop_grid", "torque_sensor"]

@@ -16,11 +16,22 @@ from esea_gen.model.symbolic import equation
 if TYPE_CHECKING:
     from esea_gen.device import Device
 
-STATUS = (
-    Flag("INPUT_INVALID", "the deflection was NaN or outside its range; the last one is held", True),
-    Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-    Flag("RATE_CLIPPED", "the estimate was clipped at the rate's physical range", True),
-)
+
+def _status(omega_lim: float) -> tuple[Flag, ...]:
+    held = "the deflection was NaN or outside its range; the last estimate is held"
+    return (
+        Flag("INPUT_INVALID", held, True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
+        Flag(
+            "RATE_CLIPPED",
+            "the estimate was clipped at the rate's physical range",
+            True,
+            ("omega_rad_s", "omega_mid_rad_s"),
+            omega_lim,
+        ),
+    )
+
+
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
 
 
@@ -144,7 +155,7 @@ def tracking_observer(device: Device) -> Block:
                 omega_lim,
                 "deflection rate predicted for the middle of this step from past samples",
             ),
-            Port("status", 0, 2 ** len(STATUS) - 1, "what is known of this sample", flags=STATUS),
+            Port("status", 0, 7, "what is known of this sample", flags=_status(omega_lim)),
         ),
         equations=(
             equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),

@@ -1,0 +1,404 @@
+"""The MAVLink dialect of a device: message definition, C headers and Python module.
+
+The definition is rendered from the System's ports; mavgen, MAVLink's own generator, makes the C
+headers and the Python module from it.  A binding header joins the messages to the device's C under
+names that are the same for every device.  mavgen's ``version.h``, which carries a build date, and
+its test suite are not taken; ``version.h`` is rendered here, whole and without a date.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import types
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from esea_gen.block import Flag, Port
+from esea_gen.device import Device
+from esea_gen.emit.build import Bundle, _manifest, device_hash
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer, port_text
+from esea_gen.errors import UserError
+from esea_gen.system import External, System
+
+FOLDER = "dialect"
+FIRST_ID = 42600  # a stretch of the 24-bit range that none of the public dialects uses
+MAX_PAYLOAD_BYTES = 255
+MAX_FIELDS = 64
+HEARTBEAT_EVERY = 1000
+
+# State of the firmware and its faults; the position is the number on the wire.
+MODES = (
+    ("BOOT", "Starting; no input is taken."),
+    ("READY", "Initial state; waits for the first input."),
+    ("RUNNING", "Takes one step per input."),
+    ("FAULT", "A fault is latched; inputs are answered by a HEARTBEAT until a reset."),
+)
+FAULTS = (
+    ("NONE", "No fault."),
+    ("PREPARE_REFUSED", "A tunable's default is outside its range."),
+    ("STACK_EXHAUSTED", "The stack has been used to its last word."),
+    ("PROCESSOR", "The processor took a fault exception."),
+)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a message.
+
+    Parameters
+    ----------
+    c_type : str
+        Type on the wire.
+    name : str
+        Name, the port's.
+    description : str
+        Meaning, unit and range.
+    size : int
+        Elements; above 1 the field is an array.
+    units : str
+        Unit, where MAVLink's schema knows it; else empty.
+    enum : str
+        Enum of a status word's bits, or empty.
+    """
+
+    c_type: str
+    name: str
+    description: str
+    size: int = 1
+    units: str = ""
+    enum: str = ""
+
+    @property
+    def bitmask(self) -> bool:
+        """Whether the enum names bits."""
+        return bool(self.enum) and self.enum != "ESEA_FAULT"
+
+    @property
+    def bytes(self) -> int:
+        """Size on the wire."""
+        return self.size * {"float": 4, "uint32_t": 4, "char": 1}[self.c_type]
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message of the dialect.
+
+    Parameters
+    ----------
+    id : int
+        Message id, 24 bits.
+    name : str
+        Upper case name.
+    description : str
+        What it is for.
+    fields : tuple of Field
+        In order.
+    """
+
+    id: int
+    name: str
+    description: str
+    fields: tuple[Field, ...]
+
+    @property
+    def payload_bytes(self) -> int:
+        """Payload before trailing zeros are cut."""
+        return sum(f.bytes for f in self.fields)
+
+
+@dataclass(frozen=True)
+class StatusWord:
+    """Enum of a status word's bits."""
+
+    enum: str
+    meaning: str
+    flags: tuple[Flag, ...]
+
+
+@cache
+def mavlink_units() -> frozenset[str]:
+    """Units that MAVLink's own schema knows.
+
+    Returns
+    -------
+    frozenset of str
+        As written in a ``units`` attribute.
+    """
+    schema = resources.files("pymavlink") / "generator" / "mavschema.xsd"
+    root = ElementTree.fromstring(schema.read_bytes())
+    ns = "{http://www.w3.org/2001/XMLSchema}"
+    for simple in root.iter(f"{ns}simpleType"):
+        if simple.get("name") == "SI_Unit":
+            return frozenset(str(e.get("value")) for e in simple.iter(f"{ns}enumeration"))
+    return frozenset()
+
+
+def _port_field(system: System, external: External) -> Field:
+    port: Port = external.port
+    if port.flags:
+        enum = f"ESEA_{system.name}_{external.name}".upper()
+        return Field("uint32_t", external.name, port_text(port), enum=enum)
+    units = port.unit if port.unit in mavlink_units() else ""
+    return Field("float", external.name, port_text(port), port.size, units)
+
+
+_INFO = (
+    Field("uint32_t", "tick_us", "Base tick of the tasks.", units="us"),
+    Field("uint32_t", "fault", "Latched fault.", enum="ESEA_FAULT"),
+    Field("uint32_t", "steps", "Steps since the last reset, all tasks."),
+    Field("uint32_t", "sequence_gaps", "Inputs since the last reset that did not follow their "
+          "predecessor."),
+    Field("uint32_t", "bad_frames", "Frames since boot whose checksum was wrong."),
+    Field("uint32_t", "unknown_messages", "Frames since boot whose message the board does not "
+          "take."),
+    Field("uint32_t", "lost_bytes", "Bytes since boot for which the receive buffer had no room.",
+          units="bytes"),
+    Field("uint32_t", "receive_buffer_bytes", "Size of the receive buffer: the host keeps fewer "
+          "bytes on the way.", units="bytes"),
+    Field("uint32_t", "empty_ticks", "Timer ticks of measuring a step that does nothing; to be "
+          "taken off step_ticks."),
+    Field("uint32_t", "stack_bytes", "Size of the stack.", units="bytes"),
+    Field("uint32_t", "stack_peak_bytes", "Most of the stack in use since boot.", units="bytes"),
+    Field("char", "content_hash", "Content hash of the C that runs here.", 16),
+    Field("char", "device", "Device name.", 16),
+    Field("char", "board", "Board name.", 16),
+)
+
+
+def messages(system: System) -> tuple[Message, ...]:
+    """The messages of a System beside the three standard ones.
+
+    Parameters
+    ----------
+    system : System
+        Whose tasks get messages.
+
+    Returns
+    -------
+    tuple of Message
+        ``ESEA_INFO``, then input and output of every task.
+
+    Raises
+    ------
+    UserError
+        When a task has more inputs or outputs than a frame takes.
+    """
+    found = [
+        Message(
+            FIRST_ID, "ESEA_INFO", "What runs on the board, and its counters; on request.", _INFO
+        )
+    ]
+    for i, task in enumerate(system.tasks):
+        period = f"{task.every * system.base_period_s * 1000:.9g} ms"
+        sequence = Field("uint32_t", "sequence", "Base tick of this run of the task.")
+        ticks = Field(
+            "uint32_t", "step_ticks", "Timer ticks of the step, measuring included (empty_ticks)."
+        )
+        sources = tuple(_port_field(system, x) for x in system.task_inputs(task))
+        results = tuple(_port_field(system, x) for x in system.task_outputs(task))
+        upper = task.name.upper()
+        found += [
+            Message(
+                FIRST_ID + 1 + 2 * i,
+                f"ESEA_{upper}_IN",
+                f"Input of one run of task {task.name} (period {period}); the board steps when it "
+                "comes in.",
+                (sequence, *sources),
+            ),
+            Message(
+                FIRST_ID + 2 + 2 * i,
+                f"ESEA_{upper}_OUT",
+                f"Output of one run of task {task.name}.",
+                (sequence, *results, ticks),
+            ),
+        ]
+    for message in found:
+        if message.payload_bytes > MAX_PAYLOAD_BYTES or len(message.fields) > MAX_FIELDS:
+            raise UserError(
+                f"Message {message.name} has {len(message.fields)} fields in "
+                f"{message.payload_bytes} bytes; a MAVLink frame takes {MAX_FIELDS} in "
+                f"{MAX_PAYLOAD_BYTES}.",
+                "Split the task, or leave outputs out of the System.",
+            )
+    return tuple(found)
+
+
+def status_words(system: System) -> tuple[StatusWord, ...]:
+    """Enums of the status words among a System's outputs.
+
+    Parameters
+    ----------
+    system : System
+        Whose outputs.
+
+    Returns
+    -------
+    tuple of StatusWord
+        One an output that is a status word.
+    """
+    return tuple(
+        StatusWord(f"ESEA_{system.name}_{x.name}".upper(), x.port.meaning, x.port.flags)
+        for x in system.outputs
+        if x.port.flags
+    )
+
+
+@cache
+def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
+    """Run MAVLink's generator on a definition.
+
+    Parameters
+    ----------
+    name : str
+        Name of the dialect.
+    xml : str
+        The definition.
+
+    Returns
+    -------
+    mapping of str to str
+        Relative path to text: ``mavlink/...`` (C headers without ``version.h`` and test suite) and
+        ``python/<name>.py``.
+
+    Raises
+    ------
+    RuntimeError
+        When mavgen refuses the definition, with what it said.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / f"{name}.xml").write_text(xml, encoding="utf-8")
+        (folder / "python").mkdir()
+        for language, output in (("C", "mavlink"), ("Python3", f"python/{name}.py")):
+            # A process of its own: mavgen prints, exits on errors, and puts the path that it was
+            # given into its output, which so is a bare file name.
+            command = [sys.executable, "-m", "pymavlink.tools.mavgen", "--wire-protocol=2.0"]
+            done = subprocess.run(
+                [*command, f"--lang={language}", f"--output={output}", f"{name}.xml"],
+                cwd=folder,
+                env=os.environ | {"PYTHONUTF8": "1", "PYTHONDONTWRITEBYTECODE": "1"},
+                capture_output=True,
+                text=True,
+            )
+            if done.returncode != 0:
+                raise RuntimeError(f"mavgen refuses {name}.xml:\n{done.stdout}{done.stderr}")
+        return {
+            path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8")
+            for path in sorted(folder.rglob("*"))
+            if path.suffix in (".h", ".py") and path.name not in ("version.h", "testsuite.h")
+        }
+
+
+def dialect_files(renderer: Renderer) -> dict[str, str]:
+    """Every file of a dialect folder but the manifest.
+
+    Parameters
+    ----------
+    renderer : Renderer
+        Of the System, in the number format that the board runs.
+
+    Returns
+    -------
+    dict of str to str
+        Relative path to text.
+    """
+    system, prefix = renderer.system, renderer.prefix
+    own = messages(system)
+    context: dict[str, Any] = {
+        "messages": own,
+        "status_words": status_words(system),
+        "modes": MODES,
+        "faults": FAULTS,
+        "heartbeat_every": HEARTBEAT_EVERY,
+        "longest_period": max(t.every for t in system.tasks),
+        # COMMAND_LONG is the longest of the standard messages.
+        "largest_payload": max(33, *(m.payload_bytes for m in own)),
+    }
+    xml = renderer.render("dialect/esea_dialect.xml.j2", **context)
+    return {
+        f"{prefix}.xml": xml,
+        f"{prefix}_link.h": renderer.render("dialect/esea_link.h.j2", **context),
+        f"mavlink/{prefix}/version.h": renderer.render("dialect/version.h.j2", **context),
+        **run_mavgen(prefix, xml),
+    }
+
+
+def render_dialect(device: Device) -> Bundle:
+    """Render a device's MAVLink dialect in memory.
+
+    Parameters
+    ----------
+    device : Device
+        What to render for.
+
+    Returns
+    -------
+    Bundle
+        Folder ``dialect``: ``esea_<device>.xml``, the binding header ``esea_<device>_link.h``,
+        mavgen's C headers below ``mavlink/`` and its Python module below ``python/``.
+
+    Raises
+    ------
+    UserError
+        When a task's values do not fit a frame.
+    """
+    digest = device_hash(device)
+    command = f"esea-gen build {device.origin.removesuffix('.toml')}"
+    if device.origin.removesuffix(".toml") != device.name:
+        command = f"esea-gen build {device.origin}"
+    files = dialect_files(
+        Renderer(device.system, FORMATS["f32"], digest, command, device.title)
+    )
+    versions = {"pymavlink": metadata.version("pymavlink")}
+    return Bundle(FOLDER, files | _manifest(device, digest, FOLDER, command, files, versions))
+
+
+def load_module(name: str, text: str) -> Any:
+    """Load a dialect's Python module from its text.
+
+    Parameters
+    ----------
+    name : str
+        Name of the dialect.
+    text : str
+        The module that mavgen made.
+
+    Returns
+    -------
+    module
+        With ``MAVLink`` and a class per message.
+    """
+    module = types.ModuleType(name)
+    exec(compile(text, f"{name}.py", "exec"), module.__dict__)
+    return module
+
+
+@cache
+def _load(device_name: str, text: str) -> Any:
+    return load_module(device_name, text)
+
+
+def load_dialect(device: Device) -> Any:
+    """The Python module of a device's dialect.
+
+    Parameters
+    ----------
+    device : Device
+        Whose.
+
+    Returns
+    -------
+    module
+        With ``MAVLink`` and a class per message.
+    """
+    name = f"esea_{device.name}"
+    return _load(name, render_dialect(device).files[f"python/{name}.py"])

@@ -1,0 +1,1 @@
+"""Evidence that the emitted C is the symbolic model."""
