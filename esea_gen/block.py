@@ -428,7 +428,9 @@ class Block:
 
         Parameters
         ----------
-        name, title, period_s, constants, tunables, coefficients, state, inputs, outputs, equations, split
+        name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
+            As in the class.
+        equations, split
             As in the class.
         step : callable
             ``step(c, s, u, guard, label) -> (next_state, outputs)``: ``c``, ``s``, ``u`` hold one
@@ -629,10 +631,11 @@ class Simulator:
         self._y = [np.zeros(p.size) for p in block.outputs]
         self._next = [np.zeros(p.size) for p in block.state]
         self._buffer, self._evaluate = block.step.buffer()
+        buffer: Any = self._buffer
         for i, a in enumerate([*self._c, *self._s, *self._u]):
-            self._buffer.set_arg(i, memoryview(a))
+            buffer.set_arg(i, memoryview(a))  # type: ignore[arg-type]
         for i, r in enumerate([*self._next, *self._y]):
-            self._buffer.set_res(i, memoryview(r))
+            buffer.set_res(i, memoryview(r))  # type: ignore[arg-type]
         self.reset()
 
     def reset(self) -> None:
@@ -752,4 +755,4 @@ def flag_word(bits: Iterable[ca.SX]) -> ca.SX:
         if i >= 24:
             raise ValueError("a status word has at most 24 flags")
         word = word + ca.if_else(b, float(1 << i), 0)
-    return word
+    return ca.SX(word)

@@ -275,12 +275,14 @@ def load_device(name_or_path: str | Path) -> Device:
         hint = f"Did you mean {close[0]}? " if close else ""
         raise UserError(
             f"There is no device '{name_or_path}': it is neither a file nor a shipped device.",
-            f"{hint}Shipped devices: {', '.join(sorted(shipped))}; or give the path of a TOML file.",
+            f"{hint}Shipped: {', '.join(sorted(shipped))}; or give the path of a TOML file.",
         )
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path.name}: cannot be read as text ({error}).", "Check the file.")
+        raise UserError(
+            f"{path.name}: cannot be read as text ({error}).", "Check the file."
+        ) from error
     return parse_device(text, path.name)
 
 
@@ -309,7 +311,7 @@ def parse_device(text: str, origin: str) -> Device:
     except tomlkit.exceptions.ParseError as error:
         raise UserError(
             f"{origin}: not valid TOML ({error}).", "Correct that line; see the shipped elbow.toml."
-        )
+        ) from None
     try:
         file = DeviceFile.model_validate(document)
     except ValidationError as error:
@@ -325,14 +327,18 @@ def _check_value(origin: str, key: str, q: Quantity) -> None:
     unit = unit_of(key)
     shown = "" if unit == "1" else f" {unit}"
     if not extra["low"] <= q.value <= extra["high"]:
-        side, limit = ("below", extra["low"]) if q.value < extra["low"] else ("above", extra["high"])
+        side, limit = (
+            ("below", extra["low"]) if q.value < extra["low"] else ("above", extra["high"])
+        )
         raise UserError(
             f"{origin}: {key} = {q.value:g}{shown} is {side} its limit {limit:g}{shown} "
             f"({extra['text']})",
             f"Give a value from {extra['low']:g} to {extra['high']:g}{shown}.",
         )
     if extra["whole"] and q.value != math.floor(q.value):
-        raise UserError(f"{origin}: {key} = {q.value:g} is not a whole number.", "Give a whole one.")
+        raise UserError(
+            f"{origin}: {key} = {q.value:g} is not a whole number.", "Give a whole one."
+        )
 
 
 def _check_relations(origin: str, file: DeviceFile) -> None:

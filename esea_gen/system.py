@@ -2,10 +2,10 @@
 
 A task runs at a whole multiple of the System's base tick, with a phase.  Inside a task a value goes
 straight from one Block to the next, in the order in which the task lists them.  A value that
-crosses from one task to another goes through a latch: the writer leaves it pending, and it is
-released to the readers at a declared tick (by default the writer's next release, one period
-later).  So the result is the same bits whether a slow task is preempted or not: logical execution
-time.
+crosses from one task to another goes through a latch: the writer leaves it pending, it is released
+at a declared tick (by default one period after the writer's start), and a reader holds what was
+released when its own run started.  So the result is the same bits whether a slow task is preempted
+or not: logical execution time.
 """
 
 from __future__ import annotations
@@ -180,6 +180,11 @@ class System:
         """The latch that holds an output for other tasks."""
         return next(x for x in self.latches if x.source == source)
 
+    def latches_read(self, task: Task) -> tuple[Latch, ...]:
+        """Latches that a task reads, each once."""
+        sources = [w for r, w in self.wires.items() if self.task_of(r.instance) is task]
+        return tuple(x for x in self.latches if x.source in sources and x.writer != task.name)
+
     def feed(self, sink: Signal) -> External | Latch | Signal:
         """Where an input port's value comes from."""
         for external in self.inputs:
@@ -195,7 +200,9 @@ class System:
     def _check_tasks(self) -> None:
         listed = [i for t in self.tasks for i in t.blocks]
         if sorted(listed) != sorted(self.blocks):
-            raise ValueError(f"tasks run {sorted(listed)}, but the blocks are {sorted(self.blocks)}")
+            raise ValueError(
+                f"tasks run {sorted(listed)}, but the blocks are {sorted(self.blocks)}"
+            )
         for t in self.tasks:
             if t.every < 1 or not 0 <= t.phase < t.every:
                 raise ValueError(f"task {t.name}: phase {t.phase} must be in [0, {t.every})")
@@ -236,7 +243,9 @@ class System:
         for sink, source in self.wires.items():
             a, b = self._output(source), self._input(sink)
             if (a.unit, a.size) != (b.unit, b.size):
-                raise ValueError(f"{source} ({a.unit} x {a.size}) feeds {sink} ({b.unit} x {b.size})")
+                raise ValueError(
+                    f"{source} ({a.unit} x {a.size}) feeds {sink} ({b.unit} x {b.size})"
+                )
             task = self.task_of(sink.instance)
             if self.task_of(source.instance) is task:
                 order = task.blocks.index
@@ -256,7 +265,9 @@ class System:
                 found.setdefault(source, Latch(name, source, self._output(source), writer.name))
         return tuple(found.values())
 
-    def simulator(self, tunables: Mapping[str, Mapping[str, float]] | None = None) -> SystemSimulator:
+    def simulator(
+        self, tunables: Mapping[str, Mapping[str, float]] | None = None
+    ) -> SystemSimulator:
         """A reference executor of the whole System.
 
         Parameters
@@ -292,14 +303,24 @@ class SystemSimulator:
         }
         self.pending: dict[str, Any] = {x.name: 0.0 for x in system.latches}
         self.visible: dict[str, Any] = {x.name: 0.0 for x in system.latches}
+        self.held = {t.name: {x.name: 0.0 for x in system.latches_read(t)} for t in system.tasks}
 
     def release(self, tick: int) -> None:
-        """Release the latches that are due at a base tick, before any task runs in it."""
+        """Release what is due at a base tick; the tasks that start in it take hold of it.
+
+        Parameters
+        ----------
+        tick : int
+            The base tick; call this before any task of it runs.
+        """
         for latch in self.system.latches:
             task = self.system.task(latch.writer)
             since = tick - task.phase - task.release_ticks
             if since >= 0 and since % task.every == 0:
                 self.visible[latch.name] = self.pending[latch.name]
+        for task in self.system.tasks:
+            if tick >= task.phase and (tick - task.phase) % task.every == 0:
+                self.held[task.name] = {k: self.visible[k] for k in self.held[task.name]}
 
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
         """One run of a task.
@@ -325,7 +346,7 @@ class SystemSimulator:
                 if isinstance(feed, External):
                     values[p.name] = inputs[feed.name]
                 elif isinstance(feed, Latch):
-                    values[p.name] = self.visible[feed.name]
+                    values[p.name] = self.held[task_name][feed.name]
                 else:
                     values[p.name] = results[feed]
             for port, value in self.blocks[instance].step(**values).items():

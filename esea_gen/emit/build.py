@@ -76,7 +76,9 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
     bundles = []
     for real in reals:
         if real not in FORMATS:
-            raise UserError(f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}.")
+            raise UserError(
+                f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}."
+            )
         command = f"esea-gen build {device.origin.removesuffix('.toml')} --real {real}"
         if device.origin.removesuffix(".toml") != device.name:
             command = f"esea-gen build {device.origin} --real {real}"
@@ -181,7 +183,11 @@ def differences(bundles: list[Bundle], out: Path) -> list[str]:
     found = []
     for bundle in bundles:
         folder = out / bundle.folder
-        present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+        present = {
+            p.relative_to(folder).as_posix()
+            for p in folder.rglob("*")
+            if p.is_file() and "__pycache__" not in p.parts
+        }
         for name in sorted(present | set(bundle.files)):
             old = (folder / name).read_text(encoding="utf-8") if name in present else ""
             new = bundle.files.get(name, "")

@@ -155,17 +155,32 @@ _INFO = (
     Field("uint32_t", "tick_us", "Base tick of the tasks.", units="us"),
     Field("uint32_t", "fault", "Latched fault.", enum="ESEA_FAULT"),
     Field("uint32_t", "steps", "Steps since the last reset, all tasks."),
-    Field("uint32_t", "sequence_gaps", "Inputs since the last reset that did not follow their "
-          "predecessor."),
+    Field(
+        "uint32_t",
+        "sequence_gaps",
+        "Inputs since the last reset that did not follow their predecessor.",
+    ),
     Field("uint32_t", "bad_frames", "Frames since boot whose checksum was wrong."),
-    Field("uint32_t", "unknown_messages", "Frames since boot whose message the board does not "
-          "take."),
-    Field("uint32_t", "lost_bytes", "Bytes since boot for which the receive buffer had no room.",
-          units="bytes"),
-    Field("uint32_t", "receive_buffer_bytes", "Size of the receive buffer: the host keeps fewer "
-          "bytes on the way.", units="bytes"),
-    Field("uint32_t", "empty_ticks", "Timer ticks of measuring a step that does nothing; to be "
-          "taken off step_ticks."),
+    Field(
+        "uint32_t", "unknown_messages", "Frames since boot whose message the board does not take."
+    ),
+    Field(
+        "uint32_t",
+        "lost_bytes",
+        "Bytes since boot for which the receive buffer had no room.",
+        units="bytes",
+    ),
+    Field(
+        "uint32_t",
+        "receive_buffer_bytes",
+        "Size of the receive buffer: the host keeps fewer bytes on the way.",
+        units="bytes",
+    ),
+    Field(
+        "uint32_t",
+        "empty_ticks",
+        "Timer ticks of measuring a step that does nothing; to be taken off step_ticks.",
+    ),
     Field("uint32_t", "stack_bytes", "Size of the stack.", units="bytes"),
     Field("uint32_t", "stack_peak_bytes", "Most of the stack in use since boot.", units="bytes"),
     Field("char", "content_hash", "Content hash of the C that runs here.", 16),
@@ -288,6 +303,7 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
                 env=os.environ | {"PYTHONUTF8": "1", "PYTHONDONTWRITEBYTECODE": "1"},
                 capture_output=True,
                 text=True,
+                check=False,
             )
             if done.returncode != 0:
                 raise RuntimeError(f"mavgen refuses {name}.xml:\n{done.stdout}{done.stderr}")
@@ -355,9 +371,7 @@ def render_dialect(device: Device) -> Bundle:
     command = f"esea-gen build {device.origin.removesuffix('.toml')}"
     if device.origin.removesuffix(".toml") != device.name:
         command = f"esea-gen build {device.origin}"
-    files = dialect_files(
-        Renderer(device.system, FORMATS["f32"], digest, command, device.title)
-    )
+    files = dialect_files(Renderer(device.system, FORMATS["f32"], digest, command, device.title))
     versions = {"pymavlink": metadata.version("pymavlink")}
     return Bundle(FOLDER, files | _manifest(device, digest, FOLDER, command, files, versions))
 

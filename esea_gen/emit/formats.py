@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from esea_gen.emit.walker import Kernel, Node, UnsupportedOperation, fuse_selects
+from esea_gen.emit.elementary import exponent_q27
+from esea_gen.emit.walker import Kernel, Node, UnsupportedOperationError, fuse_selects
 
 # Functions of the f32 format come from the project's own float-only file, the same on all targets.
 _F32_CALLS = {
@@ -21,8 +22,6 @@ _COMPARE = {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "|
 # Where a boolean operand is taken as it is, without turning it into a number.
 LOGICAL = frozenset({"not", "and", "or"})
 SELECTING = frozenset({"if_else_zero", "select"})
-EXPONENT_LIMIT = 16.0
-EXPONENT_BITS = 27
 
 
 @dataclass(frozen=True)
@@ -79,17 +78,18 @@ class Format:
 
         Raises
         ------
-        UnsupportedOperation
+        UnsupportedOperationError
             For NaN, infinity, or a number outside the format's range.
         """
         if not np.isfinite(value):
-            raise UnsupportedOperation(f"constant {value} cannot be emitted")
+            raise UnsupportedOperationError(f"constant {value} cannot be emitted")
         if self.name == "f64":
             text = repr(float(value))
             return text if "." in text or "e" in text else text + ".0"
-        single = np.float32(value)
+        with np.errstate(over="ignore"):
+            single = np.float32(value)
         if not np.isfinite(single) or (single == 0 and value != 0):
-            raise UnsupportedOperation(f"constant {value!r} is outside float32's range")
+            raise UnsupportedOperationError(f"constant {value!r} is outside float32's range")
         text = np.format_float_scientific(single, unique=True, trim="0")
         if 1e-4 <= abs(float(single)) < 1e7 or single == 0:
             text = np.format_float_positional(single, unique=True, trim="0")
@@ -114,7 +114,7 @@ class Format:
 
         Raises
         ------
-        UnsupportedOperation
+        UnsupportedOperationError
             When this format has no such operation.
         """
         op = node.op
@@ -144,19 +144,19 @@ class Format:
             return f"{_F32_CALLS[op]}({args[0]})"
         elif op == "pow":
             return self._f32_pow(node, args, kernel)
-        raise UnsupportedOperation(f"{kernel.name}: the {self.name} format has no operation '{op}'")
+        raise UnsupportedOperationError(
+            f"{kernel.name}: the {self.name} format has no operation '{op}'"
+        )
 
     def _f32_pow(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
         exponent = kernel.nodes[node.args[1]]
         if exponent.op != "const":
             return f"esea_f32_pow({args[0]}, {args[1]})"
-        if not abs(exponent.value) < EXPONENT_LIMIT:
-            raise UnsupportedOperation(
-                f"{kernel.name}: constant exponent {exponent.value:g} is outside "
-                f"(-{EXPONENT_LIMIT:g}, {EXPONENT_LIMIT:g})"
-            )
         # A constant exponent goes in as a fixed-point number: rounded to float it would cost ULPs.
-        q27 = round(exponent.value * (1 << EXPONENT_BITS))
+        try:
+            q27 = exponent_q27(exponent.value)
+        except ValueError as error:
+            raise UnsupportedOperationError(f"{kernel.name}: {error}") from None
         return f"esea_f32_powk({args[0]}, INT32_C({q27}) /* {exponent.value!r} */)"
 
 
@@ -258,8 +258,11 @@ def print_kernel(
         text = fmt.expression(n, operands, kernel)
         named = labels.get(i)
         # A boolean used once reads best where it is used; so does a short product or difference.
-        inline = named is None and i not in wanted and uses[i] == 1 and (
-            n.boolean or (n.op in ("mul", "sub", "add", "neg") and len(text) <= 34)
+        inline = (
+            named is None
+            and i not in wanted
+            and uses[i] == 1
+            and (n.boolean or (n.op in ("mul", "sub", "add", "neg") and len(text) <= 34))
         )
         if inline:
             atoms.append(f"({text})")
@@ -273,5 +276,3 @@ def print_kernel(
         for r in kernel.results
     )
     return PrintedKernel(tuple(statements), results, frozenset(arguments))
-
-

@@ -24,12 +24,12 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.block import Array, Block
-from esea_gen.emit.formats import EXPONENT_BITS, Format
+from esea_gen.emit.elementary import ACCURACY_ULP, EXPONENT_FRACTION_BITS, exponent_q27
+from esea_gen.emit.formats import Format
 from esea_gen.emit.walker import Kernel, Node, fuse_selects, walk
 
-# Errors of elementary functions in units in the last place, as measured and documented for our
-# float32 file (docs/elementary.md); for float64, of the platform's libm.
-ELEMENTARY_ULP = {"f32": 0.75, "f64": 1.0}
+# Largest error of the platform's float64 libm, in units in the last place (glibc documents 1).
+LIBM_ULP = 1.0
 
 
 class RangeError(Exception):
@@ -107,7 +107,11 @@ class _Arithmetic:
         self.u = fmt.epsilon
         self.tiny = float(np.finfo(fmt.dtype).smallest_subnormal)
         self.fmt = fmt
-        self.elementary = 2 * ELEMENTARY_ULP[fmt.name] * fmt.epsilon
+
+    def elementary(self, name: str) -> float:
+        # Relative error of a function: one unit in the last place is at most 2 u relative.
+        ulp = LIBM_ULP if self.fmt.needs_libm else ACCURACY_ULP[name]
+        return 2 * ulp * self.u
 
     def rounded(self, low: float, high: float, a: float, r: float, u: float | None = None) -> Value:
         u = self.u if u is None else u
@@ -187,21 +191,21 @@ class _Arithmetic:
         r = math.expm1(c * math.log1p(x.r))
         if self.fmt.name == "f32" and x.low < x.high:
             # The exponent is stored in 27 fractional bits; below 2^-149 the power underflows.
-            dc = abs(round(c * 2**EXPONENT_BITS) * 2.0**-EXPONENT_BITS - c)
+            dc = abs(exponent_q27(c) * 2.0**-EXPONENT_FRACTION_BITS - c)
             r += math.expm1(dc * 104.0)
-        return self.rounded(x.low**c, x.high**c, a, r, self.elementary)
+        return self.rounded(x.low**c, x.high**c, a, r, self.elementary("powk"))
 
     def monotone(self, x: Value, name: str) -> Value:
         f = {"exp": math.exp, "sqrt": math.sqrt, "log": math.log, "tanh": math.tanh}[name]
         e = x.error
         if name == "exp":
-            return self.rounded(f(x.low), f(x.high), 0.0, math.expm1(e), self.elementary)
+            return self.rounded(f(x.low), f(x.high), 0.0, math.expm1(e), self.elementary(name))
         if name == "tanh":
-            return self.rounded(f(x.low), f(x.high), e, 0.0, self.elementary)
+            return self.rounded(f(x.low), f(x.high), e, 0.0, self.elementary(name))
         if x.low <= 0:
             raise RangeError(f"{name} of a range that reaches zero")
         slope = 1 / (x.low - e) if name == "log" else 0.5 / math.sqrt(x.low - e)
-        return self.rounded(f(x.low), f(x.high), slope * e, 0.0, self.elementary)
+        return self.rounded(f(x.low), f(x.high), slope * e, 0.0, self.elementary(name))
 
 
 def _decide(op: str, x: Value, y: Value) -> Value | None:
@@ -271,9 +275,7 @@ def analyse(
         if not math.isfinite(result.error) or not math.isfinite(result.magnitude):
             raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite range")
         values.append(result)
-    return Analysis(
-        tuple(tuple(values[i] for i in r) for r in kernel.results), tuple(assumptions)
-    )
+    return Analysis(tuple(tuple(values[i] for i in r) for r in kernel.results), tuple(assumptions))
 
 
 def _needed(kernel: Kernel, results: Sequence[Sequence[int]]) -> set[int]:
@@ -428,6 +430,7 @@ def block_bound(
     local = once(zero)
     if _is_linear(kernel, len(block.coefficients)):
         solved = _linear_bound(block, state_errors(local))
+        extra: tuple[str, ...]
         method, extra = "linear", (f"{block.name}: no clip of a state acts",)
     else:
         fixed = _fixed_point(once, state_errors, zero)
@@ -534,11 +537,10 @@ def _is_linear(kernel: Kernel, coefficients: int) -> bool:
         if n.op == "input":
             varies.append(n.source[0] >= coefficients)
             continue
-        bent = n.op in ("sq", "inv", "pow", "exp", "log", "tanh", "sqrt", "fabs", "sign")
+        # |x| only feeds comparisons in a linear Block, and bends nothing there.
+        bent = n.op in ("sq", "inv", "pow", "exp", "log", "tanh", "sqrt", "sign")
         if (bent and any(moving)) or (n.op == "mul" and all(moving)):
-            # |x| of a value that only feeds comparisons bends nothing.
-            if n.op != "fabs":
-                return False
+            return False
         if n.op == "div" and moving[1]:
             return False
         varies.append(any(moving))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tempfile
 import textwrap
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import casadi as ca
 import jinja2
 
 from esea_gen.block import Block, Port
+from esea_gen.emit.elementary import source_paths
 from esea_gen.emit.formats import Format, PrintedKernel, print_kernel
 from esea_gen.emit.walker import Kernel, prune, walk
 from esea_gen.system import External, Latch, Signal, System
@@ -72,13 +74,10 @@ def comment(text: str, indent: int = 0, width: int = 98) -> str:
     if len(lines) <= 1:
         return f"{pad}/* {safe} */"
     return "\n".join(
-        [f"{pad}/* {lines[0]}"] + [f"{pad} * {x}" for x in lines[1:-1]] + [f"{pad} * {lines[-1]} */"]
+        [f"{pad}/* {lines[0]}"]
+        + [f"{pad} * {x}" for x in lines[1:-1]]
+        + [f"{pad} * {lines[-1]} */"]
     )
-
-
-def elementary_sources() -> list[Path]:
-    """The float-only elementary functions that every f32 folder carries, unmodified."""
-    return sorted((Path(__file__).parent / "elementary").glob("esea_f32*.[ch]"))
 
 
 @dataclass(frozen=True)
@@ -204,10 +203,13 @@ def content_hash(system: System, device_digest: str) -> str:
 
     put(device_digest)
     put(json.dumps(versions(), sort_keys=True))
-    for path in sorted(template_folder().rglob("*.j2")):
+    # Not the reports' templates: they change no byte of the output.
+    folders = ("device", "dialect", "hostlib")
+    templates = [p for f in folders for p in (template_folder() / f).glob("*.j2")]
+    for path in sorted([*templates, template_folder() / "base.j2"]):
         put(path.relative_to(template_folder()).as_posix())
         h.update(path.read_bytes())
-    for path in elementary_sources():
+    for path in source_paths():
         put(path.name)
         h.update(path.read_bytes())
     for block in system.kinds:
@@ -305,10 +307,8 @@ def example_stream(system: System) -> dict[str, Any]:
     result = system.task_outputs(task)[0]
     simulator = system.simulator()
     reach = 0.5 * min(source.port.high, -source.port.low)
-    shift = 0
-    while reach * 2**shift < 128:
-        shift += 1
-    peak = int(reach * 2**shift)
+    shift = 8 - math.frexp(reach)[1]
+    peak = int(reach * 2.0**shift)
     steps = 4 * peak
     samples = []
     for k in range(steps):
@@ -398,7 +398,7 @@ class Renderer:
         if isinstance(source, External):
             return f"in->{source.name}"
         if isinstance(source, Latch):
-            return f"state->latched.{source.name}"
+            return f"state->{self.system.task_of(instance).name}_held.{source.name}"
         return f"{source.instance}_out.{source.port}"
 
     def render(self, template: str, **context: Any) -> str:
@@ -425,7 +425,7 @@ class Renderer:
         if self.fmt.name == "f64":
             out |= reference_c(self.system)
         else:
-            out |= {path.name: path.read_text() for path in elementary_sources()}
+            out |= {path.name: path.read_text() for path in source_paths()}
         return out
 
 

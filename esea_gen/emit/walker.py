@@ -48,7 +48,7 @@ BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
 COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
 
 
-class UnsupportedOperation(Exception):
+class UnsupportedOperationError(Exception):
     """A kernel holds an operation that a number format cannot express."""
 
 
@@ -130,7 +130,7 @@ def walk(function: ca.Function) -> Kernel:
 
     Raises
     ------
-    UnsupportedOperation
+    UnsupportedOperationError
         For an operation outside the tables.
     """
     nodes: list[Node] = []
@@ -167,7 +167,7 @@ def walk(function: ca.Function) -> Kernel:
         elif op in _BINARY:
             work[o[0]] = add(Node(_BINARY[op], (work[i[0]], work[i[1]])))
         else:
-            raise UnsupportedOperation(
+            raise UnsupportedOperationError(
                 f"{function.name()}: CasADi operation number {op} at instruction {k} cannot be "
                 "emitted; express it with the operations that esea_gen.emit.walker lists"
             )

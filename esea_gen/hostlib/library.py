@@ -121,6 +121,7 @@ def compile_sources(
             [*command, f"-I{scratch}", *sorted(sources), "-o", str(built), *link],
             capture_output=True,
             text=True,
+            check=False,
         )
         if done.returncode != 0:
             raise RuntimeError(f"the generated C does not compile:\n{done.stderr}")
@@ -469,7 +470,5 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
     HostLibrary
         Loaded.
     """
-    renderer = Renderer(
-        device.system, FORMATS[real], device_hash(device), "-", device.title
-    )
+    renderer = Renderer(device.system, FORMATS[real], device_hash(device), "-", device.title)
     return HostLibrary(device.system, renderer, flags)

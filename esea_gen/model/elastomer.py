@@ -56,9 +56,7 @@ def _status(tau_full_scale: float, tau_lim: float) -> tuple[Flag, ...]:
         Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
         Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
         Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
-        Flag(
-            "TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), tau_full_scale
-        ),
+        Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), tau_full_scale),
         Flag("STEP_CLIPPED", "deflection jumped by more than its rate allows; clipped", True),
         Flag(
             "RATE_TORQUE_CLIPPED",
@@ -180,7 +178,11 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
         step_max = threshold(omega_lim * h)
         dtheta = label("dtheta_rad", clip(moved, -step_max, step_max), "theta(k) - theta(k-1)")
 
-        tau_s = label("tau_s_Nm", to_casadi(sp.horner(TAU_S, wrt=THETA), symbols | {THETA: u.theta_rad}), "(3.2)")
+        tau_s = label(
+            "tau_s_Nm",
+            to_casadi(sp.horner(TAU_S, wrt=THETA), symbols | {THETA: u.theta_rad}),
+            "(3.2)",
+        )
 
         play, tau_h = [], ca.SX(0)
         for i in range(stops):
@@ -297,7 +299,9 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
         ),
         equations=_equations(rate_terms),
         split={
-            "s_theta_prev_rad": _power_cuts(values["A_Nms_rad"], values["m"], values["eps1_Nms_rad"], theta_lim),
+            "s_theta_prev_rad": _power_cuts(
+                values["A_Nms_rad"], values["m"], values["eps1_Nms_rad"], theta_lim
+            ),
             "u_omega_rad_s": _power_cuts(values["B"], values["n"], values["eps2"], omega_lim),
         }
         if rate_terms
@@ -327,7 +331,7 @@ def _as_tunable(device: Device, key: str) -> Tunable:
 
 
 def _equations(rate_terms: bool) -> tuple[Any, ...]:
-    e, f, k = sp.symbols("E_i F_i k")
+    e = sp.Symbol("E_i")
     tau_s, tau_r, tau_h = sp.symbols("tau_s tau_r tau_h")
     x, s = sp.symbols("x sigma")
     theta_k, theta_p = sp.Symbol("theta_k"), sp.Symbol("theta_k-1")

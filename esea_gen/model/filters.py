@@ -83,7 +83,9 @@ def tracking_observer(device: Device) -> Block:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         predicted = label(
             "theta_predicted_rad",
-            ca.if_else(s.primed, s.theta_hat_rad + h * (s.v_rad_s + 0.5 * h * s.a_rad_s2), u.theta_rad),
+            ca.if_else(
+                s.primed, s.theta_hat_rad + h * (s.v_rad_s + 0.5 * h * s.a_rad_s2), u.theta_rad
+            ),
             "[1] prediction",
         )
         error = label("innovation_rad", u.theta_rad - predicted, "[1] innovation")

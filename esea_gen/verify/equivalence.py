@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import cffi
@@ -287,7 +288,7 @@ def run_c(
 
 def _segments(stream: Stream) -> list[tuple[int, int]]:
     cuts = sorted({0, stream.steps, *stream.injections})
-    return list(zip(cuts[:-1], cuts[1:], strict=True))
+    return list(pairwise(cuts))
 
 
 def _join(
@@ -436,7 +437,9 @@ def compare(
     ):
         for p in ports:
             if p.flags:
-                result.status_differences += _unexplained(p, expected[p.name], got, expected, limits)
+                result.status_differences += _unexplained(
+                    p, expected[p.name], got, expected, limits
+                )
                 continue
             c = np.asarray(got[p.name], dtype=np.float64)
             if not np.all(np.isfinite(c)):
@@ -475,7 +478,11 @@ def _unexplained(
 
 
 def _same_bits(
-    block: Block, reference: CasadiReference, stream: Stream, y: dict[str, Array], s: dict[str, Array]
+    block: Block,
+    reference: CasadiReference,
+    stream: Stream,
+    y: dict[str, Array],
+    s: dict[str, Array],
 ) -> bool:
     simulator = block.simulator()
     coefficients = list(simulator.coefficients.values())

@@ -87,7 +87,11 @@ def _thresholds(rng: np.random.Generator, block: Block, port: Port, steps: int) 
         marks += [s * x.threshold for x in f.flags for s in (-1, 1)]
     values = np.asarray(marks, dtype=np.float32)
     around = np.concatenate(
-        [values, np.nextafter(values, np.float32(np.inf)), np.nextafter(values, np.float32(-np.inf))]
+        [
+            values,
+            np.nextafter(values, np.float32(np.inf)),
+            np.nextafter(values, np.float32(-np.inf)),
+        ]
     ).astype(np.float64)
     around = around[(around >= port.low) & (around <= port.high)]
     held = np.repeat(rng.choice(around, steps), rng.integers(1, 4, steps))[:steps]
@@ -121,7 +125,9 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
         turns = rng.uniform(-0.6, 0.6, steps // 25 + 2)
         knots = np.arange(len(turns)) * 25
         wave = np.interp(np.arange(steps), knots, turns)
-        held = np.where((np.arange(steps) // 400) % 3 == 2, wave[(np.arange(steps) // 50) * 50], wave)
+        held = np.where(
+            (np.arange(steps) // 400) % 3 == 2, wave[(np.arange(steps) // 50) * 50], wave
+        )
         value = single(0.5 * (p.low + p.high) + 0.5 * (p.high - p.low) * held)
         return value if p.size == 1 else np.tile(value[:, None], (1, p.size))
 

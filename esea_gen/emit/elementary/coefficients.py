@@ -1,16 +1,17 @@
-"""Derive the tables and polynomial coefficients of the single-precision elementary functions.
+"""Derive tables and polynomial coefficients of the single-precision elementary functions.
 
-Everything in ``esea_f32_tables.h`` comes from here, computed to 110 digits, so that no constant in the C has to be
-believed. The output is deterministic and a test renders it again and compares.
+Everything in ``esea_f32_tables.h`` comes from here, computed to 110 digits, so that no constant in
+the C has to be believed. The output is deterministic and a test renders it again and compares.
 
     python -m esea_gen.emit.elementary.coefficients --check
     python -m esea_gen.emit.elementary.coefficients --write
 
 Notes
 -----
-``Qn`` means an integer that counts units of ``2**-n``. Polynomials are Chebyshev fits, at most a factor of about two
-from the minimax error, and have a bit or more to spare everywhere. A C right shift truncates, which biases a result by
-half a unit; the coefficient added after the last shift carries the opposite half unit, so the bias costs no instruction.
+``Qn`` means an integer that counts units of ``2**-n``. Polynomials are Chebyshev fits, at most a
+factor of about two from the minimax error, which is below what the arithmetic itself loses. A right
+shift truncates, which biases a result by half a unit; where that shows in the result, the
+coefficient added after the last shift carries the opposite half unit, at no cost in instructions.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any, TypeAlias
 
-import mpmath
+import mpmath  # type: ignore[import-untyped,unused-ignore]
 from mpmath import mp, mpf
 
 TABLES_PATH = Path(__file__).with_name("esea_f32_tables.h")
@@ -29,7 +31,7 @@ LOG2_INTERVALS = 64
 EXP2_INTERVALS = 32
 RECIPROCAL_BITS = 11
 
-Real = mpmath.mpf
+Real: TypeAlias = Any  # mpmath.mpf, which carries no types
 
 
 def fixed(value: Real, fraction_bits: int, bias: float = 0.0) -> int:
@@ -52,7 +54,9 @@ def fixed(value: Real, fraction_bits: int, bias: float = 0.0) -> int:
     return int(mpmath.nint(mpmath.ldexp(value, fraction_bits) + mpf(bias)))
 
 
-def fit(function: Callable[[Real], Real], low: Real, high: Real, degree: int) -> tuple[list[Real], Real]:
+def fit(
+    function: Callable[[Real], Real], low: Real, high: Real, degree: int
+) -> tuple[list[Real], Real]:
     """Fit a polynomial and return its coefficients from the constant upwards, and the error bound.
 
     Parameters
@@ -78,9 +82,9 @@ def fit(function: Callable[[Real], Real], low: Real, high: Real, degree: int) ->
 def reciprocals() -> list[int]:
     """Choose one short reciprocal for each of the equal intervals of the significand.
 
-    The first and the last interval use exactly 1 and 1/2, so that the tabulated logarithm of both is an integer and
-    nothing cancels around ``x = 1``. Eleven fraction bits make ``significand * reciprocal - 1`` exact modulo
-    ``2**32``.
+    The first and the last interval use exactly 1 and 1/2, so that the tabulated logarithm of both
+    is an integer and nothing cancels around ``x = 1``. Eleven fraction bits make
+    ``significand * reciprocal - 1`` exact modulo ``2**32``.
 
     Returns
     -------
@@ -111,7 +115,9 @@ def reduced_range() -> tuple[Real, Real]:
         high = max(high, (1 + mpf(index + 1) / LOG2_INTERVALS) * scale - 1)
     # The C keeps this argument as Q37 in 32 bits.
     if max(-low, high) > mpmath.ldexp(1, -6):
-        raise ValueError(f"reduced argument {low} to {high} leaves +-2**-6; choose other reciprocals")
+        raise ValueError(
+            f"reduced argument {low} to {high} leaves +-2**-6; choose other reciprocals"
+        )
     return low, high
 
 
@@ -126,7 +132,7 @@ def log2_table() -> list[int]:
     rows = []
     for reciprocal in reciprocals():
         logarithm = -mpmath.log(mpmath.ldexp(mpf(reciprocal), -RECIPROCAL_BITS), 2)
-        # log2 = 1 becomes 0: the sum is taken modulo one, and what follows is always negative there.
+        # log2 = 1 becomes 0: the sum is modulo one, and what follows is always negative there.
         word = int(mpmath.nint(mpmath.ldexp(logarithm, 52))) % (1 << 52)
         rows.append((word << 12) | reciprocal)
     return rows
@@ -143,7 +149,8 @@ def exp2_table() -> list[int]:
     # The fraction that arrives is truncated to Q32, on average 2**-33 too small.
     centred = 1 + mpmath.log(2) * mpmath.ldexp(1, -33)
     return [
-        fixed(centred * mpf(2) ** ((index + mpf(0.5)) / EXP2_INTERVALS), 31, 0.5) for index in range(EXP2_INTERVALS)
+        fixed(centred * mpf(2) ** ((index + mpf(0.5)) / EXP2_INTERVALS), 31, 0.5)
+        for index in range(EXP2_INTERVALS)
     ]
 
 
@@ -155,7 +162,10 @@ def reciprocal_root_table() -> list[int]:
     list of int
         One seed for each value 16 to 63 of the six leading bits.
     """
-    return [min(65535, fixed(1 / mpmath.sqrt((mpf(index) + mpf(0.5)) / 16), 16)) for index in range(16, 64)]
+    return [
+        min(65535, fixed(1 / mpmath.sqrt((mpf(index) + mpf(0.5)) / 16), 16))
+        for index in range(16, 64)
+    ]
 
 
 def two_over_pi_words() -> list[int]:
@@ -219,7 +229,13 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
         ]
         same = len(set(formats)) == 1
         bits_text = f"all Q{formats[0]}" if same else ", ".join(f"Q{bits}" for bits in formats)
-        out.append((name, f"{meaning}; {bits_text}; fit error 2^{float(mpmath.log(error, 2)):.1f}", integers))
+        out.append(
+            (
+                name,
+                f"{meaning};\n * {bits_text}; fit error 2^{float(mpmath.log(error, 2)):.1f}",
+                integers,
+            )
+        )
 
     add(
         "LOG2",
@@ -269,7 +285,9 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
     add(
         "SIN",
         "sin(f pi/2) / f in s = f^2 <= 1/4, signs alternating",
-        near_zero(lambda s: mpmath.sin(mpmath.sqrt(s) * quarter_turn) / mpmath.sqrt(s), quarter_turn),
+        near_zero(
+            lambda s: mpmath.sin(mpmath.sqrt(s) * quarter_turn) / mpmath.sqrt(s), quarter_turn
+        ),
         (mpf(0), quarter),
         (31, 32, 32, 32, 32),
         bias=-0.5,
@@ -278,7 +296,9 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
     add(
         "COS",
         "(1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating",
-        near_zero(lambda s: (1 - mpmath.cos(mpmath.sqrt(s) * quarter_turn)) / s, quarter_turn**2 / 2),
+        near_zero(
+            lambda s: (1 - mpmath.cos(mpmath.sqrt(s) * quarter_turn)) / s, quarter_turn**2 / 2
+        ),
         (mpf(0), quarter),
         (31, 31, 31, 31, 31),
         sign=lambda power: -1 if power % 2 else 1,
@@ -312,7 +332,9 @@ def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:
         Indented lines.
     """
     texts = [pattern.format(value) for value in values]
-    return ["    " + ", ".join(texts[at : at + per_line]) + "," for at in range(0, len(texts), per_line)]
+    return [
+        "    " + ", ".join(texts[at : at + per_line]) + "," for at in range(0, len(texts), per_line)
+    ]
 
 
 def render() -> str:
@@ -325,7 +347,7 @@ def render() -> str:
     """
     with mp.workdps(110):
         lines = [
-            "/* Constants of esea_f32.c, derived to 110 digits by coefficients.py; included there and nowhere else.",
+            "/* Constants of esea_f32.c, derived to 110 digits by coefficients.py, for it alone.",
             " * Regenerate: python -m esea_gen.emit.elementary.coefficients --write",
             " *",
             " * Qn counts units of 2^-n. Coefficients run from the constant upwards. */",
@@ -334,8 +356,8 @@ def render() -> str:
             "",
             "#include <stdint.h>",
             "",
-            "/* log2 of the significand at the 64 reference points: Q64 with the low 12 bits replaced by the",
-            " * reciprocal of the point, Q11. */",
+            "/* log2 of the significand at the 64 reference points: Q64 with the low 12 bits",
+            " * replaced by the reciprocal of the point, Q11. */",
             f"static const uint64_t LOG2_TABLE[{LOG2_INTERVALS}] = {{",
             *rows(log2_table(), "UINT64_C(0x{:016X})", 3),
             "};",
@@ -355,7 +377,8 @@ def render() -> str:
             *rows(two_over_pi_words(), "0x{:08X}u", 5),
             "};",
             "",
-            f"#define LOG2_E_HIGH 0x{fixed(1 / mpmath.log(2), 63) >> 32:08X}u /* log2(e), Q63, two halves */",
+            "/* log2(e), Q63, two halves. */",
+            f"#define LOG2_E_HIGH 0x{fixed(1 / mpmath.log(2), 63) >> 32:08X}u",
             f"#define LOG2_E_LOW 0x{fixed(1 / mpmath.log(2), 63) & 0xFFFFFFFF:08X}u",
             f"#define LN_2_Q64 UINT64_C(0x{fixed(mpmath.log(2), 64):016X})",
             f"#define LN_2_Q56 INT64_C({fixed(mpmath.log(2), 56)})",

@@ -1,36 +1,44 @@
-/* Elementary functions in integer arithmetic; esea_f32.h is the manual, coefficients.py derives the constants.
+/* Elementary functions in integer arithmetic; esea_f32.h is the manual, coefficients.py derives the
+ * constants.
  *
- * Qn counts units of 2^-n. A float is taken apart into sign, exponent and significand, the value is carried in 32 and
- * 64-bit integers with a few guard bits, and one rounding at the end puts the float together. No float operation
- * occurs, so neither contraction nor excess precision nor a rounding mode can change a bit. */
+ * Qn counts units of 2^-n. A float is taken apart into sign, exponent and significand, the value is
+ * carried in 32 and 64-bit integers with a few guard bits, and one rounding at the end puts the
+ * float together. No float operation occurs, so neither contraction nor excess precision nor a
+ * rounding mode can change a bit. */
 #include "esea_f32.h"
-
-#include <string.h>
 
 #include "esea_f32_tables.h"
 
-#define SIGN_BIT 0x80000000u
-#define INFINITY_BITS 0x7F800000u
-#define NAN_BITS 0x7FC00000u
-#define ONE_BITS 0x3F800000u
-#define HIDDEN_BIT 0x00800000u
+#define SIGN_BIT         0x80000000u
+#define INFINITY_BITS    0x7F800000u
+#define NAN_BITS         0x7FC00000u
+#define ONE_BITS         0x3F800000u
+#define HIDDEN_BIT       0x00800000u
 #define SIGNIFICAND_MASK 0x007FFFFFu
+
+/* A union and not memcpy: a freestanding build would call the function, in the hottest place there
+ * is. C99 defines the reading, and GCC and Clang define it for C++ as well. */
+typedef union {
+    float value;
+    uint32_t bits;
+} float_bits_t;
 
 static uint32_t to_bits(float x)
 {
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
+    float_bits_t both;
+    both.value = x;
+    return both.bits;
 }
 
 static float from_bits(uint32_t bits)
 {
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
+    float_bits_t both;
+    both.bits = bits;
+    return both.value;
 }
 
-/* Two's complement reading of an unsigned word; compilers reduce it to nothing, and unlike a cast it is defined. */
+/* Two's complement reading of an unsigned word; compilers reduce it to nothing, and unlike a cast
+ * it is defined. */
 static int32_t as_signed(uint32_t u)
 {
     return u <= 0x7FFFFFFFu ? (int32_t)u : -(int32_t)(0xFFFFFFFFu - u) - 1;
@@ -52,7 +60,8 @@ static uint32_t high_unsigned(uint32_t a, uint32_t b)
     return (uint32_t)(((uint64_t)a * b) >> 32);
 }
 
-/* High half of the 128-bit product; up to two units small because the lowest partial product is left out. */
+/* High half of the 128-bit product; up to two units small because the lowest partial product is
+ * left out. */
 static uint64_t high_unsigned_64(uint64_t a, uint64_t b)
 {
     const uint32_t a1 = (uint32_t)(a >> 32);
@@ -62,7 +71,15 @@ static uint64_t high_unsigned_64(uint64_t a, uint64_t b)
     return (uint64_t)a1 * b1 + high_unsigned(a1, b0) + high_unsigned(a0, b1);
 }
 
-/* Not the built-in: a Cortex-M0 would call a library for it. */
+/* Of a nonzero word. The built-in is one instruction where there is one; a Cortex-M0 would call a
+ * library for it. */
+#if (defined(__ARM_FEATURE_CLZ) || defined(__x86_64__) || defined(__aarch64__)) &&                 \
+    !defined(ESEA_F32_PORTABLE_CLZ)
+static uint32_t leading_zeros(uint32_t u)
+{
+    return (uint32_t)__builtin_clz(u);
+}
+#else
 static uint32_t leading_zeros(uint32_t u)
 {
     uint32_t count = 0;
@@ -84,6 +101,7 @@ static uint32_t leading_zeros(uint32_t u)
     }
     return count + ((u & SIGN_BIT) == 0u ? 1u : 0u);
 }
+#endif
 
 static uint32_t leading_zeros_64(uint64_t u)
 {
@@ -91,7 +109,8 @@ static uint32_t leading_zeros_64(uint64_t u)
     return high != 0u ? leading_zeros(high) : 32u + leading_zeros((uint32_t)u);
 }
 
-/* Positive finite nonzero bits to value = significand * 2^(exponent - 23), 2^23 <= significand < 2^24. */
+/* Positive finite nonzero bits to value = significand * 2^(exponent - 23), 2^23 <= significand <
+ * 2^24. */
 static uint32_t take_apart(uint32_t bits, int32_t *exponent)
 {
     uint32_t significand = bits;
@@ -118,7 +137,8 @@ static uint32_t round_extreme(int32_t exponent, uint32_t m)
     return (uint32_t)(((uint64_t)m + (UINT64_C(1) << (shift - 1u))) >> shift);
 }
 
-/* Bits of v * 2^exponent rounded once. A significand that rounds up to 2 carries into the exponent as it should. */
+/* Bits of v * 2^exponent rounded once. A significand that rounds up to 2 carries into the exponent
+ * as it should. */
 static uint32_t round_64(uint64_t v, int32_t exponent)
 {
     uint32_t zeros;
@@ -142,9 +162,9 @@ static uint32_t round_64(uint64_t v, int32_t exponent)
     return (uint32_t)((v + 1u) >> 1);
 }
 
-/* log2(significand / 2^23) as Q64 modulo one, error below 2^-36.
- * The short reciprocal makes significand * reciprocal - 1 exact in 32 bits: the integer part, 2^34, falls off. The
- * reciprocal's bits stay in the sum as noise of 2^-52. */
+/* log2(significand / 2^23) as Q64 modulo one, error about 2^-36.
+ * The short reciprocal makes significand * reciprocal - 1 exact in 32 bits: the integer part, 2^34,
+ * falls off. The reciprocal's bits stay in the sum as noise of 2^-52. */
 static uint64_t log2_fraction(uint32_t significand)
 {
     const uint64_t row = LOG2_TABLE[(significand >> 17) & 63u];
@@ -159,7 +179,8 @@ static uint64_t log2_fraction(uint32_t significand)
 /* 2^(fraction / 2^32) as Q31, 2^31 <= result < 2^32. */
 static uint32_t exp2_fraction(uint32_t fraction)
 {
-    const int32_t t = as_signed((fraction << 5) ^ SIGN_BIT); /* Q37, from the middle of the interval */
+    /* Q37, from the middle of the interval. */
+    const int32_t t = as_signed((fraction << 5) ^ SIGN_BIT);
     const uint32_t middle = EXP2_TABLE[fraction >> 27];
     int32_t p = EXP2_2;
     p = EXP2_1 + high_signed(t, p);
@@ -168,11 +189,11 @@ static uint32_t exp2_fraction(uint32_t fraction)
     return middle + (uint32_t)high_signed((int32_t)(middle >> 1), p);
 }
 
-/* y * log2(x): integer part by 2^-27 in the result, the next 32 bits in *low; both together a two's complement Q59. */
+/* y * log2(x) as two's complement Q59: upper part, Q27, returned, the low 32 bits in *low. */
 static int64_t scaled_log2(uint32_t significand, int32_t exponent, int32_t y_q27, uint32_t *low)
 {
     const uint64_t fraction = log2_fraction(significand);
-    /* Signed digits of 32 bits keep every product a signed 32 x 32: carry what the lower one lacks. */
+    /* Signed digits of 32 bits keep every product signed 32 x 32: carry what the lower lacks. */
     const uint32_t high = (uint32_t)(fraction >> 32) + ((uint32_t)fraction >> 31);
     const int32_t whole = exponent + (int32_t)(high >> 31);
     int64_t sum = (int64_t)y_q27 * as_signed(high);
@@ -300,7 +321,8 @@ float esea_f32_pow(float x, float y)
     significand = take_apart(magnitude, &exponent);
     /* All 24 bits of y take part, however small it is: multiply as if 8 <= |y| < 16, then shift. */
     y_significand = (int32_t)(take_apart(y_magnitude, &y_exponent) << 7);
-    z = (uint64_t)scaled_log2(significand, exponent, y_negative ? -y_significand : y_significand, &low);
+    z = (uint64_t)scaled_log2(significand, exponent, y_negative ? -y_significand : y_significand,
+                              &low);
     shift = (uint32_t)(3 - y_exponent);
     if (shift > 40u) {
         return from_bits(sign | ONE_BITS);
@@ -319,7 +341,8 @@ static uint64_t times_log2_e(uint32_t magnitude)
 {
     int32_t exponent;
     const uint32_t significand = take_apart(magnitude, &exponent) << 8;
-    const uint64_t product = (uint64_t)significand * LOG2_E_HIGH + high_unsigned(significand, LOG2_E_LOW); /* Q62 */
+    const uint64_t product =
+        (uint64_t)significand * LOG2_E_HIGH + high_unsigned(significand, LOG2_E_LOW); /* Q62 */
     return product >> (uint32_t)(7 - exponent);
 }
 
@@ -361,7 +384,8 @@ float esea_f32_expm1(float x)
     uint64_t z;
     uint64_t v;
     uint32_t m;
-    if (magnitude < 0x3F000000u) { /* 1/2: x (1 + x/2 + ...), relative accuracy however small x is */
+    if (magnitude <
+        0x3F000000u) { /* 1/2: x (1 + x/2 + ...), relative accuracy however small x is */
         uint32_t significand;
         int32_t t;
         int32_t p = EXPM1_6;
@@ -414,9 +438,10 @@ static uint64_t log_q56(uint64_t d, int32_t exponent)
 {
     const uint32_t index = (uint32_t)(d >> 27) & 63u;
     const uint64_t row = LOG2_TABLE[index];
-    const uint64_t product = d * ((uint32_t)row & 0xFFFu);              /* Q44 */
-    const int32_t r = as_signed((uint32_t)(product >> 7));              /* Q37 */
-    const int32_t whole = exponent + (int32_t)((index + 1u) >> 6);      /* the last row's one is stored as zero */
+    const uint64_t product = d * ((uint32_t)row & 0xFFFu); /* Q44 */
+    const int32_t r = as_signed((uint32_t)(product >> 7)); /* Q37 */
+    const int32_t whole =
+        exponent + (int32_t)((index + 1u) >> 6); /* the last row's one is stored as zero */
     int32_t p = LOG_3;
     uint64_t sum;
     p = LOG_2 + high_signed(r, p);
@@ -425,7 +450,8 @@ static uint64_t log_q56(uint64_t d, int32_t exponent)
     p = high_signed(r, p); /* Q36; log(1 + r) = r + r p */
     sum = (uint64_t)((int64_t)r * p) + (UINT64_C(1) << 63);
     sum = (sum >> 17) - (UINT64_C(1) << 46);
-    /* Around an argument of 1 everything below is exactly zero but r, which therefore keeps its relative accuracy. */
+    /* Around an argument of 1 everything below is exactly zero but r, which therefore keeps its
+     * relative accuracy. */
     sum += (product << 12) - (UINT64_C(1) << 56);
     sum += (uint64_t)(whole * LN_2_Q56);
     return sum + (high_unsigned_64(row & ~UINT64_C(0xFFF), LN_2_Q64) >> 8);
@@ -473,7 +499,7 @@ float esea_f32_log1p(float x)
     }
     significand = take_apart(magnitude, &exponent);
     if (exponent < -7) { /* x (1 + p(x)): 1 + x would lose the end of x */
-        int32_t r = (int32_t)((significand << 14) >> (uint32_t)(-exponent)); /* Q37 */
+        int32_t r = (int32_t)((significand << 7) >> (uint32_t)(-7 - exponent)); /* Q37 */
         int32_t p = LOG_3;
         if (sign != 0u) {
             r = -r;
@@ -587,11 +613,13 @@ float esea_f32_cbrt(float x)
         return from_bits(NAN_BITS);
     }
     significand = take_apart(magnitude, &exponent);
-    /* log2 = 3 third + rest + fraction; multiplying by 21846 / 65536 divides numbers this small without a library. */
+    /* log2 = 3 third + rest + fraction; multiplying by 21846 / 65536 divides numbers this small
+     * without a library. */
     rest = (uint32_t)(exponent + 300);
     third = (rest * 21846u) >> 16;
     rest -= 3u * third;
-    fraction = high_unsigned_64(((uint64_t)rest << 62) + (log2_fraction(significand) >> 2), UINT64_C(0xAAAAAAAAAAAAAAAB));
+    fraction = high_unsigned_64(((uint64_t)rest << 62) + (log2_fraction(significand) >> 2),
+                                UINT64_C(0xAAAAAAAAAAAAAAAB));
     m = exp2_fraction((uint32_t)(fraction >> 31));
     return from_bits((bits & SIGN_BIT) | (((third + 26u) << 23) + (m >> 8) + ((m >> 7) & 1u)));
 }
@@ -613,12 +641,16 @@ float esea_f32_sqrt(float x)
     significand = take_apart(bits, &exponent);
     exponent += 256;
     a = significand << (7u + ((uint32_t)exponent & 1u)); /* Q30, 1 <= a < 4 */
-    /* Two Newton steps for y = 1 / sqrt(a). They approach from below, so s is never too large. */
+    /* Two Newton steps for y = 1 / sqrt(a). The exact step ends below the root; its inner
+     * truncations, less than two units, are taken off so that y and s are never too large and every
+     * remainder is positive. */
     seed = ROOT_TABLE[(a >> 26) - 16u];
-    y = (uint32_t)(((uint64_t)seed * (0xC0000000u - high_unsigned(a, seed * seed))) >> 16);                  /* Q31 */
-    y = (uint32_t)(((uint64_t)y * (0x30000000u - high_unsigned(a, high_unsigned(y, y)))) >> 29);             /* Q31 */
-    s = (uint32_t)(((uint64_t)a * y) >> 38);                                                                 /* Q23 */
-    square = (uint64_t)a << 16;                                                                              /* Q46 */
+    y = (uint32_t)(((uint64_t)seed * (0xC0000000u - high_unsigned(a, seed * seed))) >>
+                   16); /* Q31 */
+    y = (uint32_t)(((uint64_t)y * (0x2FFFFFFEu - high_unsigned(a, high_unsigned(y, y)))) >>
+                   29);                      /* Q31 */
+    s = (uint32_t)(((uint64_t)a * y) >> 38); /* Q23 */
+    square = (uint64_t)a << 16;              /* Q46 */
     rest = (uint32_t)(square - (uint64_t)s * s);
     s += (uint32_t)(((uint64_t)rest * y) >> 55);
     /* The remainder decides the last bit and the rounding: nothing here is approximate. */
@@ -633,8 +665,8 @@ float esea_f32_sqrt(float x)
     return from_bits((((uint32_t)exponent / 2u - 2u) << 23) + s);
 }
 
-/* |x| / (pi/2) modulo 4 as Q62, 2^-15 <= |x| < infinity: a window of 96 bits of 2/pi, whose earlier bits would only
- * add multiples of four. */
+/* |x| / (pi/2) modulo 4 as Q62, 2^-15 <= |x| < infinity: a window of 96 bits of 2/pi, whose earlier
+ * bits would only add multiples of four. */
 static uint64_t quarter_turns(uint32_t magnitude)
 {
     int32_t exponent;
@@ -645,7 +677,8 @@ static uint64_t quarter_turns(uint32_t magnitude)
     const uint32_t w2 = (uint32_t)(((((uint64_t)word[0] << 32) | word[1]) << left) >> 32);
     const uint32_t w1 = (uint32_t)(((((uint64_t)word[1] << 32) | word[2]) << left) >> 32);
     const uint32_t w0 = (uint32_t)(((((uint64_t)word[2] << 32) | word[3]) << left) >> 32);
-    return ((uint64_t)(significand * w2) << 32) + (uint64_t)significand * w1 + high_unsigned(significand, w0);
+    return ((uint64_t)(significand * w2) << 32) + (uint64_t)significand * w1 +
+           high_unsigned(significand, w0);
 }
 
 /* Bits of sin((turns + quadrants) pi/2), turns as Q62 modulo 4. */
@@ -712,7 +745,8 @@ static uint64_t arc(uint32_t low, uint32_t high, uint32_t *halvings)
     const uint64_t low_significand = take_apart(low, &low_exponent);
     const uint64_t high_significand = take_apart(high, &high_exponent);
     const uint32_t k = (uint32_t)(high_exponent - low_exponent);
-    const uint64_t t = low_significand * (reciprocal(high_significand << 10) >> 9); /* Q63 of the ratio 2^k */
+    const uint64_t t =
+        low_significand * (reciprocal(high_significand << 10) >> 9); /* Q63 of the ratio 2^k */
     uint64_t wide;
     uint32_t s;
     uint32_t p = ATAN_11;

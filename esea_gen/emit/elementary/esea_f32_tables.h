@@ -1,4 +1,4 @@
-/* Constants of esea_f32.c, derived to 110 digits by coefficients.py; included there and nowhere else.
+/* Constants of esea_f32.c, derived to 110 digits by coefficients.py, for it alone.
  * Regenerate: python -m esea_gen.emit.elementary.coefficients --write
  *
  * Qn counts units of 2^-n. Coefficients run from the constant upwards. */
@@ -7,8 +7,8 @@
 
 #include <stdint.h>
 
-/* log2 of the significand at the 64 reference points: Q64 with the low 12 bits replaced by the
- * reciprocal of the point, Q11. */
+/* log2 of the significand at the 64 reference points: Q64 with the low 12 bits
+ * replaced by the reciprocal of the point, Q11. */
 static const uint64_t LOG2_TABLE[64] = {
     UINT64_C(0x0000000000000800), UINT64_C(0x08931944A8BD77D1), UINT64_C(0x0E2759B1AE7507B3),
     UINT64_C(0x13A0CF56A06C5796), UINT64_C(0x192F5B1385955779), UINT64_C(0x1E6F50C2D9F7575E),
@@ -60,37 +60,43 @@ static const uint32_t TWO_OVER_PI[10] = {
     0xF534DDC0u, 0xDB629599u, 0x3C439041u, 0xFE5163ABu, 0xDEBBC561u,
 };
 
-#define LOG2_E_HIGH 0xB8AA3B29u /* log2(e), Q63, two halves */
+/* log2(e), Q63, two halves. */
+#define LOG2_E_HIGH 0xB8AA3B29u
 #define LOG2_E_LOW 0x5C17F0BCu
 #define LN_2_Q64 UINT64_C(0xB17217F7D1CF79AC)
 #define LN_2_Q56 INT64_C(49946518145322874)
 #define PI_Q61 UINT64_C(0x6487ED5110B4611A)
 
-/* log2(1 + r) / r; Q30, Q28, Q26, Q24; fit error 2^-30.5 */
+/* log2(1 + r) / r;
+ * Q30, Q28, Q26, Q24; fit error 2^-30.5 */
 #define LOG2_0 1549082005
 #define LOG2_1 (-193635314)
 #define LOG2_2 32273430
 #define LOG2_3 (-5976617)
 
-/* (log(1 + r) - r) / r^2; Q31, Q26, Q21, Q16; fit error 2^-31.3 */
+/* (log(1 + r) - r) / r^2;
+ * Q31, Q26, Q21, Q16; fit error 2^-31.3 */
 #define LOG_0 (-1073741824)
 #define LOG_1 22369631
 #define LOG_2 (-524304)
 #define LOG_3 12939
 
-/* (2^t - 1) / t, |t| <= 1/64; Q28, Q23, Q18; fit error 2^-26.7 */
+/* (2^t - 1) / t, |t| <= 1/64;
+ * Q28, Q23, Q18; fit error 2^-26.7 */
 #define EXP2_0 186065279
 #define EXP2_1 2015181
 #define EXP2_2 14550
 
-/* 1 / (1 + r); Q30, Q25, Q20, Q15, Q10; fit error 2^-36.1 */
+/* 1 / (1 + r);
+ * Q30, Q25, Q20, Q15, Q10; fit error 2^-36.1 */
 #define RECIPROCAL_0 1073741824
 #define RECIPROCAL_1 (-33554432)
 #define RECIPROCAL_2 1048577
 #define RECIPROCAL_3 (-32769)
 #define RECIPROCAL_4 1004
 
-/* (exp(x) - 1 - x) / x^2, |x| <= 1/2; all Q31; fit error 2^-31.4 */
+/* (exp(x) - 1 - x) / x^2, |x| <= 1/2;
+ * all Q31; fit error 2^-31.4 */
 #define EXPM1_0 1073741824
 #define EXPM1_1 357913951
 #define EXPM1_2 89478486
@@ -99,7 +105,8 @@ static const uint32_t TWO_OVER_PI[10] = {
 #define EXPM1_5 428684
 #define EXPM1_6 53521
 
-/* (1 - tanh(x) / x) / x^2 in s = x^2 <= 1/4, signs alternating; all Q32; fit error 2^-32.9 */
+/* (1 - tanh(x) / x) / x^2 in s = x^2 <= 1/4, signs alternating;
+ * all Q32; fit error 2^-32.9 */
 #define TANH_0 1431655765
 #define TANH_1 572662146
 #define TANH_2 231784347
@@ -107,21 +114,24 @@ static const uint32_t TWO_OVER_PI[10] = {
 #define TANH_4 37030439
 #define TANH_5 11509407
 
-/* sin(f pi/2) / f in s = f^2 <= 1/4, signs alternating; Q31, Q32, Q32, Q32, Q32; fit error 2^-37.1 */
+/* sin(f pi/2) / f in s = f^2 <= 1/4, signs alternating;
+ * Q31, Q32, Q32, Q32, Q32; fit error 2^-37.1 */
 #define SIN_0 0xC90FDAA2u
 #define SIN_1 0xA55DE72Bu
 #define SIN_2 342277037
 #define SIN_3 20105885
 #define SIN_4 679491
 
-/* (1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating; all Q31; fit error 2^-40.0 */
+/* (1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating;
+ * all Q31; fit error 2^-40.0 */
 #define COS_0 0x9DE9E64Eu
 #define COS_1 544751120
 #define COS_2 44803972
 #define COS_3 1973959
 #define COS_4 53492
 
-/* (1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating; all Q32; fit error 2^-33.9 */
+/* (1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating;
+ * all Q32; fit error 2^-33.9 */
 #define ATAN_0 1431655765
 #define ATAN_1 858993380
 #define ATAN_2 613562917

@@ -1,0 +1,33 @@
+# Two commands do all their own set-up: `make run` (the main job) and `make test`.
+PYTHON ?= python3
+BIN := .venv/bin
+OUT := out
+STAMP := .venv/.stamp
+
+.PHONY: run test test-slow style setup clean
+
+run: setup
+	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
+	@$(BIN)/esea-gen identify tests/data/hdrb/hdrb.toml --out $(OUT)/hdrb --json $(OUT)/hdrb/identification.json
+	@$(BIN)/esea-gen build $(OUT)/hdrb/hdrb.toml --out $(OUT)/hdrb/generated
+	@$(BIN)/esea-gen report $(OUT)/hdrb/hdrb.toml --recording tests/data/hdrb/hdrb.toml --out $(OUT)/report.html --json $(OUT)/report.json
+	@$(BIN)/esea-gen report elbow --recording tests/data/hdrb/hdrb.toml --out $(OUT)/elbow.html --json $(OUT)/elbow.json
+	@echo "Open $(OUT)/report.html (the recorded rubber) and $(OUT)/elbow.html (the published elbow)."
+
+test: setup style
+	@$(BIN)/esea-gen check
+	@$(BIN)/python -m pytest
+
+test-slow: setup
+	@$(BIN)/python -m pytest -m slow
+
+style: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+setup:
+	@sh .ci/setup "$(PYTHON)"
+
+clean:
+	rm -rf .venv $(OUT) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

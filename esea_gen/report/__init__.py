@@ -1,0 +1,1 @@
+"""Self-contained HTML pages: of a device, and of an identification."""

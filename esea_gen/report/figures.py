@@ -1,0 +1,412 @@
+"""Plots as inline SVG: the same bytes for the same data, nothing fetched from anywhere."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+Array = npt.NDArray[np.float64]
+
+# Okabe and Ito's colours, told apart by people with any common colour blindness; line width and
+# order tell them apart in grey print as well.
+MEASURED, MODEL, ROUNDING, BOUND = "#d98b3a", "#00558c", "#00775a", "#9a3f78"
+HELD_OUT, INK, RULE = "#e9eef2", "#26303a", "#c9d1d8"
+# An SVG point takes about 12 bytes: this keeps a page with ten recordings below 3 MB.
+POINTS_PER_PAGE = 120_000
+
+_STYLE = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.edgecolor": RULE,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#edf0f2",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "xtick.color": RULE,
+    "ytick.color": RULE,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "text.color": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "lines.solid_joinstyle": "round",
+    "path.simplify": False,
+}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Torque over one recording, for plots.
+
+    Parameters
+    ----------
+    label : str
+        Name of the recording.
+    time_s, theta_rad, model_Nm : ndarray
+        Samples, shape (n,).
+    measured_Nm : ndarray or None
+        Measured torque at the same samples.
+    parts : tuple of (str, ndarray)
+        Data sets: title and their samples; one panel of loops each.
+    held_out : ndarray or None
+        Samples that served no training.
+    model_name : str
+        What made ``model_Nm``.
+    """
+
+    label: str
+    time_s: Array
+    theta_rad: Array
+    model_Nm: Array
+    measured_Nm: Array | None
+    parts: tuple[tuple[str, npt.NDArray[np.intp]], ...]
+    held_out: npt.NDArray[np.bool_] | None = None
+    model_name: str = "C, float32"
+
+
+def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasSVG(figure)
+    return figure, figure.subplots(**kwargs)
+
+
+def _svg(figure: Figure, name: str, alternative: str) -> Markup:
+    buffer = io.StringIO()
+    with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    # Groups are numbered alike in every figure, and ids must be unique on a page; what is referred
+    # to (clip paths, markers) has an id salted with the figure's name.
+    text = re.sub(r'<g id="[^"]*">', "<g>", text)
+    text = re.sub(r'<(path|defs|g) id="(?!m|p)[^"]*"', r"<\1", text)
+    text = re.sub(r' d="([^"]*)"', lambda m: f' d="{_short(m.group(1))}"', text)
+    text = re.sub(r"font: ([^;\"]*)px [^;\"]*", r"font-size: \1px", text)
+    head, body = text.split(">", 1)
+    head = re.sub(r' (width|height)="[^"]*"', "", head).replace(
+        ' xmlns:xlink="http://www.w3.org/1999/xlink"', ""
+    )
+    body = body.replace("xlink:href", "href")
+    return Markup(f'{head} role="img" aria-label="{escape(alternative)}">{body}'.strip())
+
+
+def _short(path: str) -> str:
+    # A hundredth of a point is finer than any screen.
+    def rounded(match: re.Match[str]) -> str:
+        return f"{float(match.group()):.2f}".rstrip("0").rstrip(".")
+
+    return " ".join(re.sub(r"-?\d+\.\d+", rounded, path).split())
+
+
+def _thin(n: int, most: int) -> npt.NDArray[np.intp]:
+    """Samples of a loop to draw: every k-th, the last one too."""
+    step = max(1, math.ceil(n / max(most, 2)))
+    picked = np.arange(0, n, step)
+    return picked if n == 0 or picked[-1] == n - 1 else np.append(picked, n - 1)
+
+
+def _envelope(y: Array, most: int) -> npt.NDArray[np.intp]:
+    """Samples of a time signal to draw: lowest and highest of each stretch, so no peak is lost."""
+    n = len(y)
+    if n <= most:
+        return np.arange(n)
+    edges = np.linspace(0, n, max(most // 2, 1) + 1).astype(int)
+    picked: set[int] = {0, n - 1}
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        if b > a:
+            picked |= {a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b]))}
+    return np.array(sorted(picked), dtype=np.intp)
+
+
+def _minus(figure: Figure) -> None:
+    for axes in figure.axes:
+        axes.tick_params(length=3)
+
+
+def loops(trace: Trace, name: str, points: int) -> Markup:
+    """Hysteresis loops: torque over deflection, one panel a data set.
+
+    Parameters
+    ----------
+    trace : Trace
+        What to draw.
+    name : str
+        Unique name of the figure.
+    points : int
+        Most points to draw.
+
+    Returns
+    -------
+    Markup
+        Inline SVG.
+    """
+    parts = trace.parts[:8]
+    columns = min(len(parts), 4 if len(parts) != 3 else 3)
+    rows = math.ceil(len(parts) / columns)
+    lines = 1 if trace.measured_Nm is None else 2
+    with mpl.rc_context(_STYLE):
+        width, height = (4.6, 3.5) if len(parts) == 1 else (9.6, 0.55 + 2.55 * rows)
+        figure, grid = _new(
+            width, height, nrows=rows, ncols=columns, squeeze=False, sharex=True, sharey=True
+        )
+        cells: list[Axes] = list(grid.ravel())
+        for axes, (title, samples) in zip(cells, parts, strict=False):
+            keep = samples[_thin(len(samples), points // (lines * len(parts)))]
+            # A jump in the sample numbers is another cycle somewhere else: lift the pen.
+            gaps = np.flatnonzero(np.diff(keep) > 3 * max(1, int(np.median(np.diff(keep))))) + 1
+
+            def cut(values: Array, keep: Any = keep, gaps: Any = gaps) -> Array:
+                return np.insert(values[keep], gaps, np.nan)
+
+            x = np.degrees(cut(trace.theta_rad))
+            if trace.measured_Nm is not None:
+                axes.plot(x, cut(trace.measured_Nm), color=MEASURED, lw=2.2, label="measured")
+            axes.plot(x, cut(trace.model_Nm), color=MODEL, lw=0.9, label=trace.model_name)
+            axes.set_title(title)
+            axes.xaxis.set_major_locator(MaxNLocator(5))
+        for axes in cells[len(parts) :]:
+            axes.set_visible(False)
+        for row in grid:
+            row[0].set_ylabel("torque, N·m")
+        for k, axes in enumerate(cells[: len(parts)]):
+            if k + columns >= len(parts):
+                axes.set_xlabel("deflection, deg")
+                axes.tick_params(labelbottom=True)
+        handles, labels = cells[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=2)
+        _minus(figure)
+    return _svg(figure, name, f"Torque over deflection, {trace.label}")
+
+
+def over_time(
+    trace: Trace, name: str, points: int, full_scale_Nm: float, rounding: tuple[Array, Array] | None
+) -> Markup:
+    """Torque, its error and its rounding error over time.
+
+    Parameters
+    ----------
+    trace : Trace
+        What to draw.
+    name : str
+        Unique name of the figure.
+    points : int
+        Most points to draw.
+    full_scale_Nm : float
+        100 %.
+    rounding : tuple of ndarray, optional
+        Time and float32 minus float64 torque, in Nm.
+
+    Returns
+    -------
+    Markup
+        Inline SVG.
+    """
+    measured = trace.measured_Nm
+    panels = 1 + (measured is not None) + (rounding is not None)
+    share = max(points // (panels + 1), 200)
+    with mpl.rc_context(_STYLE):
+        figure, grid = _new(
+            9.6,
+            2.3 + 1.25 * (panels - 1),
+            nrows=panels,
+            ncols=1,
+            squeeze=False,
+            sharex=True,
+            height_ratios=[2.0, *([1.0] * (panels - 1))],
+        )
+        cells: list[Axes] = list(grid[:, 0])
+        axes = cells.pop(0)
+        if measured is not None:
+            keep = _envelope(measured, share)
+            axes.plot(trace.time_s[keep], measured[keep], color=MEASURED, lw=2.0, label="measured")
+        keep = _envelope(trace.model_Nm, share)
+        axes.plot(
+            trace.time_s[keep], trace.model_Nm[keep], color=MODEL, lw=0.8, label=trace.model_name
+        )
+        axes.set_ylabel("torque, N·m")
+        used = [axes]
+        if measured is not None:
+            axes = cells.pop(0)
+            error = 100 * (trace.model_Nm - measured) / full_scale_Nm
+            keep = _envelope(error, share)
+            axes.plot(trace.time_s[keep], error[keep], color=INK, lw=0.7)
+            axes.set_ylabel("C − measured,\n% full scale")
+            used.append(axes)
+        if trace.held_out is not None:
+            for a, b in _stretches(trace.held_out):
+                for axes in used:
+                    band = axes.axvspan(
+                        trace.time_s[a], trace.time_s[b], color=HELD_OUT, lw=0, zorder=0
+                    )
+            band.set_label("held out from training")
+        handles, labels = used[0].get_legend_handles_labels()
+        if trace.held_out is not None:
+            handles, labels = [*handles, band], [*labels, "held out from training"]
+        figure.legend(handles, labels, loc="outside upper right", ncols=3)
+        if rounding is not None:
+            axes = cells.pop(0)
+            difference = 1e6 * rounding[1]
+            keep = _envelope(difference, share)
+            axes.plot(rounding[0][keep], difference[keep], color=ROUNDING, lw=0.6)
+            axes.set_ylabel("float32 −\nfloat64, µN·m")
+            used.append(axes)
+        for axes in used:
+            axes.margins(x=0.005)
+            axes.yaxis.set_major_locator(MaxNLocator(4))
+        used[-1].set_xlabel("time, s")
+        figure.align_ylabels(used)
+        _minus(figure)
+    return _svg(figure, name, f"Torque over time, {trace.label}")
+
+
+def _stretches(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+@dataclass(frozen=True)
+class StreamError:
+    """Errors of one stream, in % of full scale, for the overview.
+
+    Parameters
+    ----------
+    stream : str
+        Its name.
+    f64, f32, bound : float or None
+        Largest errors, and what float32 must not exceed.
+    """
+
+    stream: str
+    f64: float | None
+    f32: float | None
+    bound: float | None
+
+
+def error_overview(rows: Sequence[StreamError], fit: float | None, name: str) -> Markup:
+    """Errors of the torque on a logarithmic scale, one line a stream.
+
+    Parameters
+    ----------
+    rows : sequence of StreamError
+        What was found.
+    fit : float or None
+        RMS error against the measured torque, in % of full scale.
+    name : str
+        Unique name of the figure.
+
+    Returns
+    -------
+    Markup
+        Inline SVG.
+    """
+    values = [v for r in rows for v in (r.f64, r.f32, r.bound) if v]
+    if fit:
+        values.append(fit)
+    floor = 10.0 ** (math.floor(math.log10(min(values, default=1e-6))) - 2)
+    top = 10.0 ** (math.ceil(math.log10(max(values, default=1.0))) + 0.5)
+    with mpl.rc_context(_STYLE):
+        figure, axes = _new(9.6, 1.0 + 0.27 * len(rows))
+        y = np.arange(len(rows))[::-1]
+        for label, key, marker, colour, face in (
+            ("float64 C", "f64", "o", MODEL, "white"),
+            ("float32 C", "f32", "o", MODEL, MODEL),
+            ("derived float32 bound", "bound", "|", BOUND, BOUND),
+        ):
+            found = [(getattr(r, key), k) for r, k in zip(rows, y, strict=True)]
+            # No logarithm of an exact result: it stands on the left edge.
+            drawn = [(max(v, floor), k) for v, k in found if v is not None]
+            axes.plot(
+                [v for v, _ in drawn],
+                [k for _, k in drawn],
+                marker=marker,
+                ms=5.5 if marker == "o" else 11,
+                mew=1.2 if marker == "o" else 2.2,
+                ls="",
+                color=colour,
+                mfc=face,
+                label=label,
+                clip_on=False,
+                zorder=3,
+            )
+        if fit:
+            axes.axvline(fit, color=MEASURED, lw=2, label="fit to the measured torque, RMS")
+        axes.set_xscale("log")
+        axes.set_xlim(floor, top)
+        axes.set_ylim(-0.6, len(rows) - 0.4)
+        axes.set_yticks(y, [r.stream for r in rows])
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel("largest torque error, % of full scale (logarithmic; left edge: exactly 0)")
+        decades = range(round(math.log10(floor)), math.floor(math.log10(top)) + 1, 2)
+        axes.set_xticks([10.0**d for d in decades])
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: _decade(v, floor)))
+        axes.minorticks_off()
+        figure.legend(loc="outside upper right", ncols=4)
+        _minus(figure)
+    return _svg(figure, name, "Largest torque errors by stream and number format")
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def _decade(value: float, floor: float) -> str:
+    if value <= floor * 1.001:
+        return "0"
+    power = round(math.log10(value))
+    return f"{10.0**power:g}" if -3 <= power <= 2 else "10" + str(power).translate(_RAISED)
+
+
+def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup:
+    """Parameters with their standard deviation, relative to their value.
+
+    Parameters
+    ----------
+    rows : sequence of (str, float, float or None)
+        Name, value, standard deviation (None when there is none).
+    name : str
+        Unique name of the figure.
+
+    Returns
+    -------
+    Markup
+        Inline SVG.
+    """
+    shown = [(n, abs(s / v)) for n, v, s in rows if s is not None and v != 0]
+    with mpl.rc_context(_STYLE):
+        figure, axes = _new(7.2, 0.75 + 0.27 * max(len(shown), 1))
+        y = np.arange(len(shown))[::-1]
+        for (_, s), k in zip(shown, y, strict=True):
+            half = min(100 * s, 200)
+            axes.plot([-half, half], [k, k], color=MODEL, lw=5, solid_capstyle="butt", alpha=0.55)
+            axes.plot([0], [k], marker="|", color=MODEL, ms=11, mew=2)
+            axes.annotate(
+                f"±{100 * s:.2g} %", (205, k), va="center", fontsize=9, annotation_clip=False
+            )
+        axes.set_yticks(y, [n for n, _ in shown])
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlim(-200, 200)
+        axes.set_ylim(-0.6, max(len(shown), 1) - 0.4)
+        axes.axvspan(-50, 50, color=HELD_OUT, lw=0, zorder=0)
+        axes.set_xlabel("one standard deviation, % of the value (grey: within ±50 %)")
+        _minus(figure)
+    return _svg(figure, name, "Standard deviations of the parameters")

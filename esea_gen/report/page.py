@@ -1,0 +1,189 @@
+"""What the pages share: the Jinja environment and how numbers are written for people."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from esea_gen.emit.render import template_folder
+
+_SUPERSCRIPT = {"^2": "²", "^3": "³"}
+STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "derived": "○"}
+
+
+@cache
+def environment() -> jinja2.Environment:
+    """The Jinja environment of the pages: HTML is escaped, an undefined name is an error.
+
+    Returns
+    -------
+    jinja2.Environment
+        With the filters below.
+    """
+    env = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder()),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=True,
+    )
+    env.filters |= {
+        "num": number,
+        "plain": plain,
+        "unit": unit_text,
+        "people": for_people,
+        "count": count_text,
+        "mark": STATUS_MARKS.__getitem__,
+    }
+    return env
+
+
+def render(template: str, **context: Any) -> str:
+    """Render a page.
+
+    Parameters
+    ----------
+    template : str
+        Path below the template folder.
+    **context : Any
+        What it shows.
+
+    Returns
+    -------
+    str
+        The whole file.
+    """
+    return environment().get_template(template).render(**context)
+
+
+def number(value: float | None, digits: int = 2) -> str | Markup:
+    """A measured or derived figure, rounded; very small and large ones as powers of ten.
+
+    Parameters
+    ----------
+    value : float or None
+        The figure; None is shown as a dash.
+    digits : int
+        Significant digits.
+
+    Returns
+    -------
+    str or Markup
+        HTML.
+    """
+    if value is None:
+        return "–"
+    if not math.isfinite(value):
+        return "∞" if value > 0 else "–∞" if value < 0 else "not a number"
+    if value == 0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e5:
+        places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+        return f"{value:.{places}f}".replace("-", "−")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    text = mantissa.replace("-", "−")
+    power = str(int(exponent)).replace("-", "−")
+    return Markup('<span class="n">{}·10<sup>{}</sup></span>').format(text, power)
+
+
+def plain(value: float) -> str | Markup:
+    """A parameter's value: six significant digits, no more zeros than it needs.
+
+    Parameters
+    ----------
+    value : float
+        The value.
+
+    Returns
+    -------
+    str or Markup
+        HTML.
+    """
+    if value != 0 and not 1e-4 <= abs(value) < 1e6:
+        return number(value, 6)
+    return f"{value:.6g}".replace("-", "−")
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it is read.
+
+    Parameters
+    ----------
+    unit : str
+        As :func:`esea_gen.block.unit_of` gives it.
+
+    Returns
+    -------
+    str
+        ``Nm/rad³``; empty for a dimensionless value.
+    """
+    if unit in ("1", "bits"):
+        return ""
+    for plain_text, raised in _SUPERSCRIPT.items():
+        unit = unit.replace(plain_text, raised)
+    return unit.replace("Nm s", "Nm·s").replace("Nm", "N·m")
+
+
+def for_people(value: float, unit: str) -> str:
+    """The same value in degrees, for angles and their rates.
+
+    Parameters
+    ----------
+    value : float
+        In the SI unit.
+    unit : str
+        That unit.
+
+    Returns
+    -------
+    str
+        ``11.5°`` or empty.
+    """
+    if unit not in ("rad", "rad/s"):
+        return ""
+    return f"{math.degrees(value):.3g}°" + ("/s" if unit == "rad/s" else "")
+
+
+def count_text(value: int) -> str:
+    """A whole number with thin spaces between thousands.
+
+    Parameters
+    ----------
+    value : int
+        The number.
+
+    Returns
+    -------
+    str
+        ``52 737``.
+    """
+    return f"{value:,}".replace(",", "\u202f")
+
+
+def finite(content: Any) -> Any:
+    """JSON-ready content: None in place of NaN and infinity, plain Python numbers.
+
+    Parameters
+    ----------
+    content : Any
+        Dictionaries, sequences, numbers (numpy's too), text.
+
+    Returns
+    -------
+    Any
+        The same, without anything that JSON lacks.
+    """
+    if isinstance(content, dict):
+        return {str(k): finite(v) for k, v in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [finite(v) for v in content]
+    if hasattr(content, "item") and not isinstance(content, (str, bytes)):
+        content = content.item()
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
+    return content

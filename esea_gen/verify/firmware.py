@@ -1,0 +1,379 @@
+"""Build a firmware image: the generated C, unmodified, below a hand-written application."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from esea_gen.device import Device
+from esea_gen.emit.build import render_device
+from esea_gen.emit.dialect import render_dialect
+from esea_gen.errors import UserError
+from esea_gen.hostlib import find_compiler
+
+# What was verified: no contraction to fused multiply-add, no other liberty.
+CONTROL_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra")
+APP_FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board, or machine, that an image can be built for.
+
+    Parameters
+    ----------
+    name : str
+        Name, of its folder in ``firmware/boards`` too.
+    title : str
+        One line.
+    compiler, package : str
+        Command, and the Debian package that has it.
+    flags : tuple of str
+        For compiling and linking.
+    link : tuple of str
+        For linking.
+    machine : str
+        QEMU's name of it; empty for the host itself.
+    app_flags : tuple of str
+        For the hand-written C only.
+    """
+
+    name: str
+    title: str
+    compiler: str
+    package: str
+    flags: tuple[str, ...]
+    link: tuple[str, ...]
+    machine: str
+    app_flags: tuple[str, ...] = ()
+
+
+BOARDS = {
+    b.name: b
+    for b in (
+        Board(
+            "netduinoplus2",
+            "STM32F405, Cortex-M4F",
+            "arm-none-eabi-gcc",
+            "gcc-arm-none-eabi libnewlib-arm-none-eabi",
+            ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
+            ("-nostartfiles", "-Wl,--gc-sections", "-Wl,--fatal-warnings"),
+            "netduinoplus2",
+        ),
+        Board(
+            "host",
+            "this computer, frames on standard input and output",
+            "gcc",
+            "gcc libc6-dev",
+            # A report ends the program, so that no test can overlook it.
+            ("-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+            (),
+            "",
+            ("-D_POSIX_C_SOURCE=200809L",),
+        ),
+    )
+}
+
+# What control code may ask of the compiler's own library: moving memory and dividing integers.
+_ALLOWED = re.compile(
+    r"mem(cpy|move|set)|__aeabi_(mem\w+|u?idiv(mod)?|u?ldivmod|lmul|ll?s[lr]|lasr)"
+    r"|__(asan|ubsan)_\w+"
+)
+# Helpers of double arithmetic, in a linked image: __aeabi_dadd, __aeabi_f2d, __adddf3 ...
+_DOUBLE = re.compile(r"__aeabi_(d\w+|cd\w+|[a-z]+2d)|__\w*df\w*")
+
+
+@dataclass(frozen=True)
+class FirmwareImage:
+    """A built image.
+
+    Parameters
+    ----------
+    elf : Path
+        The image.
+    board, device : str
+        What it was built for.
+    content_hash : str
+        Hash compiled into it.
+    flash_bytes : int
+        Code, constants and initial data.
+    ram_bytes : int
+        Static data, without the stack.
+    stack_bytes : int
+        Size of the stack that the linker script reserves; 0 on the host.
+    step_stack_bytes : dict of str to int
+        Largest stack use below the entry of each task's step, by the compiler's call graph.
+    compiler : str
+        First line of the compiler's version.
+    """
+
+    elf: Path
+    board: str
+    device: str
+    content_hash: str
+    flash_bytes: int
+    ram_bytes: int
+    stack_bytes: int
+    step_stack_bytes: dict[str, int]
+    compiler: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures, for a JSON report; the image by its file name."""
+        return asdict(self) | {"elf": self.elf.name}
+
+
+def firmware_folder() -> Path:
+    """Folder of the hand-written C: inside the wheel, or at the top of a checkout."""
+    packaged = Path(__file__).parent.parent / "_firmware"
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "firmware"
+
+
+def find_board(name: str) -> Board:
+    """A board by name.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+
+    Returns
+    -------
+    Board
+        The board.
+
+    Raises
+    ------
+    UserError
+        When there is none of that name, with those there are.
+    """
+    if name not in BOARDS:
+        listed = "; ".join(f"{b.name} ({b.title})" for b in BOARDS.values())
+        raise UserError(f"There is no board '{name}'.", f"Boards: {listed}.")
+    return BOARDS[name]
+
+
+def double_arithmetic(objects: Sequence[Path], nm: str = "arm-none-eabi-nm") -> list[str]:
+    """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio.
+
+    Parameters
+    ----------
+    objects : sequence of Path
+        Object files that belong together.
+    nm : str
+        The ``nm`` that reads them.
+
+    Returns
+    -------
+    list of str
+        ``"esea_elbow_sensor.o: __aeabi_dmul"``; empty when the objects need only each other.
+    """
+    tool = find_compiler(nm, "binutils-arm-none-eabi" if nm.startswith("arm") else "binutils")
+    defined, wanted = set(), []
+    for path in objects:
+        done = subprocess.run([tool, "-P", path], capture_output=True, text=True, check=True)
+        for line in done.stdout.splitlines():
+            symbol, kind = line.split()[:2]
+            if kind in "Uw":
+                wanted.append((path.name, symbol))
+            else:
+                defined.add(symbol)
+    return [f"{o}: {s}" for o, s in wanted if s not in defined and not _ALLOWED.fullmatch(s)]
+
+
+def double_helpers(elf: Path, nm: str = "arm-none-eabi-nm") -> list[str]:
+    """Helpers of double arithmetic that have been linked into an image.
+
+    Parameters
+    ----------
+    elf : Path
+        The image.
+    nm : str
+        The ``nm`` that reads it.
+
+    Returns
+    -------
+    list of str
+        Their names; empty when there are none.
+    """
+    tool = find_compiler(nm, "binutils-arm-none-eabi" if nm.startswith("arm") else "binutils")
+    done = subprocess.run([tool, "-P", elf], capture_output=True, text=True, check=True)
+    names = {line.split()[0] for line in done.stdout.splitlines()}
+    return sorted(n for n in names if _DOUBLE.fullmatch(n))
+
+
+def deepest_stack(graphs: Sequence[Path], entry: str) -> int:
+    """Largest stack use below a function, from the compiler's call graphs.
+
+    Parameters
+    ----------
+    graphs : sequence of Path
+        ``.ci`` files of ``-fcallgraph-info=su``.
+    entry : str
+        The function.
+
+    Returns
+    -------
+    int
+        Bytes, its own frame included.  A function of unknown use counts as 0.
+
+    Raises
+    ------
+    ValueError
+        For recursion.
+    """
+    own: dict[str, int] = {}
+    calls: dict[str, set[str]] = {}
+    for path in graphs:
+        text = path.read_text()
+        for title, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', text):
+            used = re.search(r"\\n(\d+) bytes", label)
+            if used:
+                own[title] = int(used.group(1))
+        for source, target in re.findall(r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', text):
+            calls.setdefault(source, set()).add(target)
+
+    def depth(name: str, above: tuple[str, ...]) -> int:
+        if name in above:
+            raise ValueError(f"recursion: {' -> '.join((*above, name))}")
+        below = (depth(n, (*above, name)) for n in calls.get(name, ()))
+        return own.get(name, 0) + max(below, default=0)
+
+    return depth(entry, ())
+
+
+def _run(command: Sequence[str | Path], folder: Path, what: str) -> None:
+    done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise RuntimeError(f"{what} does not build:\n{done.stderr}")
+
+
+def _sections(elf: Path, size: str) -> dict[str, int]:
+    done = subprocess.run([size, "-A", elf], capture_output=True, text=True, check=True)
+    rows = (line.split() for line in done.stdout.splitlines())
+    return {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
+
+
+@cache
+def _version(compiler: str) -> str:
+    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()[0]
+
+
+def build_firmware(
+    device: Device, board: str, out: Path, control: Mapping[str, str] | None = None
+) -> FirmwareImage:
+    """Build a device's firmware image.
+
+    Parameters
+    ----------
+    device : Device
+        What it controls.
+    board : str
+        What it runs on: ``netduinoplus2``, or ``host`` (with sanitizers).
+    out : Path
+        Folder that gets ``esea_<device>_<board>.elf``.
+    control : mapping of str to str, optional
+        Files of the f32 folder to compile in place of the device's own; tests alter one to prove
+        that a comparison finds it.
+
+    Returns
+    -------
+    FirmwareImage
+        The image, with its sizes.
+
+    Raises
+    ------
+    UserError
+        For an unknown board, a compiler that is not installed, or a folder that cannot be written.
+    RuntimeError
+        When the C does not build, or the control code needs double arithmetic or a library.
+    """
+    chosen = find_board(board)
+    gcc = find_compiler(chosen.compiler, chosen.package)
+    tool = gcc.removesuffix("gcc")
+    prefix = f"esea_{device.name}"
+    files = dict(control if control is not None else render_device(device, ["f32"])[0].files)
+    dialect = render_dialect(device).files
+    with tempfile.TemporaryDirectory(prefix="esea-firmware-") as scratch:
+        folder = Path(scratch)
+        for sub, texts in (("f32", files), ("dialect", dialect)):
+            for name, text in texts.items():
+                target = folder / sub / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_text(text, encoding="utf-8")
+        for part in ("app", "port", f"boards/{board}"):
+            shutil.copytree(firmware_folder() / part, folder / part)
+
+        common = [gcc, *chosen.flags, "-ffunction-sections", "-fdata-sections", "-c"]
+        sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
+        control_objects = []
+        for name in sources:
+            item = f"f32/{name.removesuffix('.c')}.o"
+            measured = (*CONTROL_FLAGS, "-fcallgraph-info=su")
+            _run([*common, *measured, f"f32/{name}", "-o", item], folder, f"control file {name}")
+            control_objects.append(folder / item)
+        found = double_arithmetic(control_objects, f"{Path(tool).name}nm") if chosen.machine else []
+        if found:
+            raise RuntimeError("the control code is not float-only: " + ", ".join(found))
+
+        includes = ["-isystem", "dialect/mavlink", "-Idialect", "-If32", "-Iport", "-Iapp"]
+        header = f'-DESEA_LINK_HEADER="{prefix}_link.h"'
+        app_objects = []
+        for name in ("app/app", f"boards/{board}/board"):
+            flags = (*APP_FLAGS, *chosen.app_flags, *includes, header)
+            _run([*common, *flags, f"{name}.c", "-o", f"{name}.o"], folder, f"{name}.c")
+            app_objects.append(f"{name}.o")
+        script = f"boards/{board}/link.ld"
+        link = [*chosen.link, *(["-T", script] if (folder / script).is_file() else [])]
+        built = folder / f"{prefix}_{board}.elf"
+        objects: list[str | Path] = [*app_objects, *control_objects]
+        _run([gcc, *chosen.flags, *objects, *link, "-o", built], folder, "the image")
+        helpers = double_helpers(built, f"{Path(tool).name}nm") if chosen.machine else []
+        if helpers:
+            raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
+
+        sections = _sections(built, f"{tool}size")
+        graphs = sorted((folder / "f32").glob("*.ci"))
+        step_stack = {
+            t.name: deepest_stack(graphs, f"{prefix}_{t.name}_step") for t in device.system.tasks
+        }
+        target = _place(built, out)
+    return FirmwareImage(
+        elf=target,
+        board=board,
+        device=device.name,
+        content_hash=_hash_in(files[f"{prefix}.h"]),
+        flash_bytes=sections.get(".text", 0) + sections.get(".data", 0),
+        ram_bytes=sections.get(".data", 0) + sections.get(".bss", 0),
+        stack_bytes=sections.get(".stack", 0),
+        step_stack_bytes=step_stack,
+        compiler=_version(gcc),
+    )
+
+
+def _hash_in(header: str) -> str:
+    found = re.search(r'_CONTENT_HASH "(\w+)"', header)
+    return found.group(1) if found else ""
+
+
+def _place(built: Path, out: Path) -> Path:
+    target = out / built.name
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        # Copy beside the target, then rename: a reader sees a whole image or none.
+        partial = out / f".{built.name}.tmp"
+        shutil.copyfile(built, partial)
+        partial.chmod(0o755)
+        partial.replace(target)
+    except OSError as error:
+        raise UserError(
+            f"{out}: cannot be written ({error.strerror or error}).", "Give another --out folder."
+        ) from error
+    return target

@@ -1,0 +1,43 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+import esea_gen
+from esea_gen.device import Device
+from esea_gen.hostlib import HostLibrary, compile_device
+
+ROOT = Path(__file__).parents[1]
+
+
+def require_tool(name: str) -> str:
+    """Path of a tool; without it the test is skipped, or fails where everything is required."""
+    path = shutil.which(name)
+    if path is None:
+        message = f"{name} is not installed"
+        if os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
+            pytest.fail(message)
+        pytest.skip(message)
+    return path
+
+
+@pytest.fixture(scope="session")
+def elbow() -> Device:
+    return esea_gen.load_device("elbow")
+
+
+@pytest.fixture(scope="session")
+def elbow_f64(elbow: Device) -> HostLibrary:
+    require_tool("gcc")
+    return compile_device(elbow, "f64")
+
+
+@pytest.fixture(scope="session")
+def elbow_f32(elbow: Device) -> HostLibrary:
+    require_tool("gcc")
+    return compile_device(elbow, "f32")

@@ -1,0 +1,127 @@
+"""Device files: what is accepted, and what is said of what is not."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from esea_gen.block import unit_of
+from esea_gen.device import json_schema, load_device, parse_device, shipped_devices
+from esea_gen.errors import UserError
+
+ELBOW = shipped_devices()["elbow"].read_text()
+
+
+def refuse(text: str) -> str:
+    with pytest.raises(UserError) as caught:
+        parse_device(text, "mine.toml")
+    return str(caught.value)
+
+
+def test_elbow_has_the_published_parameters():
+    values = {k: q.value for k, q in load_device("elbow").quantities()}
+    # thesis table 3.2, typed from spec/3-elastomer.md
+    published = {
+        "alpha_Nm_rad": 10.3,
+        "beta_1_rad": 62.5,
+        "omega_rad": 0.0197,
+        "k1_Nm_rad": 9.39,
+        "k3_Nm_rad3": 239.0,
+        "stops": 10,
+    }
+    rates = {"A_Nms_rad": 53.9, "B": 0.732, "m": 2.77, "n": 0.77, "eps1_Nms_rad": 0.0288}
+    rates |= {"eps2": 0.0130, "kv_Nm_rad": 51.6}
+    for key, value in published.items():
+        assert values[f"elastomer.{key}"] == value
+    for key, value in rates.items():
+        assert values[f"elastomer.maxwell.{key}"] == value
+    assert values["domain.theta_max_rad"] == pytest.approx(11.5 * 3.141592653589793 / 180)
+    assert values["domain.omega_max_rad_s"] == pytest.approx(61.6 * 3.141592653589793 / 180)
+
+
+def test_every_number_has_status_and_source():
+    for key, q in load_device("elbow").quantities():
+        assert q.status in ("published", "identified", "assumed"), key
+        assert q.source, key
+    assumed = {k for k, q in load_device("elbow").quantities() if q.status == "assumed"}
+    assert "velocity.bandwidth_Hz" in assumed
+    assert "limits.theta_rad" in assumed
+
+
+def test_the_file_reads_back_equal():
+    device = load_device("elbow")
+    again = parse_device(device.toml(), "again.toml")
+    assert again.canonical() == device.canonical()
+    assert again.digest == device.digest
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("k1_Nm_rad =", "k1_Nmm_rad =", ["mine.toml", "elastomer.k1_Nmm_rad", "unknown key", "k1_Nm_rad"]),
+        ("theta_max_rad =", "theta_max_deg =", ["domain.theta_max_deg", "'deg'", "'rad'", "theta_max_rad"]),
+        ("value = 9.39", "value = -9.39", ["elastomer.k1_Nm_rad", "-9.39 Nm/rad", "limit 0 Nm/rad", "0 to 1000"]),
+        ("value = 9.39", "value = 9390.0", ["above its limit 1000", "Give a value from 0 to 1000 Nm/rad"]),
+        ("value = 9.39", 'value = "9.39"', ["elastomer.k1_Nm_rad.value", "valid number"]),
+        ("value = 9.39", "value = nan", ["elastomer.k1_Nm_rad.value", "finite"]),
+        ("value = 10,", "value = 10.5,", ["elastomer.stops", "10.5", "whole"]),
+        ('status = "assumed"', 'status = "guessed"', ["status", "guessed", "published"]),
+        ("[velocity]", "[speed]", ["unknown key speed", "velocity"]),
+        ('name = "elbow"', 'name = "My Elbow"', ["name", "My Elbow", "pattern"]),
+        ("schema = 1", "schema = 7", ["schema", "7"]),
+        ("schema = 1", "schema = ", ["not valid TOML"]),
+    ],
+)
+def test_what_is_wrong_is_said(old: str, new: str, words: list[str]):
+    assert old in ELBOW
+    message = refuse(ELBOW.replace(old, new, 1))
+    for word in [*words, "mine.toml"]:
+        assert word in message, message
+
+
+def test_missing_keys_are_named():
+    without = re.sub(r"\nk1_Nm_rad.*", "", ELBOW)
+    assert "key elastomer.k1_Nm_rad is missing" in refuse(without)
+    without = ELBOW.replace(', source = "thesis table 3.2" }', " }", 1)
+    assert "elastomer.k1_Nm_rad.source is missing" in refuse(without)
+
+
+def test_relations_between_values():
+    wide = ELBOW.replace("value = 0.20071286397934789", "value = 0.9").replace(
+        "value = 0.2007128639793479", "value = 0.9"
+    )
+    assert "domain.theta_max_rad = 0.9 is above limits.theta_rad = 0.35" in refuse(wide)
+    slow = ELBOW.replace("sense_rate_Hz = { value = 1000.0", "sense_rate_Hz = { value = 100.0")
+    assert "velocity.bandwidth_Hz = 15 Hz is above its limit" in refuse(slow)
+
+
+def test_unknown_device_suggests_one():
+    with pytest.raises(UserError, match="Did you mean elbow"):
+        load_device("elbwo")
+
+
+def test_schema_is_json_and_knows_the_keys():
+    text = json.dumps(json_schema())
+    for key in ("k1_Nm_rad", "maxwell", "sense_rate_Hz", "published"):
+        assert key in text
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("theta_rad", "rad"), ("omega_max_rad_s", "rad/s"), ("k3_Nm_rad3", "Nm/rad^3"), ("m", "1")]
+    + [("eps1_Nms_rad", "Nm s/rad"), ("sense_rate_Hz", "Hz"), ("beta_1_rad", "1/rad")],
+)
+def test_unit_of_a_name(name: str, unit: str):
+    assert unit_of(name) == unit
+
+
+@given(st.text(max_size=200))
+def test_any_text_gives_a_device_or_a_clear_error(text: str):
+    try:
+        parse_device(text, "any.toml")
+    except UserError as error:
+        assert "any.toml" in str(error)

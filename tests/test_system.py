@@ -1,0 +1,200 @@
+"""Wiring, tasks and latches: the symbolic System and its C, however late a slow task runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from esea_gen.block import Block, Flag, Port, Tunable, flag_word
+from esea_gen.hostlib.library import compile_system
+from esea_gen.system import System, Task
+
+from .conftest import require_tool
+
+
+def summing(period_s: float, name: str = "fast", gain: bool = False) -> Block:
+    """A made-up Block: y = sum of inputs so far (times a tunable), and a vector beside it."""
+    tunables = (Tunable("gain", 1.0, -4.0, 4.0, "gain"),) if gain else ()
+
+    def step(c, s, u, guard, label):
+        factor = c.factor if gain else 1
+        total = s.total + factor * u.x
+        import casadi as ca
+
+        return (
+            {"total": total, "pair": [s.pair[1], u.x]},
+            {
+                "y": total,
+                "both": [s.pair[0], total],
+                "status": flag_word([ca.logic_not(guard.inputs_ok)]),
+            },
+        )
+
+    return Block.define(
+        name,
+        "made up",
+        period_s=period_s,
+        tunables=tunables,
+        coefficients=(Port("factor", -4, 4, "gain"),) if gain else (),
+        prepare=(lambda t: {"factor": 1 * t.gain}) if gain else None,
+        state=(Port("total", -1e6, 1e6, "sum"), Port("pair", -1e6, 1e6, "last two", size=2)),
+        inputs=(Port("x", -1e6, 1e6, "what is summed"),),
+        outputs=(
+            Port("y", -1e6, 1e6, "sum"),
+            Port("both", -1e6, 1e6, "two values", size=2),
+            Port("status", 0, 1, "status", flags=(Flag("INPUT_INVALID", "bad", True),)),
+        ),
+        step=step,
+    )
+
+
+def two_rates(release: int | None = None, gain: bool = True) -> System:
+    return System(
+        "twotasks",
+        1e-3,
+        {"fast": summing(1e-3), "slow": summing(4e-3, "slow", gain), "last": summing(1e-3, "last")},
+        (
+            Task("quick", ("fast", "last")),
+            Task("lazy", ("slow",), every=4, phase=1, release=release),
+        ),
+        wires={"slow.x": "fast.y", "last.x": "slow.y"},
+        inputs={"x": ("fast.x",)},
+        outputs={"y": "last.y", "both": "last.both", "slow_y": "slow.y", "status": "fast.status"},
+    )
+
+
+def run(step, release, lateness: int, ticks: int = 41) -> list[float]:
+    """Run the schedule; the lazy task is preempted and runs ``lateness`` ticks after its start."""
+    seen = []
+    for tick in range(ticks):
+        release(tick)
+        if tick >= 1 + lateness and (tick - 1 - lateness) % 4 == 0:
+            step("lazy")
+        seen.append(step("quick", x=float(tick)))
+    return seen
+
+
+@pytest.mark.parametrize("release", [None, 3])
+def test_latched_values_do_not_depend_on_preemption(release):
+    results = []
+    for lateness in (0, 1, 2):
+        simulator = two_rates(release).simulator()
+        results.append([y["y"] for y in run(simulator.step, simulator.release, lateness)])
+    assert results[0] == results[1] == results[2]
+    # Independently: the slow task starts at 1, 5, ...; it then sees fast's sum of one tick before,
+    # and what it wrote is seen `release` ticks later, when it is added up once a tick.
+    ticks = np.arange(41)
+    fast = np.cumsum(ticks)
+    slow, seen = 0.0, np.zeros(41)
+    for start in range(1, 41, 4):
+        slow += fast[start - 1]
+        seen[start + (release or 4) :] = slow
+    assert results[0] == list(np.cumsum(seen))
+
+
+@pytest.mark.parametrize("lateness", [0, 2])
+@pytest.mark.parametrize("gain", [True, False])
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_the_c_does_what_the_symbolic_system_does(real: str, gain: bool, lateness: int):
+    require_tool("gcc")
+    system = two_rates(3, gain)
+    library = compile_system(system, real)
+    quick, lazy = library.task("quick"), library.task("lazy")
+    lazy._state = quick._state  # one instance, two tasks
+
+    def c_step(task: str, **inputs):
+        runner = quick if task == "quick" else lazy
+        if task == "lazy":
+            packed = np.zeros(1, lazy._in_type)
+            out = np.zeros(1, lazy._out_type)
+            getattr(library.lib, "esea_twotasks_lazy_step")(
+                *lazy._coeffs,
+                lazy._cast("esea_twotasks_state_t", quick._state),
+                lazy._cast("esea_twotasks_lazy_in_t", packed),
+                lazy._cast("esea_twotasks_lazy_out_t", out),
+            )
+            return {"slow_y": out["slow_y"][0]}
+        return runner.step(**inputs)
+
+    def c_release(tick: int) -> None:
+        library.lib.esea_twotasks_release(quick._cast("esea_twotasks_state_t", quick._state), tick)
+
+    simulator = system.simulator()
+    expected = run(simulator.step, simulator.release, 0)
+    got = run(c_step, c_release, lateness)
+    for a, b in zip(expected, got, strict=True):
+        assert a["y"] == b["y"]
+        assert np.array_equal(a["both"], b["both"])
+        assert a["status"] == b["status"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"wires": {"slow.x": "fast.y"}}, "last.x is not fed"),
+        ({"wires": {"slow.x": "fast.nothing", "last.x": "slow.y"}}, "no such port fast.nothing"),
+        ({"wires": {"slow.x": "fast.both", "last.x": "slow.y"}}, "x 2"),
+        ({"inputs": {"x": ("fast.x", "last.x")}}, "fed twice"),
+        ({"tasks": (Task("quick", ("fast",)), Task("lazy", ("slow",), 4))}, "tasks run"),
+        (
+            {"tasks": (Task("quick", ("fast", "last")), Task("lazy", ("slow",), 3))},
+            "runs every 0.003",
+        ),
+        (
+            {"tasks": (Task("quick", ("fast", "last")), Task("lazy", ("slow",), 4, phase=4))},
+            "phase 4",
+        ),
+    ],
+)
+def test_wrong_wiring_is_refused(change, words):
+    arguments = {
+        "name": "bad",
+        "base_period_s": 1e-3,
+        "blocks": {
+            "fast": summing(1e-3),
+            "slow": summing(4e-3, "slow"),
+            "last": summing(1e-3, "last"),
+        },
+        "tasks": (Task("quick", ("fast", "last")), Task("lazy", ("slow",), 4)),
+        "wires": {"slow.x": "fast.y", "last.x": "slow.y"},
+        "inputs": {"x": ("fast.x",)},
+        "outputs": {"y": "last.y"},
+    } | change
+    with pytest.raises(ValueError, match=words):
+        System(**arguments)
+
+
+def test_order_inside_a_task_is_checked():
+    with pytest.raises(ValueError, match="must run before"):
+        System(
+            "bad",
+            1e-3,
+            {"a": summing(1e-3), "b": summing(1e-3)},
+            (Task("t", ("a", "b")),),
+            wires={"a.x": "b.y"},
+            inputs={"x": ("b.x",)},
+            outputs={},
+        )
+
+
+def test_one_block_may_stand_behind_two_instances():
+    require_tool("gcc")
+    block = summing(1e-3, gain=True)
+    system = System(
+        "pairs",
+        1e-3,
+        {"left": block, "right": block},
+        (Task("go", ("left", "right")),),
+        wires={"right.x": "left.y"},
+        inputs={"x": ("left.x",)},
+        outputs={"y": "right.y"},
+    )
+    assert len(system.kinds) == 1
+    library = compile_system(system, "f64")
+    runner = library.task("go")
+    assert runner.prepare({"right": {"gain": 2.0}}) == 0
+    simulator = system.simulator({"right": {"gain": 2.0}})
+    for x in (1.0, -3.0, 2.5):
+        assert runner.step(x=x)["y"] == simulator.step("go", x=x)["y"]
+    assert runner.prepare({"right": {"gain": 5.0}}) == 2
+    assert runner.prepare({"left": {"gain": float("nan")}}) == 1
