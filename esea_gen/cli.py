@@ -254,7 +254,11 @@ def identify(
         SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
     ) as p:
         task = p.add_task("reading", total=None)
-        result = run(mapping, data, progress=lambda s: p.update(task, description=s))
+        result = run(
+            mapping,
+            data,
+            progress=lambda share, what: p.update(task, description=f"{100 * share:.0f} % {what}"),
+        )
     target = folder or Path("identified") / result.device.name
     path = result.write(target)
     content = result.to_dict()

@@ -90,8 +90,8 @@ def changed(elbow, real: str, old: str, new: str) -> HostLibrary:
     ("real", "old", "new"),
     [
         ("f64", "9.39", "9.390000000000002"),  # the last bit of one constant
-        ("f64", "tau_r_Nm + tau_s_Nm", "tau_r_Nm - tau_s_Nm"),
-        ("f64", "v >", "v >="),
+        ("f64", "(tau_s_Nm + tau_r_Nm)", "(tau_s_Nm - tau_r_Nm)"),
+        ("f64", "theta_rad <= 0.3499999940395355", "theta_rad < 0.3499999940395355"),
         ("f32", "9.39f", "9.4f"),
         ("f32", "esea_fmax(", "esea_fmin("),
         ("f32", "state->play_rad[9] = play_10_rad", "state->play_rad[9] = play_9_rad"),
@@ -99,12 +99,7 @@ def changed(elbow, real: str, old: str, new: str) -> HostLibrary:
     ],
 )
 def test_the_comparison_sees_a_fault(elbow, verified, real, old, new):
-    library = None
-    try:
-        library = changed(elbow, real, old, new)
-    except AssertionError:
-        # The text of the sum may be ordered the other way round; take any one addition of it.
-        library = changed(elbow, real, "const double tau_s_Nm = ", "const double tau_s_Nm = 1e-9 + ")
+    library = changed(elbow, real, old, new)
     bounds = verified.bounds["sensor"]
     reference = CasadiReference(elbow.system) if real == "f64" else None
     tried = streams(elbow.sensor)

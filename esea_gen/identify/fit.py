@@ -44,6 +44,7 @@ FINALISTS = {False: 6, True: 6}
 SCAN, SCAN_FINALISTS = (40, 6), 4
 # Neighbouring samples say the same: the search compares at most so many a data set, evenly spread.
 ROWS_SEARCH, ROWS_REFINE = 4000, 20000
+NEGLIGIBLE = 1e-4  # share of the torque below which the Maxwell element is left out
 TIME_CONSTANT_S = (1e-3, 1e4)
 GAIN = (1e-3, 1e5)
 
@@ -536,7 +537,10 @@ def search(
     basis = plant.basis(space.shape(best[1])) * plant.weight[:, None]
     target = plant.weight * plant.measured
     linear = solve_linear(basis, target, low, high)
-    values, dropped = _parameters(space, best[1], linear)
+    share = 0.0
+    if space.rate_terms:
+        share = float(np.linalg.norm(linear[3] * basis[:, 3]) / np.linalg.norm(target))
+    values, dropped = parameters_of(space, best[1], linear, share)
     return Fit(
         values=values,
         cost=best[0],
@@ -621,7 +625,29 @@ def _polish(
     return 2 * float(done.cost), np.asarray(done.x, dtype=np.float64)
 
 
-def _parameters(space: Space, x: Array, linear: Array) -> tuple[dict[str, float], bool]:
+def parameters_of(
+    space: Space, x: Array, linear: Array, rate_share: float
+) -> tuple[dict[str, float], bool]:
+    """Turn searched numbers and linear coefficients into the device file's parameters.
+
+    Parameters
+    ----------
+    space : Space
+        What was searched.
+    x : ndarray
+        Searched numbers, shape (2,) or (7,).
+    linear : ndarray
+        k1, k3, alpha (and kv), shape (3,) or (4,).
+    rate_share : float
+        RMS of the Maxwell element's torque over that of the measured torque.
+
+    Returns
+    -------
+    values : dict
+        Parameters, inside their bounds.
+    dropped : bool
+        Whether the Maxwell element was left out because it carries next to nothing.
+    """
     shape = space.shape(x)
     values = {
         "k1_Nm_rad": float(linear[0]),
@@ -632,7 +658,7 @@ def _parameters(space: Space, x: Array, linear: Array) -> tuple[dict[str, float]
     }
     if space.rate_terms:
         kv = float(linear[3])
-        if kv <= 0:
+        if kv <= 0 or rate_share < NEGLIGIBLE:
             return _inside(values), True
         values["kv_Nm_rad"] = kv
         values |= _viscosity(shape, kv)

@@ -1,0 +1,111 @@
+"""Recordings at a device's sensing rate: what verification, emulator and report run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from esea_gen.block import Array
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.identify.mapping import load_mapping
+from esea_gen.identify.recording import Recording, load_recordings, resample
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A recording resampled to the sensing rate.
+
+    Parameters
+    ----------
+    label : str
+        Name in reports.
+    time_s, theta_rad, tau_Nm : ndarray
+        Shape (steps,); deflection and measured torque.
+    timed : bool
+        Whether the time was recorded, not assumed.
+    held_out : ndarray of bool
+        Samples that identification did not see, shape (steps,).
+    digest : str
+        First 16 hexadecimal digits of the file's SHA-256.
+    """
+
+    label: str
+    time_s: Array
+    theta_rad: Array
+    tau_Nm: Array
+    timed: bool
+    held_out: Array
+    digest: str
+
+
+def recordings_for(device: Device, mapping: Path, data: Path | None = None) -> list[Replay]:
+    """Recordings of a mapping, at a device's sensing rate.
+
+    Parameters
+    ----------
+    device : Device
+        Whose rate; its limits must hold the recorded deflection.
+    mapping : Path
+        Mapping file.
+    data : Path, optional
+        Folder of the recordings; the mapping file's own when not given.
+
+    Returns
+    -------
+    list of Replay
+        In the mapping's order.
+
+    Raises
+    ------
+    UserError
+        As :func:`esea_gen.identify.recording.load_recordings`, or when a deflection is beyond the
+        device's limit.
+    """
+    source = load_mapping(mapping, data)
+    return [_replay(device, source.origin, r) for r in load_recordings(source)]
+
+
+def _replay(device: Device, origin: str, r: Recording) -> Replay:
+    reach = float(np.max(np.abs(r.theta_rad)))
+    limit = device.file.limits.theta_rad.value
+    if reach > limit:
+        raise UserError(
+            f"{origin}: {r.label} reaches {reach:.3g} rad, above {device.name}'s "
+            f"limits.theta_rad = {limit:g} rad: every sample beyond it would be an invalid input.",
+            "Change the mapping's deflection scale, or use a device with a wider limit.",
+        )
+    grid = np.arange(r.time_s[0], r.time_s[-1], device.period_s)
+    nearest = np.clip(np.searchsorted(r.time_s, grid), 0, len(r.time_s) - 1)
+    unseen = np.zeros(len(r.time_s), dtype=bool)
+    for s in r.sets:
+        unseen[list(s.held_out)] = True
+    return Replay(
+        r.label,
+        grid - grid[0],
+        resample(r.time_s, r.theta_rad, grid),
+        resample(r.time_s, r.tau_Nm, grid),
+        r.timed,
+        unseen[nearest],
+        r.digest,
+    )
+
+
+def recorded_deflections(
+    device: Device, mapping: Path, data: Path | None = None
+) -> dict[str, Array]:
+    """Deflections of a mapping's recordings, by label.
+
+    Parameters
+    ----------
+    device, mapping, data
+        As in :func:`recordings_for`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Deflection at the sensing rate.
+    """
+    return {r.label: r.theta_rad for r in recordings_for(device, mapping, data)}

@@ -1,0 +1,143 @@
+"""The command line as a person meets it: results, JSON, and what bad input gets."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .conftest import ROOT, require_tool
+
+HDRB = ROOT / "tests" / "data" / "hdrb"
+
+
+def run(*arguments: object, cwd: Path, env: dict[str, str] | None = None):
+    return subprocess.run(
+        [sys.executable, "-m", "esea_gen.cli", *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        env=os.environ | (env or {}),
+        check=False,
+    )
+
+
+def refused(done) -> str:
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    return " ".join(done.stderr.split())
+
+
+def test_build_and_check(tmp_path):
+    done = run("build", "elbow", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {p.name for p in (tmp_path / "generated" / "elbow").iterdir()} == {
+        "f64",
+        "f32",
+        "dialect",
+    }
+    assert run("check", cwd=tmp_path).returncode == 0
+    header = tmp_path / "generated" / "elbow" / "f32" / "esea_elbow.h"
+    header.write_text(header.read_text().replace("1000u", "999u"))
+    done = run("check", "elbow", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "-#define ESEA_ELBOW_TICK_US 999u" in done.stdout
+    assert "esea-gen build" in done.stdout
+
+
+def test_build_one_format_elsewhere(tmp_path):
+    assert run("build", "elbow", "--real", "f32", "--out", "o", cwd=tmp_path).returncode == 0
+    assert [p.name for p in (tmp_path / "o").iterdir()] == ["f32"]
+
+
+def test_build_again_gives_the_same_bytes(tmp_path):
+    def snapshot():
+        return {p: p.read_bytes() for p in sorted((tmp_path / "o").rglob("*")) if p.is_file()}
+
+    run("build", "elbow", "--out", "o", cwd=tmp_path)
+    first = snapshot()
+    run("build", "elbow", "--out", "o", cwd=tmp_path)
+    assert first
+    assert snapshot() == first
+
+
+def test_verify_writes_json(tmp_path):
+    require_tool("gcc")
+    done = run("verify", "elbow", "--real", "f64", "--json", "v.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "bit for bit" in done.stdout
+    content = json.loads((tmp_path / "v.json").read_text())
+    assert content["passed"] is True
+    assert all(c["bit_identical_to_casadi_c"] for c in content["comparisons"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["build", "nothing.toml"], ["no device 'nothing.toml'", "Shipped: elbow"]),
+        (["build", "elbow", "--real", "q15"], ["Unknown number format 'q15'", "f64, f32"]),
+        (["build", "bad.toml"], ["bad.toml: elastomer.k1_Nm_rad = -9.39", "limit 0", "0 to 1000"]),
+        (["verify", "elbow", "--recording", "none.toml"], ["none.toml"]),
+        (["firmware", "elbow", "--board", "arduino"], ["arduino", "netduinoplus2"]),
+        (["emulate", "elbow", "--board", "arduino"], ["arduino", "netduinoplus2"]),
+        (["identify", "none.toml"], ["none.toml"]),
+        (["report", "elbow", "--recording", "none.toml"], ["none.toml"]),
+        (["build", "elbow", "--out", "a-file/x"], ["a-file", "--out"]),
+        (["verify", "elbow", "--real", "f64", "--json", "a-file/x.json"], ["a-file", "Give another"]),
+    ],
+)
+def test_bad_input_gets_one_paragraph_and_code_2(tmp_path, elbow, arguments, words):
+    (tmp_path / "bad.toml").write_text(elbow.toml().replace("value = 9.39", "value = -9.39"))
+    (tmp_path / "a-file").write_text("precious")
+    before = sorted(p.name for p in tmp_path.iterdir())
+    message = refused(run(*arguments, cwd=tmp_path))
+    for word in words:
+        assert word in message
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+    assert (tmp_path / "a-file").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("force_tonf", "force_kN", ["hdrb.csv", "force_kN", "displacement_cm, force_tonf"]),
+        ('files = ["hdrb.csv"]', 'files = ["gone.csv"]', ["gone.csv"]),
+    ],
+)
+def test_a_wrong_mapping_leaves_no_output(tmp_path, old, new, words):
+    text = (HDRB / "hdrb.toml").read_text()
+    assert old in text
+    (tmp_path / "mine.toml").write_text(text.replace(old, new))
+    done = run("identify", "mine.toml", "--data", HDRB, "--out", "o", cwd=tmp_path)
+    message = refused(done)
+    for word in words:
+        assert word in message
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "tool", "package"),
+    [
+        (["firmware", "elbow"], "arm-none-eabi-gcc", "gcc-arm-none-eabi"),
+        (["verify", "elbow"], "gcc", "gcc"),
+    ],
+)
+def test_a_missing_compiler_is_named_with_its_package(tmp_path, command, tool, package):
+    empty = tmp_path / "bin"
+    empty.mkdir()
+    message = refused(run(*command, cwd=tmp_path, env={"PATH": str(empty)}))
+    assert tool in message
+    assert package in message
+
+
+def test_help_lists_every_command(tmp_path):
+    done = run("--help", cwd=tmp_path)
+    for name in ("build", "check", "verify", "identify", "firmware", "emulate", "report", "schema"):
+        assert name in done.stdout
+    assert run("--version", cwd=tmp_path).stdout.strip() == "esea-gen 0.1.0"
+    assert json.loads(run("schema", cwd=tmp_path).stdout)["properties"]["elastomer"]
