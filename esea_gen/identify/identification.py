@@ -273,6 +273,24 @@ class Identification:
             for s, trained, held in verdict.sets
         ]
 
+    def summary(self) -> list[str]:
+        """A few lines for the terminal: fit on training and held-out cycles, notes."""
+        lines = [f"{self.device.title}: fit in % of full scale ({self.full_scale_Nm:g} Nm), RMS"]
+        width = max(len(s.label) for s, _, _ in self.verdict.sets)
+        for s, trained, held in self.verdict.sets:
+            cells = [
+                f"{what} {100 * e.rms_Nm / self.full_scale_Nm:5.2f} %"
+                for what, e in (("training", trained), ("held out", held))
+                if e
+            ]
+            lines.append(f"  {s.label:{width}}  {', '.join(cells)}")
+        means = self._means(self.verdict)
+        lines.append(
+            f"  {'mean':{width}}  training {means['training_percent']:5.2f} %, "
+            f"held out {means['held_out_percent']:5.2f} %"
+        )
+        return lines + [f"note: {note}" for note in self.notes]
+
     def toml(self) -> str:
         """The device file, its first line saying that it is ours and unchanged."""
         body = render_toml(self.device.file)
