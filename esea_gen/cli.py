@@ -313,7 +313,7 @@ def emulate(
         same = (
             "same bits as the host's f32" if r["identical"] else f"DIFFERS {r['first_difference']}"
         )
-        n = r["instructions_per_step"]
+        n = r["instructions"]
         out.print(
             f"{name}: {r['steps']} steps, {same}; instructions per step "
             f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
