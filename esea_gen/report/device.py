@@ -13,17 +13,24 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.block import Block, unit_of
-from esea_gen.device import Device, _field_extra
-from esea_gen.emit.build import Bundle, device_hash, render_device
+from esea_gen.device import Device, _field_extra, shipped_devices
+from esea_gen.emit.build import Bundle, render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import block_kernels, versions
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify import MappingFile, Recording, load_mapping, load_recordings
+from esea_gen.identify import (
+    MappingFile,
+    Recording,
+    Replay,
+    load_mapping,
+    load_recordings,
+    recordings_for,
+)
 from esea_gen.identify.recording import resample
 from esea_gen.report import figures
-from esea_gen.report.page import count_text, finite, number, render
+from esea_gen.report.page import count_text, finite, render
 from esea_gen.verify.emulator import EmulatorResult, run_in_emulator
 from esea_gen.verify.equivalence import (
     F64_TOLERANCE,
@@ -49,16 +56,16 @@ STATE_STORY = {
     "holds for any number of steps",
 }
 OPERATION_GROUPS = (
-    ("add, subtract", ("add", "sub")),
-    ("multiply", ("mul", "sq", "twice")),
-    ("divide", ("div", "inv")),
+    ("add, sub", ("add", "sub")),
+    ("mul", ("mul", "sq", "twice")),
+    ("div", ("div", "inv")),
     ("power", ("pow",)),
-    ("exp, log, tanh, sqrt", ("exp", "log", "tanh", "sqrt")),
+    ("exp, log, sqrt, tanh", ("exp", "log", "tanh", "sqrt")),
     ("min, max", ("fmin", "fmax")),
     ("compare", ("lt", "le", "eq", "ne")),
     ("select", ("select", "if_else_zero")),
     ("and, or, not", ("and", "or", "not")),
-    ("negate, magnitude, sign", ("neg", "fabs", "sign")),
+    ("neg, abs, sign", ("neg", "fabs", "sign")),
 )
 
 
@@ -86,7 +93,8 @@ class Run:
 
     def torque_at(self, real: str, time_s: Array) -> Array:
         """Torque of the C in a number format, at other times (interpolated)."""
-        return resample(self.time_s, self.outputs[real]["tau_Nm"].astype(np.float64), time_s)
+        grid = np.asarray(self.time_s, dtype=np.float64)
+        return resample(grid, self.outputs[real]["tau_Nm"].astype(np.float64), time_s)
 
 
 @dataclass(frozen=True)
@@ -202,6 +210,7 @@ class Findings:
     def worst(self, real: str) -> dict[str, Any]:
         """Largest output error of any Block and stream in a number format."""
         full = self.verification.full_scale
+        torque = self.verification.worst(real, "sensor").get("tau_Nm", 0.0)
         return max(
             (
                 {
@@ -212,6 +221,7 @@ class Findings:
                     "block": c.block,
                     "stream": c.stream,
                     "bound_percent": 100 * c.limits[k] / full[k],
+                    "torque_percent": 100 * torque / full["tau_Nm"],
                 }
                 for c in self.verification.comparisons
                 if c.real == real
@@ -269,7 +279,7 @@ class Findings:
         if not self.same_specimen:
             return None
         full = self.device.tau_full_scale_Nm
-        sets = []
+        sets: list[dict[str, Any]] = []
         apart = 0.0
         for run in self.runs:
             r = run.recording
@@ -349,7 +359,7 @@ class Findings:
         """Generated files with their sizes, and operations of every kernel."""
         folders = []
         for bundle in self.bundles:
-            files = [
+            files: list[dict[str, Any]] = [
                 {"name": n, "bytes": len(t.encode()), "lines": t.count("\n")}
                 for n, t in sorted(bundle.files.items())
             ]
@@ -558,12 +568,8 @@ class Findings:
         fit = self.fit()
         if fit is not None:
             means = fit["mean_rms_percent"]
-            shown = [
-                f"{v:.2f} % {k.replace('_', ' ')}" for k, v in means.items() if v is not None
-            ]
-            lines.append(
-                f"fit to the measured torque, RMS in % of full scale: {', '.join(shown)}"
-            )
+            shown = [f"{v:.2f} % {k.replace('_', ' ')}" for k, v in means.items() if v is not None]
+            lines.append(f"fit to the measured torque, RMS in % of full scale: {', '.join(shown)}")
         lines.append(f"{len(self.assumed())} values are assumed")
         if self.device.file.elastomer.maxwell is None:
             lines.append("rate terms not identified")
@@ -612,6 +618,7 @@ class Findings:
             full_scale_Nm=self.device.tau_full_scale_Nm,
             same_specimen=self.same_specimen,
             recorded=self.mapping is not None,
+            emulated=self.board.name in BOARDS and bool(BOARDS[self.board.name].machine),
             mapping_title="" if self.mapping is None else self.mapping.mapping.device.title,
             steps_verified=sum(c.steps for c in self.verification.comparisons),
         )
@@ -685,18 +692,22 @@ class Findings:
     def _plots(self) -> list[dict[str, Any]]:
         plots = []
         points = figures.POINTS_PER_PAGE // (2 * max(len(self.runs), 4))
-        for i, run in enumerate(self.runs):
-            trace = self._trace(run)
-            rounding = run.outputs["f32"]["tau_Nm"].astype(np.float64) - run.outputs["f64"]["tau_Nm"]
+        traces = [self._trace(run) for run in self.runs]
+        shared = figures.share_loops(traces)
+        for i, (run, trace) in enumerate(zip(self.runs, traces, strict=True)):
+            rounding = (
+                run.outputs["f32"]["tau_Nm"].astype(np.float64) - run.outputs["f64"]["tau_Nm"]
+            )
             plots.append(
                 {
                     "label": run.label,
                     "steps": len(run.theta_rad),
                     "measured": trace.measured_Nm is not None,
                     "held_out": trace.held_out is not None,
-                    "parts": len(trace.parts),
-                    "drawn": min(len(trace.parts), 8),
-                    "loops": figures.loops(trace, f"loops{i}", points),
+                    "parts": len((shared or trace).parts),
+                    "shared": shared is not None,
+                    "drawn": min(len((shared or trace).parts), figures.MOST_PANELS),
+                    "loops": _loops(trace, shared, i, points),
                     "time": figures.over_time(
                         trace,
                         f"time{i}",
@@ -718,14 +729,23 @@ class Findings:
                 run.theta_rad,
                 run.outputs["f32"]["tau_Nm"].astype(np.float64),
                 None,
-                (("whole stream", every),),
+                (("torque", every),),
+                components=tuple(
+                    (name, run.outputs["f32"][key].astype(np.float64))
+                    for name, key in (
+                        ("spring", "tau_spring_Nm"),
+                        ("hysteresis", "tau_hysteresis_Nm"),
+                        ("rate terms", "tau_rate_Nm"),
+                    )
+                    if np.any(run.outputs["f32"][key])
+                ),
             )
         parts = []
         mask = np.zeros(len(r.time_s), dtype=bool)
         for s in r.sets:
             mask[s.held_out] = True
             samples = np.sort(np.concatenate([s.training, s.held_out]))
-            parts.append((f"{s.label}, ±{np.degrees(s.amplitude_rad):.3g}°", samples))
+            parts.append((f"{s.label}, amplitude {np.degrees(s.amplitude_rad):.3g}°", samples))
         # All samples once more, conditioning cycles and transitions too: nothing is hidden.
         if len(parts) != 1 or len(parts[0][1]) != len(r.time_s):
             parts.append(("whole recording", np.arange(len(r.time_s))))
@@ -754,6 +774,13 @@ def _errors(error: Array, full_scale_Nm: float) -> dict[str, float] | None:
 
 def _mean(values: list[float]) -> float | None:
     return float(np.mean(values)) if values else None
+
+
+def _loops(trace: figures.Trace, shared: figures.Trace | None, i: int, points: int) -> str:
+    # A shared figure stands with the first recording.
+    if shared is not None and i > 0:
+        return ""
+    return figures.loops(shared or trace, f"loops{i}", points)
 
 
 def _by_section(parameters: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
@@ -798,46 +825,43 @@ def gather(
     say = progress or (lambda _: None)
     say("reading")
     source = None if recording is None else load_mapping(recording, data)
-    recorded = [] if source is None else load_recordings(source)
+    recorded: list[tuple[Replay, Recording]] = []
+    if recording is not None and source is not None:
+        # The replay is what every other command runs; the recording knows its data sets.
+        replays = recordings_for(device, recording, data)
+        recorded = list(zip(replays, load_recordings(source), strict=True))
     say("generating")
     bundles = (*render_device(device, REALS), render_dialect(device))
-    runs = [_run(device, r.label, r, say) for r in recorded] or [_run(device, CHIRP, None, say)]
+    runs = [_run(device, r.label, single(r.theta_rad), raw, say) for r, raw in recorded]
+    if not runs:
+        runs = [_run(device, CHIRP, domain_chirp(device), None, say)]
     deflections = {r.label: r.theta_rad for r in runs if r.recording is not None}
     verification = verify(device, REALS, deflections, progress=say)
     on_board = run_board(device, board, {r.label: r.theta_rad for r in runs}, say)
-    words = ["esea-gen report", device.origin if device.origin else device.name]
-    if device.origin.removesuffix(".toml") == device.name:
-        words[1] = device.name
+    shipped = device.name in shipped_devices() and device.origin == f"{device.name}.toml"
+    words = ["esea-gen report", device.name if shipped else device.origin]
     if recording is not None:
         words.append(f"--recording {Path(recording).name}")
     if data is not None:
         words.append("--data DIR")
     if board != "netduinoplus2":
         words.append(f"--board {board}")
-    return Findings(
-        device, verification, bundles, tuple(runs), on_board, source, " ".join(words)
-    )
+    return Findings(device, verification, bundles, tuple(runs), on_board, source, " ".join(words))
 
 
-def _run(device: Device, label: str, recording: Recording | None, say: Say) -> Run:
+def _run(
+    device: Device, label: str, theta_rad: Array, recording: Recording | None, say: Say
+) -> Run:
     say(f"running the C: {label}")
-    h = device.period_s
-    if recording is None:
-        theta = domain_chirp(device)
-        grid = np.arange(len(theta)) * h
-    else:
-        grid = np.arange(int(np.ceil(recording.time_s[-1] / h)) + 1) * h
-        theta = single(resample(recording.time_s, recording.theta_rad, grid))
     outputs = {}
     for real in REALS:
         task = compile_device(device, real).task(device.system.tasks[0].name)
-        outputs[real], _ = task.run({"theta_rad": theta}, trace=False)
-    return Run(label, grid, theta, outputs, recording)
+        outputs[real], _ = task.run({"theta_rad": theta_rad}, trace=False)
+    time_s = np.arange(len(theta_rad)) * device.period_s
+    return Run(label, time_s, theta_rad, outputs, recording)
 
 
-def run_board(
-    device: Device, board: str, deflections: Mapping[str, Array], say: Say
-) -> BoardRun:
+def run_board(device: Device, board: str, deflections: Mapping[str, Array], say: Say) -> BoardRun:
     """Build firmware and run deflections on it.
 
     Parameters
@@ -886,4 +910,4 @@ def run_board(
     return BoardRun(board, title, image, results)
 
 
-__all__ = ["BoardRun", "Findings", "Run", "device_hash", "gather", "number", "run_board"]
+__all__ = ["BoardRun", "Findings", "Run", "gather", "run_board"]

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import matplotlib as mpl
@@ -26,8 +27,10 @@ MEASURED, MODEL, ROUNDING, BOUND = "#d98b3a", "#00558c", "#00775a", "#9a3f78"
 HELD_OUT, INK, RULE = "#e9eef2", "#26303a", "#c9d1d8"
 # An SVG point takes about 12 bytes: this keeps a page with ten recordings below 3 MB.
 POINTS_PER_PAGE = 120_000
+MOST_PANELS = 16
 
-_STYLE = {
+# Matplotlib types its keys one by one.
+_STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 9.0,
@@ -72,6 +75,8 @@ class Trace:
         Samples that served no training.
     model_name : str
         What made ``model_Nm``.
+    components : tuple of (str, ndarray)
+        Parts of the model's torque, for a panel of their own.
     """
 
     label: str
@@ -82,6 +87,7 @@ class Trace:
     parts: tuple[tuple[str, npt.NDArray[np.intp]], ...]
     held_out: npt.NDArray[np.bool_] | None = None
     model_name: str = "C, float32"
+    components: tuple[tuple[str, Array], ...] = ()
 
 
 def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
@@ -108,6 +114,9 @@ def _svg(figure: Figure, name: str, alternative: str) -> Markup:
         ' xmlns:xlink="http://www.w3.org/1999/xlink"', ""
     )
     body = body.replace("xlink:href", "href")
+    # A narrow figure keeps the scale of the wide ones.
+    width = round(figure.get_figwidth() * 105)
+    head += f' style="max-width:{width}px"' if width < 960 else ""
     return Markup(f'{head} role="img" aria-label="{escape(alternative)}">{body}'.strip())
 
 
@@ -117,6 +126,36 @@ def _short(path: str) -> str:
         return f"{float(match.group()):.2f}".rstrip("0").rstrip(".")
 
     return " ".join(re.sub(r"-?\d+\.\d+", rounded, path).split())
+
+
+def share_loops(traces: Sequence[Trace]) -> Trace | None:
+    """Recordings of one loop each as one trace, so that their loops share a figure.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        One a recording.
+
+    Returns
+    -------
+    Trace or None
+        None when there is only one, or some have several data sets.
+    """
+    if len(traces) < 2 or any(len(t.parts) > 1 or t.components for t in traces):
+        return None
+    starts = np.cumsum([0, *(len(t.time_s) for t in traces)])
+    measured = [t.measured_Nm for t in traces if t.measured_Nm is not None]
+    return Trace(
+        "every recording",
+        np.concatenate([t.time_s for t in traces]),
+        np.concatenate([t.theta_rad for t in traces]),
+        np.concatenate([t.model_Nm for t in traces]),
+        np.concatenate(measured) if len(measured) == len(traces) else None,
+        tuple(
+            (t.parts[0][0], t.parts[0][1] + start) for t, start in zip(traces, starts, strict=False)
+        ),
+        model_name=traces[0].model_name,
+    )
 
 
 def _thin(n: int, most: int) -> npt.NDArray[np.intp]:
@@ -133,13 +172,13 @@ def _envelope(y: Array, most: int) -> npt.NDArray[np.intp]:
         return np.arange(n)
     edges = np.linspace(0, n, max(most // 2, 1) + 1).astype(int)
     picked: set[int] = {0, n - 1}
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         if b > a:
             picked |= {a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b]))}
     return np.array(sorted(picked), dtype=np.intp)
 
 
-def _minus(figure: Figure) -> None:
+def _ticks(figure: Figure) -> None:
     for axes in figure.axes:
         axes.tick_params(length=3)
 
@@ -161,12 +200,14 @@ def loops(trace: Trace, name: str, points: int) -> Markup:
     Markup
         Inline SVG.
     """
-    parts = trace.parts[:8]
-    columns = min(len(parts), 4 if len(parts) != 3 else 3)
-    rows = math.ceil(len(parts) / columns)
+    parts = trace.parts[:MOST_PANELS]
+    panels = len(parts) + bool(trace.components)
+    columns = panels if panels <= 4 else 3 if panels <= 6 else 4
+    rows = math.ceil(panels / columns)
     lines = 1 if trace.measured_Nm is None else 2
     with mpl.rc_context(_STYLE):
-        width, height = (4.6, 3.5) if len(parts) == 1 else (9.6, 0.55 + 2.55 * rows)
+        width = 9.6 if columns > 1 else 5.2
+        height = 0.5 + rows * max(2.5, min(3.2, 0.85 * width / columns))
         figure, grid = _new(
             width, height, nrows=rows, ncols=columns, squeeze=False, sharex=True, sharey=True
         )
@@ -185,17 +226,33 @@ def loops(trace: Trace, name: str, points: int) -> Markup:
             axes.plot(x, cut(trace.model_Nm), color=MODEL, lw=0.9, label=trace.model_name)
             axes.set_title(title)
             axes.xaxis.set_major_locator(MaxNLocator(5))
-        for axes in cells[len(parts) :]:
+        handles, labels = cells[0].get_legend_handles_labels()
+        if trace.components:
+            axes = cells[len(parts)]
+            keep = _thin(len(trace.time_s), points // (lines * panels))
+            for (what, torque), (colour, broad) in zip(
+                trace.components, ((INK, 1.4), (BOUND, 1.0), (ROUNDING, 1.0)), strict=False
+            ):
+                axes.plot(
+                    np.degrees(trace.theta_rad[keep]),
+                    torque[keep],
+                    color=colour,
+                    lw=broad,
+                    label=what,
+                )
+            axes.set_title("its parts")
+            more = axes.get_legend_handles_labels()
+            handles, labels = [*handles, *more[0]], [*labels, *more[1]]
+        for axes in cells[panels:]:
             axes.set_visible(False)
         for row in grid:
             row[0].set_ylabel("torque, N·m")
-        for k, axes in enumerate(cells[: len(parts)]):
-            if k + columns >= len(parts):
+        for k, axes in enumerate(cells[:panels]):
+            axes.tick_params(labelbottom=True)
+            if k + columns >= panels:
                 axes.set_xlabel("deflection, deg")
-                axes.tick_params(labelbottom=True)
-        handles, labels = cells[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=2)
-        _minus(figure)
+        figure.legend(handles, labels, loc="outside upper right", ncols=5)
+        _ticks(figure)
     return _svg(figure, name, f"Torque over deflection, {trace.label}")
 
 
@@ -276,7 +333,7 @@ def over_time(
             axes.yaxis.set_major_locator(MaxNLocator(4))
         used[-1].set_xlabel("time, s")
         figure.align_ylabels(used)
-        _minus(figure)
+        _ticks(figure)
     return _svg(figure, name, f"Torque over time, {trace.label}")
 
 
@@ -362,7 +419,7 @@ def error_overview(rows: Sequence[StreamError], fit: float | None, name: str) ->
         axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: _decade(v, floor)))
         axes.minorticks_off()
         figure.legend(loc="outside upper right", ncols=4)
-        _minus(figure)
+        _ticks(figure)
     return _svg(figure, name, "Largest torque errors by stream and number format")
 
 
@@ -393,14 +450,18 @@ def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup
     """
     shown = [(n, abs(s / v)) for n, v, s in rows if s is not None and v != 0]
     with mpl.rc_context(_STYLE):
-        figure, axes = _new(7.2, 0.75 + 0.27 * max(len(shown), 1))
+        figure, axes = _new(9.6, 0.75 + 0.27 * max(len(shown), 1))
         y = np.arange(len(shown))[::-1]
         for (_, s), k in zip(shown, y, strict=True):
             half = min(100 * s, 200)
             axes.plot([-half, half], [k, k], color=MODEL, lw=5, solid_capstyle="butt", alpha=0.55)
             axes.plot([0], [k], marker="|", color=MODEL, ms=11, mew=2)
             axes.annotate(
-                f"±{100 * s:.2g} %", (205, k), va="center", fontsize=9, annotation_clip=False
+                f"±{100 * s:.{1 if s < 0.1 else 0}f} %",
+                (205, k),
+                va="center",
+                fontsize=9,
+                annotation_clip=False,
             )
         axes.set_yticks(y, [n for n, _ in shown])
         axes.tick_params(axis="y", length=0)
@@ -408,5 +469,5 @@ def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup
         axes.set_ylim(-0.6, max(len(shown), 1) - 0.4)
         axes.axvspan(-50, 50, color=HELD_OUT, lw=0, zorder=0)
         axes.set_xlabel("one standard deviation, % of the value (grey: within ±50 %)")
-        _minus(figure)
+        _ticks(figure)
     return _svg(figure, name, "Standard deviations of the parameters")

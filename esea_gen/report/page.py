@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import cache
 from typing import Any
 
@@ -38,6 +39,7 @@ def environment() -> jinja2.Environment:
         "unit": unit_text,
         "people": for_people,
         "count": count_text,
+        "mathml": mathml,
         "mark": STATUS_MARKS.__getitem__,
     }
     return env
@@ -105,7 +107,8 @@ def plain(value: float) -> str | Markup:
         HTML.
     """
     if value != 0 and not 1e-4 <= abs(value) < 1e6:
-        return number(value, 6)
+        short = f"{value:.5e}".split("e")[0].rstrip("0").rstrip(".")
+        return number(value, max(1, len(short.replace(".", "").lstrip("-"))))
     return f"{value:.6g}".replace("-", "−")
 
 
@@ -146,7 +149,9 @@ def for_people(value: float, unit: str) -> str:
     """
     if unit not in ("rad", "rad/s"):
         return ""
-    return f"{math.degrees(value):.3g}°" + ("/s" if unit == "rad/s" else "")
+    degrees = math.degrees(value)
+    text = f"{degrees:.3g}" if abs(degrees) < 1000 else count_text(round(degrees))
+    return text.replace("-", "−") + ("°/s" if unit == "rad/s" else "°")
 
 
 def count_text(value: int) -> str:
@@ -163,6 +168,24 @@ def count_text(value: int) -> str:
         ``52 737``.
     """
     return f"{value:,}".replace(",", "\u202f")
+
+
+def mathml(equation: str) -> Markup:
+    """An equation as browsers draw it well.
+
+    Parameters
+    ----------
+    equation : str
+        Presentation MathML of a Block's equation: our own output, so not escaped.
+
+    Returns
+    -------
+    Markup
+        With invisible products instead of empty operators (which take space), minus signs instead
+        of hyphens, and an ordinary e.
+    """
+    text = equation.replace("<mo></mo>", "<mo>\u2062</mo>").replace("&ExponentialE;", "e")
+    return Markup(re.sub(r"(?<=>)([^<]*)(?=<)", lambda m: m.group().replace("-", "−"), text))
 
 
 def finite(content: Any) -> Any:

@@ -1,0 +1,434 @@
+"""The pages: self-contained, complete, escaped, the same every time, and able to fail."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import re
+import shutil
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from esea_gen.device import Device, parse_device
+from esea_gen.errors import UserError
+from esea_gen.identify import Identification, identify
+from esea_gen.report import device as report
+from esea_gen.report.identification import identification_page
+from esea_gen.report.page import finite, for_people, number, plain
+from esea_gen.verify import equivalence
+from esea_gen.verify.emulator import Difference
+from esea_gen.verify.streams import streams
+
+from .conftest import ROOT, require_tool
+
+HDRB = ROOT / "tests" / "data" / "hdrb"
+VOID = {"meta", "rect", "path", "use", "polyline", "br", "link", "img"}
+HOSTILE = 'A <script>alert("x")</script> & "coupling"'
+
+
+class Page(HTMLParser):
+    """Collects tags, text and outward references; complains about tags that do not match."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.outward: list[str] = []
+        self.texts: list[str] = []
+        self.feed(text)
+        self.close()
+        assert not self.open, f"left open: {self.open}"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for key, value in attrs:
+            if key == "id":
+                self.ids.append(value or "")
+            if key in ("src", "href", "srcset", "action", "data") and not (value or "").startswith(
+                "#"
+            ):
+                self.outward.append(f"{tag} {key}={value}")
+            if key != "xmlns" and re.search(r"https?:|url\((?!#)", value or ""):
+                self.outward.append(f"{tag} {key}={value}")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self.open.pop() == tag, f"</{tag}> closes something else"
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.texts).split())
+
+
+@pytest.fixture(scope="module")
+def mapping(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The rubber's mapping for a device of 150 Hz: fewer steps to emulate."""
+    folder = tmp_path_factory.mktemp("hdrb")
+    shutil.copy(HDRB / "hdrb.csv", folder)
+    text = (HDRB / "hdrb.toml").read_text()
+    rate = 'sense_rate_Hz = { value = 150, status = "assumed", source = "shorter test" }'
+    (folder / "hdrb.toml").write_text(text.replace("[device]\n", f"[device]\n{rate}\n"))
+    return folder / "hdrb.toml"
+
+
+@pytest.fixture(scope="module")
+def identification(mapping: Path) -> Identification:
+    require_tool("gcc")
+    return identify(mapping)
+
+
+@pytest.fixture(scope="module")
+def chirped(elbow: Device) -> report.Findings:
+    """The elbow without a recording, its board left out: that has a test of its own."""
+    require_tool("gcc")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "run_board", _no_board)
+        patch.setattr(report, "domain_chirp", _ramp)
+        _shorten(patch)
+        return report.gather(elbow)
+
+
+@pytest.fixture(scope="module")
+def recorded(identification: Identification, mapping: Path) -> report.Findings:
+    """The identified rubber with its own recording, board and all."""
+    with pytest.MonkeyPatch.context() as patch:
+        _shorten(patch)
+        return report.gather(identification.device, mapping)
+
+
+@pytest.fixture(scope="module")
+def chirped_page(chirped: report.Findings) -> str:
+    return chirped.html()
+
+
+@pytest.fixture(scope="module")
+def recorded_page(recorded: report.Findings) -> str:
+    return recorded.html()
+
+
+def _shorten(patch: pytest.MonkeyPatch) -> None:
+    # Every stream, but shorter: verification has tests of its own.
+    patch.setattr(equivalence, "streams", lambda block, seed: streams(block, seed, 400))
+    patch.setattr(equivalence, "domain_chirp", _ramp)
+
+
+def _ramp(device: Device) -> np.ndarray:
+    theta = device.file.domain.theta_max_rad.value
+    return np.float64(np.float32(theta * np.sin(np.arange(1500) * 0.004)))
+
+
+def _no_board(device: Device, board: str, deflections: object, say: report.Say) -> report.BoardRun:
+    return report.BoardRun(board, "a board", skipped="The emulator is not installed.")
+
+
+def test_the_page_is_self_contained_and_well_formed(
+    chirped_page: str, recorded_page: str, identification: Identification
+) -> None:
+    for text in (chirped_page, recorded_page, identification_page(identification)):
+        page = Page(text)
+        assert page.outward == []
+        assert "script" not in page.tags
+        assert "@import" not in text
+        assert "@font-face" not in text
+        assert len(page.ids) == len(set(page.ids)), "an id occurs twice"
+        assert len(text) < 3e6
+        assert str(ROOT) not in text
+        for reference in re.findall(r'(?:href="#|url\(#)([^")]+)', text):
+            assert reference in page.ids
+
+
+def test_the_page_shows_every_parameter_with_its_status(
+    chirped: report.Findings, chirped_page: str
+) -> None:
+    text = chirped_page
+    for key, q in chirped.device.quantities():
+        row = re.search(rf"<tr[^>]*>\s*<th[^>]*><span[^>]*>{re.escape(key)}</span>.*?</tr>", text)
+        assert row is not None, key
+        assert q.status in row.group()
+        assert f"badge {q.status}" in row.group()
+    assumed = [k for k, q in chirped.device.quantities() if q.status == "assumed"]
+    assert f"{len(assumed)} values are assumed" in text
+    listed = text[text.index('id="assumed"') :]
+    assert all(k in listed[: listed.index("</div>")] for k in assumed)
+
+
+def test_the_page_shows_every_equation_and_the_content_hash(
+    chirped: report.Findings, chirped_page: str
+) -> None:
+    page = Page(chirped_page)
+    equations = [e for b in chirped.device.system.kinds for e in b.equations]
+    assert page.tags.count("math") == len(equations)
+    for e in equations:
+        assert e.number in page.text
+        assert e.text in page.text
+    assert chirped.verification.content_hash in page.text
+
+
+def test_the_page_shows_every_stream_and_file(
+    recorded: report.Findings, recorded_page: str
+) -> None:
+    text = Page(recorded_page).text
+    for c in recorded.verification.comparisons:
+        assert c.stream in text
+    for bundle in recorded.bundles:
+        for name in bundle.files:
+            assert name in text or bundle.folder == "dialect"
+
+
+def test_a_measured_torque_is_compared(recorded: report.Findings, recorded_page: str) -> None:
+    fit = recorded.fit()
+    assert fit is not None
+    assert 0 < fit["mean_rms_percent"]["training"] < 20
+    assert fit["f32_minus_f64_max_Nm"] < 1e-5
+    text = recorded_page
+    assert "measured</text>" in text or ">measured<" in text
+    assert "Rate terms not identified" in text
+    assert "rate terms not identified" in recorded.summary()
+
+
+def test_another_specimens_torque_is_not_compared(recorded: report.Findings) -> None:
+    other = recorded.device.file.model_copy(update={"name": "other"})
+    stranger = replace(recorded, device=Device(other, "other.toml"))
+    assert stranger.fit() is None
+    assert "another specimen's" in " ".join(Page(stranger.html()).text.split())
+
+
+def test_the_fit_is_that_of_the_identification(
+    recorded: report.Findings, identification: Identification
+) -> None:
+    # Two ways to one number: the report's own run of the C, and the identification's.
+    fit = recorded.fit()
+    assert fit is not None
+    content = identification.to_dict()
+    for ours, theirs in zip(fit["sets"], content["sets"], strict=True):
+        for role in ("training", "held_out"):
+            assert ours[role]["rms_Nm"] == pytest.approx(theirs[role]["rms_Nm"], rel=1e-4)
+    for role in ("training", "held_out"):
+        expected = content["mean_rms"][f"{role}_percent"]
+        assert fit["mean_rms_percent"][role] == pytest.approx(expected, rel=1e-4)
+
+
+def test_hostile_text_is_escaped(chirped: report.Findings) -> None:
+    file = chirped.device.file
+    bad = file.elastomer.model_copy(
+        update={"k1_Nm_rad": file.elastomer.k1_Nm_rad.model_copy(update={"source": HOSTILE})}
+    )
+    device = Device(file.model_copy(update={"title": HOSTILE, "elastomer": bad}), "x.toml")
+    text = replace(chirped, device=device, command=f"run {HOSTILE}").html()
+    assert "<script" not in text
+    assert "&lt;script&gt;" in text
+    assert HOSTILE in Page(text).text
+
+
+def test_a_hostile_identification_is_escaped(identification: Identification) -> None:
+    file = identification.device.file.model_copy(update={"title": HOSTILE})
+    hostile = replace(identification, device=Device(file, "x.toml"), notes=(HOSTILE,))
+    assert "<script" not in identification_page(hostile)
+
+
+def test_two_renders_are_equal(
+    recorded: report.Findings, recorded_page: str, identification: Identification
+) -> None:
+    assert recorded.html() == recorded_page
+    assert json.dumps(recorded.to_dict()) == json.dumps(recorded.to_dict())
+    assert identification_page(identification) == identification_page(identification)
+
+
+def test_the_banner_says_passed_only_when_all_is_well(
+    chirped: report.Findings, chirped_page: str
+) -> None:
+    assert chirped.passed
+    text = chirped_page
+    assert 'class="banner passed partial"' in text
+    assert "✗" not in Page(text).text
+    assert "skipped: The emulator is not installed." in Page(text).text
+    assert any("skipped" in line for line in chirped.summary())
+
+
+@pytest.mark.parametrize("how", ["problem", "status", "bits"])
+def test_a_failing_comparison_turns_the_banner(chirped: report.Findings, how: str) -> None:
+    verification = copy.deepcopy(chirped.verification)
+    comparison = verification.comparisons[0]
+    if how == "problem":
+        comparison.problems.append("omega_rad_s: error 1 above 0.1")
+    elif how == "status":
+        comparison.status_differences = 3
+    else:
+        comparison.bit_identical = False
+    failed = replace(chirped, verification=verification)
+    assert not failed.passed
+    assert not failed.to_dict()["passed"]
+    text = failed.html()
+    assert 'class="banner failed"' in text
+    assert 'class="banner passed' not in text
+    assert failed.problems
+    assert all(p in Page(text).text for p in failed.problems)
+    assert "FAILED" in failed.summary()[0]
+
+
+def test_a_value_that_is_not_finite_is_shown_as_failed(chirped: report.Findings) -> None:
+    verification = copy.deepcopy(chirped.verification)
+    c = next(c for c in verification.comparisons if c.block == "sensor" and c.real == "f32")
+    del c.errors["tau_Nm"]
+    c.problems.append("tau_Nm is not finite")
+    text = Page(replace(chirped, verification=verification).html()).text
+    assert "not finite" in text
+    assert "✗ Failed" in text
+
+
+def test_a_board_that_differs_or_dies_turns_the_banner(recorded: report.Findings) -> None:
+    if recorded.board.skipped:
+        require_tool("qemu-system-arm")
+        require_tool("arm-none-eabi-gcc")
+    assert recorded.passed
+    assert recorded.board.results
+    assert "every bit equal" in Page(recorded.html()).text
+    label, result = next(iter(recorded.board.results.items()))
+    wrong = replace(
+        result,
+        identical=False,
+        first_difference=Difference(7, "tau_Nm", "0x3f800000", "0x00000000"),
+    )
+    for board in (
+        replace(recorded.board, results={label: wrong}),
+        replace(recorded.board, results={label: replace(result, content_hash="0" * 16)}),
+        replace(recorded.board, results={}, failed="the board was silent for 10 s"),
+    ):
+        failed = replace(recorded, board=board)
+        assert not failed.passed
+        assert 'class="banner failed"' in failed.html()
+
+
+def test_missing_tools_do_not_stop_the_report(
+    elbow: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(*_: object) -> None:
+        raise UserError("The compiler 'arm-none-eabi-gcc' is not installed.", "Install it.")
+
+    monkeypatch.setattr(report, "build_firmware", missing)
+    monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
+    board = report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
+    assert "arm-none-eabi-gcc" in board.skipped
+    assert board.passed
+    monkeypatch.setenv("ESEA_REQUIRE_TOOLS", "1")
+    with pytest.raises(UserError):
+        report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
+
+
+def test_an_unknown_board_is_an_error(elbow: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
+    with pytest.raises(UserError, match="no board"):
+        report.run_board(elbow, "toaster", {}, lambda _: None)
+
+
+def test_a_build_that_breaks_is_a_finding(elbow: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("the control code is not float-only")
+
+    monkeypatch.setattr(report, "build_firmware", broken)
+    board = report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
+    assert not board.passed
+    assert "float-only" in board.failed
+
+
+def test_the_json_holds_what_is_promised(
+    chirped: report.Findings, recorded: report.Findings
+) -> None:
+    for findings in (chirped, recorded):
+        content = json.loads(json.dumps(findings.to_dict(), allow_nan=False))
+        assert content["content_hash"] == findings.verification.content_hash
+        assert [p["key"] for p in content["parameters"]] == [
+            k for k, _ in findings.device.quantities()
+        ]
+        assert all(p["status"] and p["source"] for p in content["parameters"])
+        assert {c["format"] for c in content["verification"]["comparisons"]} == {"f64", "f32"}
+        assert {e["number"] for e in content["equations"]} >= {"(3.1)", "(3.2)", "(3.9)"}
+        assert {d["folder"] for d in content["code"]["folders"]} == {"f64", "f32", "dialect"}
+        assert all(k["total"] > 0 for k in content["code"]["kernels"])
+        assert content["worst"]["f32"]["percent"] < content["worst"]["f32"]["bound_percent"]
+        assert "duration_s" not in json.dumps(content["board"])
+        assert os.sep + "tmp" not in json.dumps(content)
+        assert content["command"].startswith("esea-gen report")
+    assert recorded.to_dict()["fit"]["sets"]
+    assert "sampling.period_s" in recorded.to_dict()["assumed"]
+
+
+def test_the_identification_page_shows_what_was_found(identification: Identification) -> None:
+    text = Page(identification_page(identification)).text
+    content = identification.to_dict()
+    for key in content["parameters"]:
+        assert key in text
+    for note in identification.notes:
+        assert note in text
+    assert "Rate terms not identified" in text
+    assert "Weakest direction" in text
+    for s in content["sets"]:
+        assert s["label"] in text
+        assert number(s["held_out"]["rms_percent"], 3) in text
+
+
+def test_every_status_is_a_word_not_only_a_colour(elbow: Device) -> None:
+    from esea_gen.report.page import environment
+
+    template = environment().get_template("report/parts.html.j2")
+    for status in ("published", "identified", "assumed", "derived"):
+        assert status in str(template.module.badge(status))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "expected"),
+    [
+        (0.0, 2, "0"),
+        (0.0123, 2, "0.012"),
+        (-3.456, 3, "−3.46"),
+        (None, 2, "–"),
+        (float("inf"), 2, "∞"),
+        (float("nan"), 2, "not a number"),
+        (1.5e-7, 2, '<span class="n">1.5·10<sup>−7</sup></span>'),
+        (-2e6, 2, '<span class="n">−2.0·10<sup>6</sup></span>'),
+    ],
+)
+def test_numbers_are_written_for_people(value: float | None, digits: int, expected: str) -> None:
+    assert number(value, digits) == expected
+
+
+def test_values_keep_their_digits() -> None:
+    assert plain(0.0197) == "0.0197"
+    assert plain(-0.35) == "−0.35"
+    assert "1·10" in plain(1e-6)
+    assert "1.25·10" in plain(1.25e-6)
+    assert for_people(0.2007128639793479, "rad") == "11.5°"
+    assert "1\u202f432°/s" in for_people(25.0, "rad/s")
+    assert for_people(1.0, "Nm") == ""
+
+
+def test_json_content_is_finite() -> None:
+    raw = {"a": np.float32(1.5), "b": [float("nan"), np.inf, np.int64(3)], "c": (True, None, "x")}
+    assert finite(raw) == {"a": 1.5, "b": [None, None, 3], "c": [True, None, "x"]}
+
+
+def test_the_device_of_an_identification_can_be_reported(identification: Identification) -> None:
+    again = parse_device(identification.device.toml(), "hdrb.toml")
+    assert again.canonical() == identification.device.canonical()
+
+
+def test_pages_need_no_files_beside_them(chirped: report.Findings, tmp_path: Path) -> None:
+    target = tmp_path / "page.html"
+    target.write_text(chirped.html(), encoding="utf-8")
+    assert 'charset="utf-8"' in target.read_text(encoding="utf-8")[:200]
