@@ -4,7 +4,7 @@ BIN := .venv/bin
 OUT := out
 STAMP := .venv/.stamp
 
-.PHONY: run test test-slow style setup clean
+.PHONY: run test bench test-slow style setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -16,7 +16,11 @@ run: setup
 
 test: setup style
 	@$(BIN)/esea-gen check
+	@$(BIN)/esea-gen traces check
 	@$(BIN)/python -m pytest
+
+bench: setup
+	@$(BIN)/python -m esea_gen.bench --json bench.json
 
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow

@@ -343,7 +343,7 @@ def emulate_deflections(
     """
     from esea_gen.verify.emulator import run_in_emulator
     from esea_gen.verify.firmware import build_firmware
-    from esea_gen.verify.streams import single
+    from esea_gen.verify.streams import deflection_inputs
 
     results = {}
     with tempfile.TemporaryDirectory() as scratch:
@@ -360,7 +360,7 @@ def emulate_deflections(
                 result = run_in_emulator(
                     loaded,
                     image,
-                    {"theta_rad": single(theta)},
+                    deflection_inputs(loaded.system, theta),
                     progress=lambda done, _, t=task: p.update(t, completed=done),  # type: ignore[misc]
                 )
                 results[name] = result.to_dict()
@@ -404,19 +404,79 @@ def report(
 
 
 @app.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new device.")],
+    base: Annotated[
+        str, typer.Option("--from", metavar="DEVICE", help="Device whose numbers to start from.")
+    ] = "elbow",
+    target: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The file; NAME.toml.")
+    ] = None,
+) -> None:
+    """Write a commented device file to edit; its numbers are copied, each marked as assumed."""
+    from esea_gen.device import SCHEMA_FILE, copy_device
+
+    device = copy_device(load_device(base), name)
+    path = target or Path(f"{name}.toml")
+    beside = path.parent / SCHEMA_FILE
+    if path.exists():
+        raise UserError(f"{path} exists already.", "Give another file with --out, or move it away.")
+    fresh = not beside.exists()
+    if fresh:
+        write_text(beside, _schema_text())
+    # The first line tells editors where the schema is.
+    write_text(path, f"#:schema ./{SCHEMA_FILE}\n{device.toml()}")
+    out.print(f"device file: {path}")
+    out.print(f"schema for editors: {beside}{'' if fresh else ' (was there, left as it is)'}")
+    out.print(f"Edit the numbers, their status and source, then: esea-gen build {path}")
+
+
+def _schema_text() -> str:
+    from esea_gen.device import json_schema
+
+    return json.dumps(json_schema(), indent=2) + "\n"
+
+
+@app.command()
 def schema(
     target: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write it there.")
     ] = None,
 ) -> None:
     """Print the JSON schema of device files, for completion in editors."""
-    from esea_gen.device import json_schema
-
-    text = json.dumps(json_schema(), indent=2)
+    text = _schema_text()
     if target is None:
-        print(text)
+        print(text, end="")
     else:
-        write_text(target, text + "\n")
+        write_text(target, text)
+
+
+traces = typer.Typer(help="Reference traces: how every shipped System behaves.")
+app.add_typer(traces, name="traces", no_args_is_help=True)
+TraceFolder = Annotated[Path, typer.Option("--in", metavar="DIR", help="Folder of the traces.")]
+
+
+@traces.command("check")
+def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
+    """Compare behaviour with the committed traces; exit 1 on a change."""
+    from esea_gen.verify.traces import ACCEPT, check_traces
+
+    changes = check_traces(folder)
+    for line in changes:
+        out.print(line, markup=False)
+    if changes:
+        out.print(ACCEPT, markup=False)
+        raise typer.Exit(1)
+    out.print("current")
+
+
+@traces.command("accept")
+def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
+    """Take the present behaviour as the reference."""
+    from esea_gen.verify.traces import accept_traces
+
+    for line in accept_traces(folder):
+        out.print(line, markup=False)
 
 
 def main() -> None:

@@ -11,11 +11,12 @@ import difflib
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterator
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import tomlkit
 import tomlkit.exceptions
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
     from esea_gen.system import System
 
 SCHEMA = 1
+SCHEMA_FILE = "esea-gen.schema.json"
+NAME_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
+AXIS_PATTERN = r"^[a-z]{1,12}$"  # letters only: a digit or underscore could read as part of a unit
+MOST_AXES = 6  # their torques, rates and status words fit one telemetry frame
+MAX_DEAD_ZONE_RAD = math.radians(6)
 FORMATS = ("f64", "f32")
 
 
@@ -45,8 +51,9 @@ class Quantity(BaseModel):
     source: str = Field(min_length=1, description="Table, recording, or reason for the choice.")
 
 
-def _number(low: float, high: float, text: str, *, whole: bool = False) -> Any:
-    return Field(description=text, json_schema_extra={"low": low, "high": high, "whole": whole})
+def _number(low: float, high: float, text: str, *, whole: bool = False, **more: Any) -> Any:
+    extra: Any = {"low": low, "high": high, "whole": whole}
+    return Field(description=text, json_schema_extra=extra, **more)
 
 
 class _Section(BaseModel):
@@ -74,6 +81,12 @@ class Elastomer(_Section):
     beta_1_rad: Quantity = _number(0, 1000, "Decay beta of the stop weight, eq. 3.10.")
     omega_rad: Quantity = _number(1e-6, 0.1, "Spacing omega of the stop thresholds, eq. 3.11.")
     stops: Quantity = _number(1, 32, "Number N of stop operators, eq. 3.9.", whole=True)
+    dead_zone_rad: Quantity | None = _number(
+        0,
+        MAX_DEAD_ZONE_RAD,
+        "Half-width of the dead zone, eq. 8.7/8.8; leave the key out where there is none.",
+        default=None,
+    )
     maxwell: Maxwell | None = Field(
         default=None, description="Rate terms; leave the table out where they are not identified."
     )
@@ -117,10 +130,14 @@ class DeviceFile(_Section):
     """A device file, as written."""
 
     schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
-    name: str = Field(
-        pattern=r"^[a-z][a-z0-9_]{0,14}$", description="Lower case C identifier, prefix of the C."
-    )
+    name: str = Field(pattern=NAME_PATTERN, description="Lower case C identifier, prefix of the C.")
     title: str = Field(min_length=1, description="One line for reports.")
+    axes: tuple[Annotated[str, Field(pattern=AXIS_PATTERN)], ...] = Field(
+        default=(),
+        max_length=MOST_AXES,
+        description="Axes of equal couplings, each with inputs and outputs of its own, such as "
+        "theta_flexion_rad; leave the key out for one axis without a name.",
+    )
     elastomer: Elastomer
     domain: Domain
     limits: Limits
@@ -157,6 +174,11 @@ class Device:
         return self.file.title
 
     @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes; one empty name where there is a single axis."""
+        return self.file.axes or ("",)
+
+    @property
     def period_s(self) -> float:
         """Period of the sensing task."""
         return 1.0 / self.file.timing.sense_rate_Hz.value
@@ -191,7 +213,8 @@ class Device:
 
     def canonical(self) -> str:
         """The content as canonical JSON: what the content hash covers."""
-        return json.dumps(self.file.model_dump(by_alias=True), sort_keys=True)
+        content = self.file.model_dump(by_alias=True, mode="json", exclude_defaults=True)
+        return json.dumps(content, sort_keys=True)
 
     @cached_property
     def digest(self) -> str:
@@ -342,18 +365,29 @@ def _check_value(origin: str, key: str, q: Quantity) -> None:
 
 
 def _check_relations(origin: str, file: DeviceFile) -> None:
+    values = dict(_quantities(file))
     for inner, outer in (
         ("domain.theta_max_rad", "limits.theta_rad"),
         ("domain.omega_max_rad_s", "limits.omega_rad_s"),
         ("domain.tau_full_scale_Nm", "limits.tau_Nm"),
     ):
-        values = dict(_quantities(file))
         if values[inner].value > values[outer].value:
             raise UserError(
                 f"{origin}: {inner} = {values[inner].value:g} is above {outer} = "
                 f"{values[outer].value:g}: the identified domain must lie inside the port's range.",
                 f"Raise {outer} or lower {inner}.",
             )
+    zone, reach = values.get("elastomer.dead_zone_rad"), values["domain.theta_max_rad"]
+    if zone is not None and zone.value >= reach.value:
+        raise UserError(
+            f"{origin}: elastomer.dead_zone_rad = {zone.value:g} is not below "
+            f"domain.theta_max_rad = {reach.value:g}: no torque in the whole domain.",
+            "Narrow the dead zone or widen the domain.",
+        )
+    if len(set(file.axes)) != len(file.axes):
+        raise UserError(
+            f"{origin}: axes = {list(file.axes)} names an axis twice.", "Give each its own name."
+        )
     e = file.elastomer
     if e.k1_Nm_rad.value == 0 and e.k3_Nm_rad3.value == 0 and e.alpha_Nm_rad.value == 0:
         raise UserError(
@@ -422,6 +456,12 @@ def _explain(error: ValidationError, document: Any, origin: str) -> UserError:
             fix = "Add it; the shipped elbow.toml shows the form."
         return UserError(f"{origin}: key {key} is missing.", fix + tail)
     given = first.get("input")
+    if loc[0] == "axes":
+        return UserError(
+            f"{origin}: {key} = {given!r}: {first['msg'].lower()}.",
+            'Axes are written ["flexion", "deviation"]: up to '
+            f"{MOST_AXES} names of 1 to 12 lower case letters.{tail}",
+        )
     return UserError(
         f"{origin}: {key} = {given!r}: {first['msg'].lower()}.",
         'A number is written { value = 1.0, status = "published", source = "where from" }.' + tail,
@@ -448,15 +488,21 @@ def render_toml(file: DeviceFile) -> str:
         f"name = {json.dumps(file.name)}",
         f"title = {json.dumps(file.title, ensure_ascii=False)}",
     ]
+    if file.axes:
+        about = DeviceFile.model_fields["axes"].description
+        lines += [f"# {about}", f"axes = {json.dumps(list(file.axes))}"]
 
     def section(name: str, model: BaseModel) -> None:
         lines.extend(["", f"# {(type(model).__doc__ or '').strip()}", f"[{name}]"])
         subsections = []
         for key, f in type(model).model_fields.items():
             value = getattr(model, key)
+            extra: Any = f.json_schema_extra
+            limits = f"Limits {extra['low']:g} to {extra['high']:g}." if extra else ""
+            if value is None and extra:
+                lines.append(f"# Optional, {key}: {f.description}  {limits}")
             if isinstance(value, Quantity):
-                extra: Any = f.json_schema_extra
-                lines.append(f"# {f.description}  Limits {extra['low']:g} to {extra['high']:g}.")
+                lines.append(f"# {f.description}  {limits}")
                 number = int(value.value) if extra["whole"] else value.value
                 lines.append(
                     f"{key} = {{ value = {number!r}, status = {json.dumps(value.status)}, "
@@ -472,15 +518,129 @@ def render_toml(file: DeviceFile) -> str:
     return "\n".join(lines) + "\n"
 
 
+def copy_device(base: Device, name: str) -> Device:
+    """A new device with the numbers of another one.
+
+    None of them is published or identified for the new device: each becomes ``assumed``, and its
+    source says where it was copied from.
+
+    Parameters
+    ----------
+    base : Device
+        Whose numbers.
+    name : str
+        Name of the new device.
+
+    Returns
+    -------
+    Device
+        The new device.
+
+    Raises
+    ------
+    UserError
+        For a name that is no lower case C identifier of 1 to 15 characters, or a shipped device's.
+    """
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise UserError(
+            f"'{name}' cannot be a device's name: it becomes the prefix of the C.",
+            "Give a lower case letter, then up to 14 lower case letters, digits or underscores.",
+        )
+    if name in shipped_devices():
+        raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
+
+    def assumed(section: _Section) -> _Section:
+        update: dict[str, Any] = {}
+        for key in type(section).model_fields:
+            value = getattr(section, key)
+            if isinstance(value, Quantity):
+                source = f"copied from {base.name}: {value.source}"
+                update[key] = Quantity(value=value.value, status="assumed", source=source)
+            elif isinstance(value, _Section):
+                update[key] = assumed(value)
+        return section.model_copy(update=update)
+
+    title = f"{name}: new device, all numbers copied from {base.name}"
+    file = assumed(base.file.model_copy(update={"name": name, "title": title}))
+    assert isinstance(file, DeviceFile)
+    return Device(file, f"{name}.toml")
+
+
 def json_schema() -> dict[str, Any]:
     """JSON schema of the device file, for editors.
+
+    It is written without references, so that every editor shows a key's own description and bounds.
 
     Returns
     -------
     dict
-        The schema, draft 2020-12.
+        The schema, draft 7, which TOML editors know.
     """
-    return DeviceFile.model_json_schema(by_alias=True)
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "Device file of esea-gen",
+        **_schema_of(DeviceFile),
+    }
+
+
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    properties = {}
+    required = []
+    for name, f in model.model_fields.items():
+        key = f.alias or name
+        section = next((m for m in _models(f.annotation) if m is not Quantity), None)
+        if section is not None:
+            about = _schema_of(section)
+        elif Quantity in _models(f.annotation):
+            about = _quantity_schema(key, f.json_schema_extra)
+        else:
+            about = model.model_json_schema(by_alias=True)["properties"][key]
+            about.pop("title", None)
+            about.pop("default", None)
+        properties[key] = about | ({"description": f.description} if f.description else {})
+        if f.is_required():
+            required.append(key)
+    return {
+        "type": "object",
+        "description": " ".join((model.__doc__ or "").split()),
+        "properties": properties,
+        "required": required,
+        "additionalProperties": False,
+    }
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    # The models among an annotation and, for an optional one, its members.
+    candidates = [annotation, *get_args(annotation)]
+    return [a for a in candidates if isinstance(a, type) and issubclass(a, BaseModel)]
+
+
+def _quantity_schema(key: str, extra: Any) -> dict[str, Any]:
+    fields = Quantity.model_fields
+    unit = unit_of(key)
+    return {
+        "type": "object",
+        "properties": {
+            "value": {
+                "type": "integer" if extra["whole"] else "number",
+                "minimum": extra["low"],
+                "maximum": extra["high"],
+                "description": "The number, "
+                + ("dimensionless." if unit == "1" else f"in {unit}."),
+            },
+            "status": {
+                "enum": list(get_args(fields["status"].annotation)),
+                "description": fields["status"].description,
+            },
+            "source": {
+                "type": "string",
+                "minLength": 1,
+                "description": fields["source"].description,
+            },
+        },
+        "required": list(fields),
+        "additionalProperties": False,
+    }
 
 
 def threshold(value: float) -> float:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from esea_gen.block import Block, Port, Simulator, Tunable
+from esea_gen.block import UNIT_SUFFIXES, Block, Port, Simulator, Tunable
 
 if TYPE_CHECKING:
     from esea_gen.device import Device
@@ -357,8 +357,20 @@ class SystemSimulator:
         return {x.name: results[x.signals[0]] for x in self.system.task_outputs(task)}
 
 
+def _of_axis(name: str, axis: str) -> str:
+    # Before the unit, which stays last: tau_Nm of axis flexion is tau_flexion_Nm.
+    if not axis:
+        return name
+    unit = max((u for u in UNIT_SUFFIXES if name.endswith(u)), key=len)
+    return f"{name.removesuffix(unit)}_{axis}{unit}"
+
+
 def sensing_system(device: Device) -> System:
     """The measuring System: velocity estimate and torque sensor in one task.
+
+    A device with several axes has an instance of both Blocks for each, all in the same task; the
+    names of instances, inputs and outputs then carry the axis (``sensor_flexion``,
+    ``theta_flexion_rad``, ``sensor_flexion_status``).
 
     Parameters
     ----------
@@ -370,20 +382,26 @@ def sensing_system(device: Device) -> System:
     System
         Task ``sense``: deflection in; torque, its parts, rates and status words out.
     """
+    blocks: dict[str, Block] = {}
+    wires: dict[str, str] = {}
+    inputs: dict[str, tuple[str, ...]] = {}
+    outputs: dict[str, str] = {}
+    for axis in device.axes:
+        velocity, sensor = (f"{b}_{axis}" if axis else b for b in ("velocity", "sensor"))
+        blocks |= {velocity: device.velocity, sensor: device.sensor}
+        wires[f"{sensor}.omega_rad_s"] = f"{velocity}.omega_mid_rad_s"
+        inputs[_of_axis("theta_rad", axis)] = (f"{velocity}.theta_rad", f"{sensor}.theta_rad")
+        for port in ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm"):
+            outputs[_of_axis(port, axis)] = f"{sensor}.{port}"
+        outputs[_of_axis("omega_rad_s", axis)] = f"{velocity}.omega_rad_s"
+        outputs[f"{sensor}_status"] = f"{sensor}.status"
+        outputs[f"{velocity}_status"] = f"{velocity}.status"
     return System(
         device.name,
         device.period_s,
-        {"velocity": device.velocity, "sensor": device.sensor},
-        (Task("sense", ("velocity", "sensor")),),
-        wires={"sensor.omega_rad_s": "velocity.omega_mid_rad_s"},
-        inputs={"theta_rad": ("velocity.theta_rad", "sensor.theta_rad")},
-        outputs={
-            "tau_Nm": "sensor.tau_Nm",
-            "tau_spring_Nm": "sensor.tau_spring_Nm",
-            "tau_rate_Nm": "sensor.tau_rate_Nm",
-            "tau_hysteresis_Nm": "sensor.tau_hysteresis_Nm",
-            "omega_rad_s": "velocity.omega_rad_s",
-            "sensor_status": "sensor.status",
-            "velocity_status": "velocity.status",
-        },
+        blocks,
+        (Task("sense", tuple(blocks)),),
+        wires,
+        inputs,
+        outputs,
     )

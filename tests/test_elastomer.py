@@ -77,8 +77,9 @@ def test_play_form_is_the_stop_operator(theta: np.ndarray):
 
 
 def test_spring(sensor):
-    theta = np.linspace(-0.3, 0.3, 41)
-    out, _ = sensor.simulator().run({"theta_rad": theta, "omega_rad_s": 0 * theta})
+    theta = np.concatenate([np.linspace(0, 0.3, 200), np.linspace(0.3, -0.3, 400)])
+    out, _ = sensor.simulator().run({"theta_rad": theta, "omega_rad_s": 0 * theta + 1.5})
+    assert np.max(np.abs(out["tau_Nm"])) < 20.0  # nothing is clipped
     assert out["tau_spring_Nm"] == pytest.approx(239.0 * theta**3 + 9.39 * theta, abs=1e-13)
     parts = out["tau_spring_Nm"] + out["tau_rate_Nm"] + out["tau_hysteresis_Nm"]
     assert out["tau_Nm"] == pytest.approx(parts, abs=1e-13)
@@ -166,9 +167,7 @@ def test_observer_follows_a_parabola_without_error():
     acceleration, speed = 0.05, -0.05
     out, _ = device.velocity.simulator().run({"theta_rad": speed * t + 0.5 * acceleration * t**2})
     settled = t > 1
-    assert out["omega_rad_s"][settled] == pytest.approx(
-        speed + acceleration * t[settled], abs=1e-9
-    )
+    assert out["omega_rad_s"][settled] == pytest.approx(speed + acceleration * t[settled], abs=1e-9)
     assert out["omega_mid_rad_s"][settled] == pytest.approx(
         speed + acceleration * (t[settled] - 5e-4), abs=1e-9
     )

@@ -144,9 +144,7 @@ def test_nan_and_infinity_into_every_input_and_state(elbow, elbow_f64, elbow_f32
     arrays(np.float32, 40, elements=st.floats(-30, 30, width=32) | st.just(np.inf)),
 )
 def test_any_stream_gives_the_same_bits_in_f64(elbow, elbow_f64, theta, omega):
-    stream = Stream(
-        "any", {"theta_rad": theta.astype(float), "omega_rad_s": omega.astype(float)}
-    )
+    stream = Stream("any", {"theta_rad": theta.astype(float), "omega_rad_s": omega.astype(float)})
     expected, states = run_symbolic(elbow.sensor, stream)
     got, got_states = run_c(elbow_f64.block("sensor"), stream)
     for name, value in got.items():

@@ -107,7 +107,7 @@ def test_the_c_does_what_the_symbolic_system_does(real: str, gain: bool, latenes
         if task == "lazy":
             packed = np.zeros(1, lazy._in_type)
             out = np.zeros(1, lazy._out_type)
-            getattr(library.lib, "esea_twotasks_lazy_step")(
+            library.lib.esea_twotasks_lazy_step(
                 *lazy._coeffs,
                 lazy._cast("esea_twotasks_state_t", quick._state),
                 lazy._cast("esea_twotasks_lazy_in_t", packed),

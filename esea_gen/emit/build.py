@@ -9,10 +9,11 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from esea_gen.device import Device
+from esea_gen.device import Device, shipped_devices
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash, versions
 from esea_gen.errors import UserError
@@ -36,8 +37,9 @@ class Bundle:
     files: dict[str, str]
 
 
+@cache
 def device_hash(device: Device) -> str:
-    """Content hash of a device: device file, kernels, wiring, templates and versions.
+    """Content hash of a device: device file, emitted text and versions.
 
     Parameters
     ----------
@@ -49,7 +51,24 @@ def device_hash(device: Device) -> str:
     str
         16 hexadecimal digits.
     """
-    return content_hash(device.system, device.digest)
+    return content_hash(device.system, device.digest, device.title)
+
+
+def build_command(device: Device) -> str:
+    """The command that regenerates a device's output.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+
+    Returns
+    -------
+    str
+        With the short name for shipped devices, the file's name for others.
+    """
+    shipped = device.origin == f"{device.name}.toml" and device.name in shipped_devices()
+    return f"esea-gen build {device.name if shipped else device.origin}"
 
 
 def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
@@ -79,9 +98,7 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
             raise UserError(
                 f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}."
             )
-        command = f"esea-gen build {device.origin.removesuffix('.toml')} --real {real}"
-        if device.origin.removesuffix(".toml") != device.name:
-            command = f"esea-gen build {device.origin} --real {real}"
+        command = f"{build_command(device)} --real {real}"
         files = Renderer(device.system, FORMATS[real], digest, command, device.title).files()
         bundles.append(Bundle(real, files | _manifest(device, digest, real, command, files)))
     return bundles

@@ -23,7 +23,7 @@ from xml.etree import ElementTree
 
 from esea_gen.block import Flag, Port
 from esea_gen.device import Device
-from esea_gen.emit.build import Bundle, _manifest, device_hash
+from esea_gen.emit.build import Bundle, _manifest, build_command, device_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, port_text
 from esea_gen.errors import UserError
@@ -368,9 +368,7 @@ def render_dialect(device: Device) -> Bundle:
         When a task's values do not fit a frame.
     """
     digest = device_hash(device)
-    command = f"esea-gen build {device.origin.removesuffix('.toml')}"
-    if device.origin.removesuffix(".toml") != device.name:
-        command = f"esea-gen build {device.origin}"
+    command = build_command(device)
     files = dialect_files(Renderer(device.system, FORMATS["f32"], digest, command, device.title))
     versions = {"pymavlink": metadata.version("pymavlink")}
     return Bundle(FOLDER, files | _manifest(device, digest, FOLDER, command, files, versions))

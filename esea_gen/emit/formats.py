@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from esea_gen.emit.elementary import exponent_q27
-from esea_gen.emit.walker import Kernel, Node, UnsupportedOperationError, fuse_selects
+from esea_gen.emit.walker import Kernel, Node, UnsupportedOperationError, calls_first, fuse_selects
 
 # Functions of the f32 format come from the project's own float-only file, the same on all targets.
 _F32_CALLS = {
@@ -61,7 +61,7 @@ class Format:
         Kernel
             What is printed.
         """
-        return kernel if self.name == "f64" else fuse_selects(kernel)
+        return kernel if self.name == "f64" else calls_first(fuse_selects(kernel))
 
     def literal(self, value: float) -> str:
         """Shortest C literal that reads back as the value in this format.
@@ -207,11 +207,48 @@ class PrintedKernel:
     used_arguments: frozenset[int]
 
 
+@dataclass(frozen=True)
+class _StatusWord:
+    flags: tuple[tuple[int, int], ...]  # condition's node, bit
+    parts: frozenset[int]  # nodes that nothing else needs
+
+
+def _status_words(
+    kernel: Kernel, words: Sequence[int], uses: Sequence[int]
+) -> dict[int, _StatusWord]:
+    # A sum of (condition ? power of two : 0), each power once, as flag_word builds it.
+    found = {}
+    for word in words:
+        (root,) = kernel.results[word]
+        flags, parts, todo = [], set(), [root]
+        while todo:
+            i = todo.pop()
+            n = kernel.nodes[i]
+            if i != root and uses[i] != 1:
+                break
+            if n.op == "add":
+                todo += n.args[::-1]
+            elif n.op == "if_else_zero" and kernel.nodes[n.args[0]].boolean:
+                value = kernel.nodes[n.args[1]]
+                power = value.value.hex().startswith("0x1.0000000000000p+")
+                if value.op != "const" or not power:
+                    break
+                flags.append((n.args[0], int(value.value).bit_length() - 1))
+            else:
+                break
+            parts.add(i)
+        else:
+            if len({k for _, k in flags}) == len(flags) > 0:
+                found[root] = _StatusWord(tuple(flags), frozenset(parts - {root}))
+    return found
+
+
 def print_kernel(
     kernel: Kernel,
     fmt: Format,
     access: Callable[[int, int], tuple[str, str]],
     labels: dict[int, tuple[str, str]],
+    words: Sequence[int] = (),
 ) -> PrintedKernel:
     """Print a kernel as a list of C definitions.
 
@@ -225,6 +262,8 @@ def print_kernel(
         ``access(argument, element) -> (local name, C expression that reads it)``.
     labels : dict
         Name and comment of labelled nodes.
+    words : sequence of int
+        Results that are status words; f32 puts these together as integers, f64 as CasADi does.
 
     Returns
     -------
@@ -236,10 +275,20 @@ def print_kernel(
         for a in n.args:
             uses[a] += 1
     wanted = {i for r in kernel.results for i in r}
+    bits = {} if fmt.name == "f64" else _status_words(kernel, words, uses)
+    parts = {i for word in bits.values() for i in word.parts}
     atoms: list[str] = []
     statements: list[Statement] = []
     arguments = set()
     for i, n in enumerate(kernel.nodes):
+        if i in bits:
+            flags = (f"((uint32_t){atoms[c]} << {k})" for c, k in bits[i].flags)
+            statements.append(Statement("uint32_t", f"v{i}", " | ".join(flags)))
+            atoms.append(f"v{i}")
+            continue
+        if i in parts:
+            atoms.append("")
+            continue
         if n.op == "const":
             text = fmt.literal(n.value)
             atoms.append(f"({text})" if text.startswith("-") else text)

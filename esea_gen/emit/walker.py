@@ -229,3 +229,61 @@ def fuse_selects(kernel: Kernel) -> Kernel:
                     nodes[i] = Node("select", (x.args[0], x.args[1], y.args[1]))
                     break
     return prune(Kernel(kernel.name, tuple(nodes), kernel.results))
+
+
+LONG = frozenset({"pow", "exp", "log", "tanh"})
+
+
+def calls_first(kernel: Kernel) -> Kernel:
+    """Put the long operations first, then what does not wait for them, then what does.
+
+    A processor that works ahead does the second while the first are under way.  Within each third
+    the order is depth first, so that few values are alive at a time.  No operation changes, so no
+    bit does.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Any kernel.
+
+    Returns
+    -------
+    Kernel
+        The same operations in another order.
+    """
+    nodes = kernel.nodes
+    leads = [n.op in LONG for n in nodes]
+    follows = list(leads)
+    for i in range(len(nodes) - 1, -1, -1):
+        if leads[i]:
+            for a in nodes[i].args:
+                leads[a] = True
+    for i, n in enumerate(nodes):
+        follows[i] = follows[i] or any(follows[a] for a in n.args)
+    third = [0 if leads[i] else 2 if follows[i] else 1 for i in range(len(nodes))]
+    order: list[int] = []
+    placed = [False] * len(nodes)
+    for part in range(3):
+        members = [i for i in range(len(nodes)) if third[i] == part]
+        used = {a for i in members for a in nodes[i].args}
+        for root in (i for i in members if i not in used):
+            stack = [root]
+            while stack:
+                i = stack[-1]
+                waiting = [a for a in nodes[i].args if not placed[a]]
+                if waiting:
+                    stack.append(waiting[0])
+                    continue
+                stack.pop()
+                if not placed[i]:
+                    placed[i] = True
+                    order.append(i)
+    position = {old: new for new, old in enumerate(order)}
+    return Kernel(
+        kernel.name,
+        tuple(
+            Node(n.op, tuple(position[a] for a in n.args), n.value, n.source)
+            for n in (nodes[i] for i in order)
+        ),
+        tuple(tuple(position[i] for i in r) for r in kernel.results),
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -71,6 +72,9 @@ def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equ
         With presentation MathML.
     """
     lhs = sp.Symbol(left) if isinstance(left, str) else left
-    printer = MathMLPresentationPrinter({"mul_symbol": ""})
-    body = printer.doprint(sp.Eq(lhs, right, evaluate=False))
+    # An undefined function named exp: SymPy would print exp(-x) as a fraction.
+    shown = right.replace(sp.exp, sp.Function("exp"))
+    body = MathMLPresentationPrinter().doprint(sp.Eq(lhs, shown, evaluate=False))
+    # A minus sign where SymPy's printer puts a hyphen, inside names such as k-1 too.
+    body = re.sub(r"(?<=>)([^<]*)(?=<)", lambda m: m.group().replace("-", "\u2212"), body)
     return Equation(number, f'<math display="block">{body}</math>', text)

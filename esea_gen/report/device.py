@@ -40,7 +40,7 @@ from esea_gen.verify.equivalence import (
     verify,
 )
 from esea_gen.verify.firmware import BOARDS, FirmwareImage, build_firmware
-from esea_gen.verify.streams import single
+from esea_gen.verify.streams import deflection_inputs, first_axis, single
 
 Array = npt.NDArray[Any]
 Say = Callable[[str], None]
@@ -81,6 +81,8 @@ class Run:
         Samples at the sensing rate, shape (n,).
     outputs : dict of str to dict
         Per number format, per output: what the C gave.
+    sensor : dict of str to dict
+        Per number format: the first axis' sensor outputs, under its Block's port names.
     recording : Recording or None
         Where the deflection comes from.
     """
@@ -89,12 +91,13 @@ class Run:
     time_s: Array
     theta_rad: Array
     outputs: dict[str, dict[str, Array]]
+    sensor: dict[str, dict[str, Array]]
     recording: Recording | None
 
     def torque_at(self, real: str, time_s: Array) -> Array:
         """Torque of the C in a number format, at other times (interpolated)."""
         grid = np.asarray(self.time_s, dtype=np.float64)
-        return resample(grid, self.outputs[real]["tau_Nm"].astype(np.float64), time_s)
+        return resample(grid, self.sensor[real]["tau_Nm"].astype(np.float64), time_s)
 
 
 @dataclass(frozen=True)
@@ -603,6 +606,7 @@ class Findings:
             "report/device.html.j2",
             title=self.device.title,
             f=content,
+            axes=self.device.axes,
             assumed=self.assumed(),
             sections=_by_section(content["parameters"]),
             blocks=blocks,
@@ -695,9 +699,7 @@ class Findings:
         traces = [self._trace(run) for run in self.runs]
         shared = figures.share_loops(traces)
         for i, (run, trace) in enumerate(zip(self.runs, traces, strict=True)):
-            rounding = (
-                run.outputs["f32"]["tau_Nm"].astype(np.float64) - run.outputs["f64"]["tau_Nm"]
-            )
+            rounding = run.sensor["f32"]["tau_Nm"].astype(np.float64) - run.sensor["f64"]["tau_Nm"]
             plots.append(
                 {
                     "label": run.label,
@@ -727,17 +729,17 @@ class Findings:
                 run.label,
                 run.time_s,
                 run.theta_rad,
-                run.outputs["f32"]["tau_Nm"].astype(np.float64),
+                run.sensor["f32"]["tau_Nm"].astype(np.float64),
                 None,
                 (("torque", every),),
                 components=tuple(
-                    (name, run.outputs["f32"][key].astype(np.float64))
+                    (name, run.sensor["f32"][key].astype(np.float64))
                     for name, key in (
                         ("spring", "tau_spring_Nm"),
                         ("hysteresis", "tau_hysteresis_Nm"),
                         ("rate terms", "tau_rate_Nm"),
                     )
-                    if np.any(run.outputs["f32"][key])
+                    if np.any(run.sensor["f32"][key])
                 ),
             )
         parts = []
@@ -856,9 +858,10 @@ def _run(
     outputs = {}
     for real in REALS:
         task = compile_device(device, real).task(device.system.tasks[0].name)
-        outputs[real], _ = task.run({"theta_rad": theta_rad}, trace=False)
+        outputs[real], _ = task.run(deflection_inputs(device.system, theta_rad), trace=False)
     time_s = np.arange(len(theta_rad)) * device.period_s
-    return Run(label, time_s, theta_rad, outputs, recording)
+    sensor = {real: first_axis(device.system, outputs[real]) for real in REALS}
+    return Run(label, time_s, theta_rad, outputs, sensor, recording)
 
 
 def run_board(device: Device, board: str, deflections: Mapping[str, Array], say: Say) -> BoardRun:
@@ -898,7 +901,7 @@ def run_board(device: Device, board: str, deflections: Mapping[str, Array], say:
                     say(f"emulating {label}: {100 * done // steps} %")
 
                 results[label] = run_in_emulator(
-                    device, image, {"theta_rad": single(theta)}, progress=told
+                    device, image, deflection_inputs(device.system, theta), progress=told
                 )
     except UserError as error:
         if board not in BOARDS or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from functools import cache
 from typing import Any
 
@@ -171,7 +170,7 @@ def count_text(value: int) -> str:
 
 
 def mathml(equation: str) -> Markup:
-    """An equation as browsers draw it well.
+    """An equation for the page.
 
     Parameters
     ----------
@@ -181,11 +180,9 @@ def mathml(equation: str) -> Markup:
     Returns
     -------
     Markup
-        With invisible products instead of empty operators (which take space), minus signs instead
-        of hyphens, and an ordinary e.
+        The same.
     """
-    text = equation.replace("<mo></mo>", "<mo>\u2062</mo>").replace("&ExponentialE;", "e")
-    return Markup(re.sub(r"(?<=>)([^<]*)(?=<)", lambda m: m.group().replace("-", "−"), text))
+    return Markup(equation)
 
 
 def finite(content: Any) -> Any:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.block import Array, Block, Port
+from esea_gen.system import System
 
 SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
 
@@ -162,6 +163,45 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
     ]
 
 
+def deflection_inputs(system: System, theta_rad: npt.ArrayLike) -> dict[str, Array]:
+    """One deflection for every axis of a measuring System.
+
+    Parameters
+    ----------
+    system : System
+        Its first task takes one deflection an axis.
+    theta_rad : array_like
+        Deflection at the sensing rate, shape (steps,).
+
+    Returns
+    -------
+    dict of str to ndarray
+        The task's inputs, float32 numbers.
+    """
+    theta = single(theta_rad)
+    return {x.name: theta for x in system.task_inputs(system.tasks[0])}
+
+
+def first_axis(system: System, outputs: Mapping[str, Array]) -> dict[str, Array]:
+    """The outputs of a task's first sensor, under the names of its Block's ports.
+
+    Parameters
+    ----------
+    system : System
+        A measuring System.
+    outputs : mapping of str to ndarray
+        Outputs of its first task.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``tau_Nm`` and the others, without an axis in the name.
+    """
+    found = system.task_outputs(system.tasks[0])
+    instance = next(x.signals[0].instance for x in found if x.signals[0].port == "tau_Nm")
+    return {x.signals[0].port: outputs[x.name] for x in found if x.signals[0].instance == instance}
+
+
 def inside(stream: Stream, limits: Mapping[str, tuple[float, float]]) -> bool:
     """Whether a stream's inputs stay inside ranges.
 
@@ -182,3 +222,105 @@ def inside(stream: Stream, limits: Mapping[str, tuple[float, float]]) -> bool:
         for k, (low, high) in limits.items()
         if k in stream.inputs
     )
+
+
+def at_the_limits(
+    block: Block, dtype: npt.DTypeLike = np.float32, seed: int = 1, steps: int = 3000
+) -> Stream:
+    """Inputs, states and counters at their limits and one unit in the last place to either side.
+
+    Not one of :func:`streams`: it is for comparisons bit by bit, within one number format.
+
+    Parameters
+    ----------
+    block : Block
+        What to try.
+    dtype : dtype
+        The format whose neighbouring numbers are meant; with float64, not every sample is a float32
+        number.
+    seed : int
+        Seed of the choices.
+    steps : int
+        Length.
+
+    Returns
+    -------
+    Stream
+        Every state element and counter is put at, just inside and just outside each end.
+    """
+    rng = np.random.default_rng(seed)
+
+    def around(p: Port) -> Array:
+        ends = [p.low, p.high, 0.0, 1e-3 * p.high]
+        # Where an output of the same unit is clipped or flagged: a state can reach that exactly.
+        ends += [x for q in block.outputs if q.unit == p.unit for x in (q.low, q.high)]
+        marks = np.array([x for x in dict.fromkeys(ends) if p.low <= x <= p.high], dtype=dtype)
+        sides = [np.nextafter(marks, np.full_like(marks, s * np.inf)) for s in (-1, 1)]
+        return np.concatenate([marks, *sides]).astype(np.float64)
+
+    inputs = {}
+    for p in block.inputs:
+        slow = _walk(rng, p, steps, 0.55, 0.01)
+        hit = rng.random(slow.shape) < 0.2
+        slow[hit] = rng.choice(around(p), int(hit.sum()))
+        inputs[p.name] = slow
+    cases: list[dict[str, Array]] = []
+    for p in block.state:
+        for element in range(p.size):
+            for value in around(p):
+                state = np.full(p.size, p.init)
+                state[element] = value
+                # Among states as they are, and alone: nothing then moves it off the limit.
+                rest = {q.name: np.full(q.size, q.init) for q in block.state}
+                cases += [{p.name: state}, rest | {p.name: state}]
+        if p.size > 1:
+            # The guard of a vector sums magnitudes: come close to its limit from both sides.
+            total = float(np.float32(1.001 * p.size * max(abs(p.low), abs(p.high))))
+            limit = np.array([total], dtype)
+            for value in (limit, np.nextafter(limit, 0), np.nextafter(limit, 2 * limit)):
+                state = np.zeros(p.size)
+                state[int(rng.integers(p.size))] = value[0]
+                cases.append({p.name: state})
+            for element in range(p.size):
+                for value in (1.01 * total, -1.01 * total):
+                    state = np.zeros(p.size)
+                    state[element] = single(value)
+                    cases.append({p.name: state})
+            for share in (0.999999, 1.000001):
+                weights = rng.dirichlet(np.ones(p.size)) * rng.choice([-1, 1], p.size)
+                cases.append({p.name: np.asarray(weights * total * share, dtype).astype(float)})
+    counters = [f"n_{f.name.lower()}" for q in block.outputs for f in q.flags if f.counted]
+    top = 2**32 - 1
+    cases += [{c: np.array(top - k)} for c in counters for k in (0, 1, 40)]
+    for _ in range(40):
+        cases.append({p.name: single(rng.uniform(p.low, p.high, p.size)) for p in block.state})
+    rng.shuffle(cases)
+    # States and inputs at ends together, the same and mixed, so that sums and clips meet theirs;
+    # inputs in their middle too, and just short of the ends.
+    ports = (*block.inputs, *block.state)
+    ends = []
+    for k in range(120):
+        upper, mixed, near = k % 2 == 1, k > 3, 1.0 if k < 64 else rng.uniform(0.97, 1.0)
+        other = {p.name: mixed and rng.random() < 0.5 for p in ports}
+        ends.append({p.name: near * _end(p, upper ^ other[p.name]) for p in ports})
+        for p in block.inputs:
+            if mixed and rng.random() < 0.4:
+                ends[-1][p.name] = 0.5 * (p.low + p.high)
+    at = range(3, steps, max(1, (steps - 3) // (len(ends) + len(cases))))
+    for end, step in zip(ends, at, strict=False):
+        for p in block.inputs:
+            inputs[p.name][step] = single(end[p.name])
+    together = [{p.name: single(np.full(p.size, end[p.name])) for p in block.state} for end in ends]
+    for k, case in enumerate(together[1::2]):
+        case |= {c: np.array(top - k % 3) for c in counters}
+    # An invalid input in the very step whose state is corrupt: nothing is left to be held.
+    for step in list(at)[len(ends) :: 6]:
+        for p in block.inputs:
+            inputs[p.name][step] = np.nan
+    cases = together + cases
+    return Stream("at the limits", inputs, dict(zip(at, cases, strict=False)))
+
+
+def _end(port: Port, upper: bool) -> float:
+    # The lower end of a range that starts at zero is no extreme: take the upper one.
+    return port.high if upper or port.low == 0 else port.low

@@ -1,0 +1,1 @@
+"""The emitted C against plant, people, experiments and published tables."""

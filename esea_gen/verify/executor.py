@@ -1,0 +1,511 @@
+"""A second executor of walked kernels: NumPy, operation by operation, in the format's numbers.
+
+It shares the walker with the printer of the C and nothing else: in float32 its results must equal
+the emitted C's bit for bit, which is a far sharper test of printer and compiler than an error bound
+is.  It also sees every intermediate value, which branch coverage counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import cffi
+import numpy as np
+
+from esea_gen.block import Block
+from esea_gen.emit.elementary import exponent_q27, source_paths
+from esea_gen.emit.formats import FORMATS, Format
+from esea_gen.emit.walker import Kernel, Node, prune, walk
+from esea_gen.hostlib.library import Array, HostLibrary, compile_sources, declarations
+from esea_gen.verify.equivalence import CasadiReference, run_c
+from esea_gen.verify.streams import Stream
+
+UINT32_MAX = 2**32 - 1
+
+
+@cache
+def _elementary() -> tuple[cffi.FFI, Any]:
+    # The functions as compiled from the files that travel with the emitted C.
+    texts = {path.name: path.read_text() for path in source_paths()}
+    ffi = cffi.FFI()
+    header = next(t for n, t in texts.items() if n.endswith(".h") and "tables" not in n)
+    ffi.cdef(declarations(header))
+    return ffi, ffi.dlopen(str(compile_sources(texts)))
+
+
+def _call(name: str, x: Array, *more: Any) -> Array:
+    _, lib = _elementary()
+    function = getattr(lib, f"esea_f32_{name}")
+    return np.fromiter((function(v, *more) for v in x.tolist()), np.float32, len(x))
+
+
+def emitted_kernel(block: Block, fmt: Format) -> tuple[Kernel, dict[int, tuple[str, str]]]:
+    """The step kernel that a format prints, with the names it prints.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    fmt : Format
+        Number format.
+
+    Returns
+    -------
+    kernel : Kernel
+        After the format's passes; node ``i`` without a name is printed as ``v<i>``.
+    names : dict of int to (str, str)
+        Name and comment of labelled nodes.
+    """
+    labelled = fmt.passes(walk(block.labelled_step))
+    count = block.step.n_out()
+    bare = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
+    needed = {i for r in bare.results for i in r}
+    for i in range(len(bare.nodes) - 1, -1, -1):
+        if i in needed:
+            needed.update(bare.nodes[i].args)
+    position = {old: new for new, old in enumerate(sorted(needed))}
+    names = {
+        position[r[0]]: label
+        for r, label in zip(labelled.results[count:], block.labels, strict=True)
+        if r[0] in needed and bare.nodes[r[0]].op not in ("input", "const")
+    }
+    return prune(bare), names
+
+
+def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
+    """Evaluate a kernel over many argument sets at once.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        What to evaluate.
+    fmt : Format
+        Whose arithmetic.
+    arguments : sequence of ndarray
+        Per argument, shape (sets, elements).
+
+    Returns
+    -------
+    list of ndarray
+        Per node, shape (sets,): bool for booleans, else the format's type.
+    """
+    count = len(arguments[0]) if arguments else 1
+    dtype = fmt.dtype.type
+    values: list[Array] = []
+    with np.errstate(all="ignore"):
+        for node in kernel.nodes:
+            if node.op == "const":
+                values.append(np.full(count, dtype(node.value)))
+            elif node.op == "input":
+                argument, element = node.source
+                values.append(np.asarray(arguments[argument][:, element], fmt.dtype))
+            else:
+                result = _apply(node, [values[a] for a in node.args], fmt, kernel)
+                expected = np.dtype(np.bool_) if node.boolean else fmt.dtype
+                if result.dtype != expected:  # a promotion would hide rounding
+                    raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
+                values.append(result)
+    return values
+
+
+def _truth(x: Array) -> Array:
+    return x if x.dtype == np.bool_ else x != 0
+
+
+def _choose(condition: Array, x: Array, y: Array | np.floating[Any]) -> Array:
+    return np.asarray(np.where(condition, x, y))
+
+
+def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
+    op = node.op
+    if op == "not":
+        return ~_truth(args[0])
+    if op in ("and", "or"):
+        x, y = map(_truth, args)
+        return x & y if op == "and" else x | y
+    numbers = [a.astype(fmt.dtype) if a.dtype == np.bool_ else a for a in args]
+    zero, one, two = (fmt.dtype.type(v) for v in (0, 1, 2))
+    if op in ("if_else_zero", "select"):
+        other = numbers[2] if op == "select" else zero
+        return _choose(_truth(args[0]), numbers[1], other)
+    if op == "pow":
+        return _power(node, numbers, fmt, kernel)
+    if op in ("exp", "log", "sqrt", "tanh"):
+        if fmt.needs_libm:
+            return np.asarray(getattr(np, op)(numbers[0]))
+        return _call(op, numbers[0])
+    libm = fmt.needs_libm  # C's fmin and fmax; f32 has its own
+    rules: dict[str, Callable[..., Array]] = {
+        "add": lambda x, y: x + y,
+        "sub": lambda x, y: x - y,
+        "mul": lambda x, y: x * y,
+        "div": lambda x, y: x / y,
+        "neg": lambda x: -x,
+        "sq": lambda x: x * x,
+        "twice": lambda x: two * x,
+        "inv": lambda x: one / x,
+        "fabs": np.abs,
+        "sign": lambda x: (x > 0).astype(x.dtype) - (x < 0).astype(x.dtype),
+        "lt": lambda x, y: x < y,
+        "le": lambda x, y: x <= y,
+        "eq": lambda x, y: x == y,
+        "ne": lambda x, y: x != y,
+        "fmin": lambda x, y: np.fmin(x, y) if libm else _choose(y < x, y, x),
+        "fmax": lambda x, y: np.fmax(x, y) if libm else _choose(y > x, y, x),
+    }
+    return rules[op](*numbers)
+
+
+def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
+    if fmt.needs_libm:
+        return np.asarray(np.power(*args))
+    exponent = kernel.nodes[node.args[1]]
+    if exponent.op == "const":
+        return _call("powk", args[0], exponent_q27(exponent.value))
+    _, lib = _elementary()
+    pairs = zip(args[0].tolist(), args[1].tolist(), strict=True)
+    return np.fromiter((lib.esea_f32_pow(x, y) for x, y in pairs), np.float32, len(args[0]))
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a Block gives on a stream, in one format's bits.
+
+    Parameters
+    ----------
+    stream : Stream
+        What went in.
+    outputs : dict of str to ndarray
+        Per output port, the format's type; status words ``uint32``.
+    states : dict of str to ndarray
+        Per state port and counter, after each step.
+    """
+
+    stream: Stream
+    outputs: dict[str, Array]
+    states: dict[str, Array]
+
+    def first_difference(self, outputs: Mapping[str, Array], states: Mapping[str, Array]) -> str:
+        """Where another run first differs from this one in any bit.
+
+        Parameters
+        ----------
+        outputs, states : mapping of str to ndarray
+            The other run, as :func:`esea_gen.verify.equivalence.run_c` gives it.
+
+        Returns
+        -------
+        str
+            Stream, port, step and both values; empty when all bits agree.
+        """
+        found: list[tuple[int, str]] = []
+        for kind, mine, other in (
+            ("output", self.outputs, outputs),
+            ("state", self.states, states),
+        ):
+            for name, a in mine.items():
+                b = np.ascontiguousarray(other[name], dtype=a.dtype)
+                if a.tobytes() == b.tobytes():
+                    continue
+                word = np.uint64 if a.dtype.itemsize == 8 else np.uint32
+                differs = np.ascontiguousarray(a).view(word) != b.view(word)
+                step = int(np.argmax(differs.reshape(len(a), -1).any(axis=1)))
+                text = f"{self.stream.name}: {kind} {name} at step {step}: "
+                found.append((step, f"{text}{b[step]!r} instead of {a[step]!r}"))
+        return min(found)[1] if found else ""
+
+
+def counter_fields(block: Block) -> dict[str, tuple[str, int]]:
+    """The counters that the C keeps beside a Block's state.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+
+    Returns
+    -------
+    dict of str to (str, int)
+        ``{field: (status port, bit)}``.
+    """
+    return {
+        f"n_{flag.name.lower()}": (port.name, bit)
+        for port in block.outputs
+        for bit, flag in enumerate(port.flags)
+        if flag.counted
+    }
+
+
+def expected_counters(
+    block: Block, stream: Stream, outputs: Mapping[str, Array]
+) -> dict[str, Array]:
+    """What the counters must read after each step: never more than their maximum.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    stream : Stream
+        Its injections may set counters.
+    outputs : mapping of str to ndarray
+        With the status words.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``uint32``, shape (steps,).
+    """
+    out = {}
+    for field, (port, bit) in counter_fields(block).items():
+        seen = outputs[port].astype(np.int64) >> bit & 1
+        value, column = 0, np.empty(stream.steps, np.uint32)
+        for k in range(stream.steps):
+            value = int(stream.injections.get(k, {}).get(field, value))
+            value = min(value + int(seen[k]), UINT32_MAX)
+            column[k] = value
+        out[field] = column
+    return out
+
+
+def step_arguments(
+    block: Block,
+    stream: Stream,
+    states: Mapping[str, Array],
+    initial: Sequence[Array],
+    coefficients: Sequence[Array],
+    fmt: Format,
+) -> list[Array]:
+    """Arguments of every step of a recorded run.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    stream : Stream
+        What went in.
+    states : mapping of str to ndarray
+        State after each step.
+    initial, coefficients : sequence of ndarray
+        Initial state and coefficients, per port.
+    fmt : Format
+        Number format.
+
+    Returns
+    -------
+    list of ndarray
+        Per argument of the step kernel, shape (steps, elements).
+    """
+    arguments = [np.tile(np.asarray(c, fmt.dtype), (stream.steps, 1)) for c in coefficients]
+    for p, start in zip(block.state, initial, strict=True):
+        after = np.asarray(states[p.name], fmt.dtype).reshape(stream.steps, p.size)
+        before = np.concatenate([np.asarray(start, fmt.dtype).reshape(1, p.size), after[:-1]])
+        for k, values in stream.injections.items():
+            if p.name in values:
+                with np.errstate(over="ignore"):
+                    before[k] = values[p.name]
+        arguments.append(before)
+    with np.errstate(over="ignore"):
+        arguments += [
+            np.asarray(stream.inputs[p.name], fmt.dtype).reshape(stream.steps, p.size)
+            for p in block.inputs
+        ]
+    return arguments
+
+
+def flat_results(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
+    """Results of a kernel that is called once.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        What to evaluate.
+    fmt : Format
+        Number format.
+    arguments : sequence of ndarray
+        Per argument, shape (elements,).
+
+    Returns
+    -------
+    list of ndarray
+        Per result, shape (elements,), the format's type.
+    """
+    values = evaluate(kernel, fmt, [np.asarray(a, fmt.dtype)[None] for a in arguments])
+    return [np.array([values[i][0] for i in r], fmt.dtype) for r in kernel.results]
+
+
+def coefficients_of(block: Block, fmt: Format, tunables: Mapping[str, float]) -> list[Array]:
+    """Coefficients by this executor (float32) or by CasADi's (float64).
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    fmt : Format
+        Number format.
+    tunables : mapping of str to float
+        Values other than the defaults.
+
+    Returns
+    -------
+    list of ndarray
+        Per coefficient port.
+    """
+    if not block.tunables:
+        return []
+    if fmt.needs_libm:
+        return list(block.simulator(tunables).coefficients.values())
+    values = block.default_tunables() | dict(tunables)
+    kernel = fmt.passes(walk(block.prepare))
+    return flat_results(kernel, fmt, [np.array([v]) for v in values.values()])
+
+
+def initial_state(block: Block, fmt: Format, coefficients: Sequence[Array]) -> list[Array]:
+    """State after ``init``, by this executor.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    fmt : Format
+        Number format.
+    coefficients : sequence of ndarray
+        Per coefficient port.
+
+    Returns
+    -------
+    list of ndarray
+        Per state port.
+    """
+    return flat_results(fmt.passes(walk(block.init)), fmt, coefficients)
+
+
+def float32_reference(
+    kernel: Kernel, block: Block, stream: Stream, arguments: Sequence[Array]
+) -> Trajectory:
+    """Every step of a run evaluated in float32, from the states that the run recorded.
+
+    Each step is evaluated from the recorded state before it.  When all steps agree with the
+    recording, so does, by induction, the whole run from the initial state.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Step kernel.
+    block : Block
+        Its Block.
+    stream : Stream
+        What went in.
+    arguments : sequence of ndarray
+        From :func:`step_arguments`.
+
+    Returns
+    -------
+    Trajectory
+        Outputs, states and counters.
+    """
+    fmt = FORMATS["f32"]
+    values = evaluate(kernel, fmt, arguments)
+    columns = [np.stack([values[i].astype(fmt.dtype) for i in r], axis=1) for r in kernel.results]
+    states = {
+        p.name: c[:, 0] if p.size == 1 else c for p, c in zip(block.state, columns, strict=False)
+    }
+    outputs = {}
+    for p, c in zip(block.outputs, columns[len(block.state) :], strict=True):
+        value = c.astype(np.uint32) if p.flags else c
+        outputs[p.name] = value[:, 0] if p.size == 1 else value
+    return Trajectory(stream, outputs, states | expected_counters(block, stream, outputs))
+
+
+def exact_trajectory(
+    block: Block, library: HostLibrary, stream: Stream, reference: CasadiReference | None
+) -> Trajectory:
+    """The bits that a Block's C must give on a stream.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    library : HostLibrary
+        Its C.  In float32 its recorded states are where each step is evaluated from.
+    stream : Stream
+        What goes in.
+    reference : CasadiReference or None
+        For f64: CasADi's own C, which runs by itself.
+
+    Returns
+    -------
+    Trajectory
+        To be compared with :func:`esea_gen.verify.equivalence.run_c`.
+    """
+    fmt = FORMATS[library.real]
+    coefficients = coefficients_of(block, fmt, {})
+    initial = initial_state(block, fmt, coefficients)
+    if reference is not None:
+        y, s = reference.run(block, coefficients, initial, stream)
+        status = {p.name: y[p.name].astype(np.uint32) for p in block.outputs if p.flags}
+        outputs = y | status
+        return Trajectory(stream, outputs, s | expected_counters(block, stream, outputs))
+    _, trace = run_c(library.block(block.name), stream)
+    arguments = step_arguments(block, stream, trace, initial, coefficients, fmt)
+    kernel, _ = emitted_kernel(block, fmt)
+    return float32_reference(kernel, block, stream, arguments)
+
+
+def setup_difference(block: Block, library: HostLibrary) -> str:
+    """Where ``init`` or ``prepare`` of a compiled Block differs from this executor.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    library : HostLibrary
+        Its C.
+
+    Returns
+    -------
+    str
+        What differs; empty when every bit agrees, from a state full of rubbish and with the
+        tunables at their defaults, ends and middles.
+    """
+    fmt = FORMATS[library.real]
+    runner = library.block(block.name)
+    rubbish = runner.state
+    rubbish.view(np.uint8)[:] = 0xA5
+    runner.state = rubbish
+    runner.reset()
+    now = runner.state[0]
+    start = initial_state(block, fmt, coefficients_of(block, fmt, {}))
+    for p, value in zip(block.state, start, strict=True):
+        if np.asarray(now[p.name], fmt.dtype).tobytes() != value.tobytes():
+            return f"init: state {p.name} is {now[p.name]!r} instead of {value!r}"
+    for field in counter_fields(block):
+        if now[field] != 0:
+            return f"init: counter {field} is {now[field]}"
+    for share in (None, 0.0, 0.11, 0.37, 0.5, 0.83, 1.0) if block.tunables else ():
+        tunables = {
+            t.name: t.default
+            if share is None
+            else float(np.float32(t.low + share * (t.high - t.low)))
+            for t in block.tunables
+        }
+        runner.prepare(tunables)
+        (held,) = runner._coeffs
+        for p, value in zip(block.coefficients, coefficients_of(block, fmt, tunables), strict=True):
+            got = getattr(held, p.name)
+            column = np.array([got] if p.size == 1 else list(got), fmt.dtype)
+            if column.tobytes() != value.tobytes():
+                return f"prepare({tunables}): {p.name} is {column!r} instead of {value!r}"
+    return ""
+
+
+__all__ = [
+    "Trajectory",
+    "emitted_kernel",
+    "evaluate",
+    "exact_trajectory",
+    "float32_reference",
+    "setup_difference",
+]

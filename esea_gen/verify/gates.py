@@ -1,0 +1,409 @@
+"""Gates on object files: what the emitted C may hold and ask for, on every target.
+
+No double arithmetic in f32, no libm, no heap, no writable data, no export without the prefix, a
+bounded stack; and no warning from any compiler.  Every gate reads what the compiler made, not the
+C text.
+"""
+
+from __future__ import annotations
+
+import platform
+import re
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.device import Device
+from esea_gen.emit.build import render_device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import find_compiler
+from esea_gen.verify.firmware import (
+    CONTROL_FLAGS,
+    deepest_stack,
+    double_arithmetic,
+    double_helpers,
+)
+
+# Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
+_SOFT_SINGLE = re.compile(
+    r"__aeabi_(f(add|sub|rsub|mul|div)|c?fr?cmp\w+|f2u?[il]z|u?[il]2f|fcmp\w+)"
+)
+_LIBM = re.compile(r"(pow|exp|log|tanh|sqrt|fmin|fmax|fabs)")
+_HEAP = frozenset({"malloc", "calloc", "realloc", "free", "aligned_alloc", "sbrk", "_sbrk"})
+_STDIO = re.compile(
+    r"_*(v?f?s?n?printf(_chk)?|puts|putchar|fopen|fwrite|fputc|fputs|stderr|stdout)"
+)
+
+# Double arithmetic in a disassembly's mnemonics.
+_ARM_DOUBLE = re.compile(r"\bv\w+(\.\w+)*\.f64\b[^\n]*")
+_X86_DOUBLE = re.compile(
+    r"\bv?((add|sub|mul|div|sqrt|min|max|u?comi|cmp|round|hadd)\w*[sp]d|cvt\w*[sp]d\w*"
+    r"|f(ld|st|add|sub|mul|div|ild|ist)\w*)\b[^\n]*"
+)
+_A64_DOUBLE = re.compile(r"\bf\w+\s+[^\n]*\bd\d+[^\n]*")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A processor that emitted C is compiled for.
+
+    Parameters
+    ----------
+    name, title : str
+        Name, and one line.
+    compiler, package : str
+        Command, and the Debian package that has it.
+    flags : tuple of str
+        Its flags.
+    double : re.Pattern
+        Double arithmetic in its disassembly.
+    stack_limit_bytes : int
+        Largest stack use of a task's step, in single precision.
+    soft : bool
+        Whether float arithmetic is done by the compiler's helpers.
+    """
+
+    name: str
+    title: str
+    compiler: str
+    package: str
+    flags: tuple[str, ...]
+    double: re.Pattern[str]
+    stack_limit_bytes: int
+    soft: bool = False
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of its binary tools."""
+        return self.compiler.removesuffix("gcc")
+
+
+_BARE = ("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
+TARGETS = {
+    t.name: t
+    for t in (
+        Target(
+            "host",
+            "this computer",
+            "gcc",
+            "gcc libc6-dev",
+            (),
+            _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X86_DOUBLE,
+            1024,
+        ),
+        Target(
+            "cortex-m3",
+            "Cortex-M3, no FPU",
+            *_BARE,
+            ("-mcpu=cortex-m3", "-mthumb", "-mfloat-abi=soft"),
+            _ARM_DOUBLE,
+            768,
+            soft=True,
+        ),
+        Target(
+            "cortex-m4f",
+            "Cortex-M4F, single precision FPU",
+            *_BARE,
+            ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
+            _ARM_DOUBLE,
+            640,
+        ),
+        Target(
+            "cortex-m7",
+            "Cortex-M7, double precision FPU: a slip to double would be fast, and silent",
+            *_BARE,
+            ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"),
+            _ARM_DOUBLE,
+            640,
+        ),
+        Target(
+            "cortex-a9",
+            "Cortex-A9, Linux, vfpv3, softfp",
+            "arm-linux-gnueabi-gcc",
+            "gcc-arm-linux-gnueabi libc6-dev-armel-cross",
+            ("-march=armv7-a", "-mtune=cortex-a9", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
+            _ARM_DOUBLE,
+            640,
+        ),
+    )
+}
+
+STRICT_FLAGS = (
+    *("-std=c99", "-O2", "-ffp-contract=off"),
+    *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"),
+)
+# These see a slip to double where -Wconversion does not look.
+STRICT_F32 = ("-Wdouble-promotion", "-Wfloat-conversion")
+
+
+@dataclass(frozen=True)
+class GateReport:
+    """What the gates found on one target.
+
+    Parameters
+    ----------
+    device, real, target : str
+        What was compiled, for what.
+    compiler : str
+        First line of the compiler's version.
+    problems : tuple of str
+        Each with the file, what was found and which rule it breaks; empty when all gates hold.
+    stack_bytes : dict of str to int
+        Largest stack use below each task's step.
+    stack_limit_bytes : int
+        What that must not exceed.
+    text_bytes : int
+        Code and constants.
+    """
+
+    device: str
+    real: str
+    target: str
+    compiler: str
+    problems: tuple[str, ...]
+    stack_bytes: dict[str, int]
+    stack_limit_bytes: int
+    text_bytes: int
+
+    @property
+    def passed(self) -> bool:
+        """Whether all gates hold."""
+        return not self.problems
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return asdict(self) | {"passed": self.passed}
+
+
+def find_target(name: str) -> Target:
+    """A target by name.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+
+    Returns
+    -------
+    Target
+        The target.
+
+    Raises
+    ------
+    UserError
+        When there is none of that name, with those there are.
+    """
+    if name not in TARGETS:
+        listed = "; ".join(f"{t.name} ({t.title})" for t in TARGETS.values())
+        raise UserError(f"There is no target '{name}'.", f"Targets: {listed}.")
+    return TARGETS[name]
+
+
+def _output(*command: str | Path) -> str:
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def _tool(target: Target, name: str) -> str:
+    package = "binutils" if target.prefix == "" else f"binutils-{target.prefix.rstrip('-')}"
+    return find_compiler(f"{target.prefix}{name}", package)
+
+
+def _unwanted(objects: Sequence[Path], target: Target, libm: bool) -> list[str]:
+    _tool(target, "nm")
+    found = []
+    helpers = {} if libm else {o.name: double_helpers(o, f"{target.prefix}nm") for o in objects}
+    for item in double_arithmetic(objects, f"{target.prefix}nm"):
+        file, symbol = item.split(": ")
+        if target.soft and _SOFT_SINGLE.fullmatch(symbol):
+            continue
+        if libm and (_LIBM.fullmatch(symbol) or symbol.startswith("__aeabi_")):
+            continue
+        if symbol in _HEAP:
+            rule = "heap"
+        elif _STDIO.fullmatch(symbol):
+            rule = "input and output"
+        elif symbol in helpers.get(file, ()):
+            rule = "double arithmetic"
+        else:
+            rule = "a library function"
+        found.append(f"{file}: asks for {symbol}: {rule}")
+    return found
+
+
+def _symbols(objects: Sequence[Path], target: Target) -> list[str]:
+    found = []
+    for path in objects:
+        for line in _output(_tool(target, "nm"), "-P", path).splitlines():
+            symbol, kind = line.split()[:2]
+            if kind in "DdBbCGgSs":
+                found.append(f"{path.name}: {symbol}: writable data")
+            if kind in "TDBRCVWGSi" and not symbol.startswith("esea_"):
+                found.append(f"{path.name}: {symbol}: an export without the prefix esea_")
+    return found
+
+
+def _instructions(objects: Sequence[Path], target: Target) -> list[str]:
+    found = []
+    tool = _tool(target, "objdump")
+    for path in objects:
+        text = _output(tool, "-d", "--no-show-raw-insn", path)
+        hits = [" ".join(m.group().split()) for m in target.double.finditer(text)]
+        if hits:
+            found.append(f"{path.name}: {len(hits)} double instructions, first '{hits[0]}'")
+    return found
+
+
+def _stack(
+    device: Device, folder: Path, target: Target, bounded: bool
+) -> tuple[dict[str, int], list[str]]:
+    graphs = sorted(folder.glob("*.ci"))
+    found = []
+    for path in sorted(folder.glob("*.su")):
+        for line in path.read_text().splitlines():
+            place, _, kind = line.split("\t")
+            if "dynamic" in kind:
+                found.append(f"{place}: stack use depends on data ({kind})")
+    for path in graphs:
+        if "__indirect_call" in path.read_text():
+            found.append(f"{path.stem}.o: calls through a pointer: stack use unknown")
+    used = {}
+    for task in device.system.tasks:
+        try:
+            used[task.name] = deepest_stack(graphs, f"esea_{device.name}_{task.name}_step")
+        except ValueError as error:
+            found.append(f"task {task.name}: {error}")
+            continue
+        if bounded and used[task.name] > target.stack_limit_bytes:
+            found.append(
+                f"task {task.name}: {used[task.name]} bytes of stack, above the limit of "
+                f"{target.stack_limit_bytes}"
+            )
+    return used, found
+
+
+def check_objects(
+    device: Device, target: str, real: str = "f32", files: Mapping[str, str] | None = None
+) -> GateReport:
+    """Compile a device's C for a target and hold its object files against the rules.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    target : str
+        One of ``TARGETS``.
+    real : str
+        Number format.  The rules on double and libm, and the stack limit, are those of f32; f64 is
+        the host's reference.
+    files : mapping of str to str, optional
+        Files to compile in place of the device's own; tests break a rule in one.
+
+    Returns
+    -------
+    GateReport
+        With every offence.
+
+    Raises
+    ------
+    UserError
+        For an unknown target, or a compiler that is not installed.
+    RuntimeError
+        When the C does not compile.
+    """
+    chosen = find_target(target)
+    gcc = find_compiler(chosen.compiler, chosen.package)
+    texts = dict(files if files is not None else render_device(device, [real])[0].files)
+    single = not FORMATS[real].needs_libm
+    with tempfile.TemporaryDirectory(prefix="esea-gates-") as scratch:
+        folder = Path(scratch)
+        for name, text in texts.items():
+            if "/" not in name:
+                (folder / name).write_text(text, encoding="utf-8")
+        objects = []
+        measured = [*CONTROL_FLAGS, *chosen.flags, "-fstack-usage", "-fcallgraph-info=su"]
+        for name in sorted(n for n in texts if n.endswith(".c") and "/" not in n):
+            if name == "main.c":
+                continue
+            item = folder / f"{Path(name).stem}.o"
+            done = subprocess.run(
+                [gcc, *measured, "-c", name, "-o", item.name],
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            if done.returncode != 0:
+                raise RuntimeError(f"{name} does not compile for {target}:\n{done.stderr}")
+            objects.append(item)
+        problems = _unwanted(objects, chosen, not single) + _symbols(objects, chosen)
+        if single:
+            problems += _instructions(objects, chosen)
+        used, stack_problems = _stack(device, folder, chosen, single)
+        sizes = _output(_tool(chosen, "size"), *objects).splitlines()[1:]
+    return GateReport(
+        device.name,
+        real,
+        target,
+        _output(gcc, "--version").splitlines()[0],
+        tuple(problems + stack_problems),
+        used,
+        chosen.stack_limit_bytes,
+        sum(int(line.split()[0]) for line in sizes),
+    )
+
+
+def compiler_warnings(
+    device: Device, real: str, compiler: str = "gcc", files: Mapping[str, str] | None = None
+) -> str:
+    """What a strict compiler says of a device's C.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+    compiler : str
+        ``gcc`` or ``clang``, or a cross compiler.
+    files : mapping of str to str, optional
+        Files to compile in place of the device's own.
+
+    Returns
+    -------
+    str
+        Its messages; empty when there are none.
+
+    Raises
+    ------
+    UserError
+        When the compiler is not installed.
+    """
+    tool = find_compiler(compiler, "gcc libc6-dev" if compiler == "gcc" else compiler)
+    texts = dict(files if files is not None else render_device(device, [real])[0].files)
+    flags = [*STRICT_FLAGS, *(() if FORMATS[real].needs_libm else STRICT_F32)]
+    if "gcc" in compiler and not FORMATS[real].needs_libm:
+        flags.append("-Wunsuffixed-float-constants")
+    said = []
+    with tempfile.TemporaryDirectory(prefix="esea-strict-") as scratch:
+        folder = Path(scratch)
+        for name, text in texts.items():
+            if "/" not in name:
+                (folder / name).write_text(text, encoding="utf-8")
+        for name in sorted(n for n in texts if n.endswith(".c") and "/" not in n):
+            # The example program prints, and so promotes to double: not part of what ships.
+            own = [f for f in flags if name != "main.c" or f not in STRICT_F32]
+            own = [f for f in own if name != "main.c" or "unsuffixed" not in f]
+            done = subprocess.run(
+                [tool, *own, "-c", name, "-o", "x.o"],
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            if done.returncode != 0 or done.stderr:
+                said.append(done.stderr)
+    return "".join(said)

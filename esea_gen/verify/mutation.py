@@ -1,0 +1,677 @@
+"""Mutation of the emitted C, to see whether the comparisons see a wrong operator or constant.
+
+Each mutant is the emitted file of one Block, or of the device, with one place changed.  It is
+compiled, loaded, and held against the same expectation as the C that ships: CasADi's own C in f64,
+the NumPy executor (:mod:`esea_gen.verify.executor`) in f32, every bit of every output, state and
+counter.  A mutant that no stream tells apart survives.  One is set aside as equivalent only with a
+proof that names a fact of ranges or logic; the rest of the survivors are listed.
+"""
+
+from __future__ import annotations
+
+import copy
+import random
+import re
+import subprocess
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.block import Block
+from esea_gen.device import Device
+from esea_gen.emit.build import device_hash
+from esea_gen.emit.formats import FORMATS, LOGICAL, SELECTING, Format
+from esea_gen.emit.ranges import Bound
+from esea_gen.emit.render import Renderer
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import Array, HostLibrary, compile_device, find_compiler
+from esea_gen.verify.coverage import guarded_ranges, imply, span
+from esea_gen.verify.equivalence import (
+    CasadiReference,
+    _unexplained,
+    compare,
+    derive_bounds,
+    domain_chirp,
+    recorded_stream,
+    run_c,
+    run_symbolic,
+)
+from esea_gen.verify.executor import (
+    Trajectory,
+    coefficients_of,
+    emitted_kernel,
+    exact_trajectory,
+    setup_difference,
+)
+from esea_gen.verify.streams import at_the_limits, single, streams
+
+# Fast to compile; without optimisation float arithmetic has the same bits.
+MUTANT_FLAGS = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC", "-w")
+REQUIRED_SCORE = 0.95
+
+_NUMBER = re.compile(r"(?<![\w.])\d+\.\d*(?:e[-+]?\d+)?f?(?![\w.])")
+_OPERATOR = re.compile(r" (\+|-|\*|/|<=|<|>=|>|&&|\|\|) ")
+_SWAPS = {
+    "+": ("-",),
+    "-": ("+",),
+    "*": ("/",),
+    "/": ("*",),
+    "<=": ("<", ">="),
+    "<": ("<=", ">="),
+    ">=": (">", "<="),
+    "&&": ("||",),
+    "||": ("&&",),
+}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """The emitted C with one place changed.
+
+    Parameters
+    ----------
+    file : str
+        File of the output folder.
+    line : int
+        Line, from 1.
+    kind : str
+        What was done.
+    before, after : str
+        The line's code.
+    """
+
+    file: str
+    line: int
+    kind: str
+    before: str
+    after: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.kind}: {self.before}  ->  {self.after}"
+
+    def apply(self, text: str) -> str:
+        """The file's text with the mutation.
+
+        Parameters
+        ----------
+        text : str
+            The emitted text.
+
+        Returns
+        -------
+        str
+            The mutated text.
+        """
+        lines = text.split("\n")
+        if lines[self.line - 1].strip() != self.before:
+            raise ValueError(f"{self.file}:{self.line} is not '{self.before}'")
+        lines[self.line - 1] = self.after
+        return "\n".join(lines)
+
+
+@dataclass
+class MutationReport:
+    """What became of the mutants.
+
+    Parameters
+    ----------
+    device, real : str
+        What was mutated.
+    tried : int
+        Mutants compiled and run.
+    rejected : int
+        Mutants that the compiler refused; not counted anywhere else.
+    killed : int
+        Mutants told apart by some stream, bit for bit.
+    killed_by_bound : int or None
+        Of these, how many the looser criterion sees too: 1e-12 of full scale in f64, the derived
+        bound in f32.  None in a sample: deriving the bound takes longer than the sample.
+    equivalent : list of (Mutant, str)
+        Survivors proven to compute the same, with the proof.
+    survivors : list of Mutant
+        The rest.
+    kinds : dict of str to (int, int)
+        Killed and tried per kind.
+    """
+
+    device: str
+    real: str
+    tried: int = 0
+    rejected: int = 0
+    killed: int = 0
+    killed_by_bound: int | None = None
+    equivalent: list[tuple[Mutant, str]] = field(default_factory=list)
+    survivors: list[Mutant] = field(default_factory=list)
+    kinds: dict[str, tuple[int, int]] = field(default_factory=dict)
+
+    @property
+    def score(self) -> float:
+        """Share killed of all mutants not proven equivalent."""
+        counted = self.tried - len(self.equivalent)
+        return self.killed / counted if counted else 1.0
+
+    @property
+    def raw_score(self) -> float:
+        """Share killed of all mutants, equivalent ones included."""
+        return self.killed / self.tried if self.tried else 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return {
+            "device": self.device,
+            "format": self.real,
+            "tried": self.tried,
+            "rejected_by_compiler": self.rejected,
+            "killed": self.killed,
+            "killed_by_bound_alone": self.killed_by_bound,
+            "score": self.score,
+            "raw_score": self.raw_score,
+            "required_score": REQUIRED_SCORE,
+            "equivalent": [{"mutant": str(m), "proof": p} for m, p in self.equivalent],
+            "survivors": [str(m) for m in self.survivors],
+            "kinds": {k: {"killed": a, "tried": b} for k, (a, b) in sorted(self.kinds.items())},
+        }
+
+
+def _calls(text: str, name: str) -> Iterator[tuple[int, int, list[str]]]:
+    # Start, end and arguments of every call of a function in an expression.
+    for found in re.finditer(rf"\b{name}\(", text):
+        depth, start, args = 1, found.end(), []
+        for i in range(found.end(), len(text)):
+            depth += {"(": 1, ")": -1}.get(text[i], 0)
+            if (text[i] == "," and depth == 1) or depth == 0:
+                args.append(text[start:i].strip())
+                start = i + 1
+            if depth == 0:
+                yield found.start(), i + 1, args
+                break
+
+
+def _number(text: str, fmt: Format) -> tuple[list[tuple[str, str]], float]:
+    kind = fmt.dtype.type
+    value = kind(text.rstrip("f"))
+    if value == 0:
+        changed = [("constant off by one", kind(1))]
+    else:
+        changed = [
+            ("constant off by 1 %", kind(value * kind(1.01))),
+            ("constant off by 1 ulp", np.nextafter(value, kind(np.inf))),
+        ]
+    return [(name, fmt.literal(float(v))) for name, v in changed], float(value)
+
+
+def _expression_mutants(code: str, fmt: Format) -> Iterator[tuple[str, str]]:
+    def put(start: int, end: int, new: str) -> str:
+        return code[:start] + new + code[end:]
+
+    begin = code.index("=") + 1 if "=" in code else 0
+    begin = code.index("return") if code.startswith("return") else begin
+    for found in _OPERATOR.finditer(code, begin):
+        for other in _SWAPS.get(found.group(1), ()):
+            yield f"{found.group(1)} to {other}", put(found.start(1), found.end(1), other)
+    for name, other in (("esea_fmin", "esea_fmax"), ("esea_fmax", "esea_fmin")):
+        for start, end, args in _calls(code, name):
+            yield f"{name} to {other}", put(start, start + len(name), other)
+            yield f"{name} dropped", put(start, end, args[0])
+            yield f"{name} always clips", put(start, end, args[1])
+    for found in re.finditer(r" << (\d+)\)", code):
+        yield "status bit moved", put(found.start(1), found.end(1), str(int(found.group(1)) + 1))
+    for found in re.finditer(r" (\|) ", code):
+        yield "| to &", put(found.start(1), found.end(1), "&")
+    for start, end, args in _calls(code, "esea_fabs"):
+        yield "esea_fabs dropped", put(start, end, args[0])
+    for found in re.finditer(r"(?<=[(= ])!(?=[\w(])", code):
+        yield "! dropped", put(found.start(), found.end(), "")
+    for found in re.finditer(r"\(-(?=\d)", code):
+        yield "sign of a constant", put(found.start(), found.end(), "(")
+    for found in re.finditer(r"INT32_C\((\d+)\)", code):
+        for name, v in (
+            ("exponent off by 1 %", round(int(found.group(1)) * 1.01)),
+            ("exponent off by 2^-27", int(found.group(1)) + 1),
+        ):
+            yield name, put(found.start(1), found.end(1), str(v))
+    select = re.search(r"= (.*?) \? (.*?) : (.*);$", code)
+    whole = select is not None and all(_NUMBER.fullmatch(select.group(k)) for k in (2, 3))
+    if select:
+        a, b, c = select.groups()
+        head = code[: select.start()] + "= "
+        yield "select arms swapped", f"{head}{a} ? {c} : {b};"
+        yield "select always first", f"{head}{b};"
+        yield "select always second", f"{head}{c};"
+    comments = [c.span() for c in re.finditer(r"/\*.*?\*/", code)]
+    for found in _NUMBER.finditer(code, begin):
+        if any(a <= found.start() < b for a, b in comments):
+            continue
+        # A bit of a status word, not the threshold before it: rounding would change nothing.
+        if whole and select is not None and found.start() >= select.start(2):
+            value = fmt.dtype.type(found.group().rstrip("f"))
+            changed = [("status bit moved", fmt.literal(float(value * 2 if value else 1)))]
+        else:
+            changed, _ = _number(found.group(), fmt)
+        for name, literal in changed:
+            yield name, put(found.start(), found.end(), literal)
+    definition = re.match(rf"const {fmt.c_type} \w+ = (.*);$", code)
+    if definition and "->" not in code:
+        yield "result negated", put(definition.start(1), definition.end(1), f"-({definition[1]})")
+
+
+def _access_mutants(code: str, fields: dict[str, list[str]]) -> Iterator[tuple[str, str]]:
+    # Reading from, or writing to, the wrong element or field of the same struct; not writing.
+    for found in re.finditer(r"\b(state|in|out|params|coeffs|\w+_in|\w+_out)(->|\.)", code):
+        struct, place = found.group(1), found.end()
+        names = fields.get(struct, [])
+        now = max(
+            (n for n in names if re.match(re.escape(n) + r"(?![\w\[])", code[place:])),
+            key=len,
+            default=None,
+        )
+        if now is None or len(names) < 2:
+            continue
+        other = names[(names.index(now) + 1) % len(names)]
+        verb = "read from" if code.startswith("const") or found.start() else "written to"
+        changed = code[:place] + other + code[place + len(now) :]
+        yield f"{verb} the wrong field", changed
+    if re.match(r"(state|out|coeffs|params|\w+_in)(->|\.)[\w.\[\]]+ \+?= ", code):
+        yield "assignment dropped", ";"
+    counter = re.match(r"(state->(\w+)) \+= \(uint32_t\)\((.*) != 0u && (.*)\);$", code)
+    if counter:
+        target, _, mask, limit = counter.groups()
+        yield "counter wraps", f"{target} += (uint32_t)({mask} != 0u);"
+        yield "counter inverted", f"{target} += (uint32_t)({mask} == 0u && {limit});"
+        yield "counter counts always", f"{target} += (uint32_t)({limit});"
+        yield "counter sticks", f"{target} += (uint32_t)({mask} != 0u);".replace(" += ", " = ")
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    inside = comment = False
+    for i, line in enumerate(text.split("\n"), 1):
+        code = line.strip()
+        inside = (inside or line == "{") and line != "}"
+        if comment or code.startswith("/*"):
+            comment = "*/" not in code
+            continue
+        if inside and code not in ("{", "") and not code.startswith("(void)"):
+            yield i, code
+
+
+def _fields(block: Block | None, device: Device) -> dict[str, list[str]]:
+    def elements(ports: Sequence[Any]) -> list[str]:
+        return [
+            p.name if getattr(p, "size", 1) == 1 else f"{p.name}[{k}]"
+            for p in ports
+            for k in range(getattr(p, "size", 1))
+        ]
+
+    if block is not None:
+        flags = [f"n_{f.name.lower()}" for p in block.outputs for f in p.flags if f.counted]
+        return {
+            "state": elements(block.state) + flags,
+            "in": elements(block.inputs),
+            "out": elements([p for p in block.outputs if not p.flags]),
+            "coeffs": elements(block.coefficients),
+            "params": elements(block.tunables),
+        }
+    out = {}
+    for b in device.system.kinds:
+        out[f"{b.name}_in"] = elements(b.inputs)
+        out[f"{b.name}_out"] = elements([p for p in b.outputs if not p.flags])
+    return out
+
+
+def mutants(device: Device, real: str, files: dict[str, str]) -> list[Mutant]:
+    """Every mutant of a device's emitted C: its Blocks' files and the file that wires them.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+    files : dict of str to str
+        Its files.
+
+    Returns
+    -------
+    list of Mutant
+        In the files' order; no two give the same text.
+    """
+    fmt = FORMATS[real]
+    prefix = f"esea_{device.name}"
+    out: dict[tuple[str, int, str], Mutant] = {}
+    sources: list[tuple[str, Block | None]] = [
+        (f"{prefix}_{b.name}.c", b) for b in device.system.kinds
+    ]
+    for name, block in [*sources, (f"{prefix}.c", None)]:
+        fields = _fields(block, device)
+        for line, code in _statements(files[name]):
+            found = (
+                []
+                if code.startswith("state->n_") and " += " in code
+                else [*_expression_mutants(code, fmt)]
+            )
+            for kind, after in [*found, *_access_mutants(code, fields)]:
+                if after != code:
+                    out.setdefault((name, line, after), Mutant(name, line, kind, code, after))
+    return list(out.values())
+
+
+@dataclass
+class _Judged:
+    # One stream, with what the C must give: bit for bit, and within the looser limits.
+    exact: Trajectory
+    symbolic: tuple[dict[str, Array], dict[str, Array]] | None
+    limits: dict[str, float]
+
+
+class _Bench:
+    """Compiles mutants and holds them against what the C must give."""
+
+    def __init__(self, device: Device, real: str, folder: Path, loose: bool) -> None:
+        self.loose = loose
+        self.device, self.folder, self.fmt = device, folder, FORMATS[real]
+        self.gcc = find_compiler("gcc", "gcc libc6-dev")
+        self.library = compile_device(device, real)
+        renderer = Renderer(device.system, self.fmt, device_hash(device), "-", device.title)
+        self.files = {n: t for n, t in self.library.files.items() if "/" not in n}
+        texts = self.files | {"driver.c": renderer.render("hostlib/driver.c.j2")}
+        self.objects: dict[str, str] = {}
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        for name in texts:
+            if name.endswith(".c") and name != "main.c":
+                self.objects[name] = f"{name}.o"
+                self._gcc("-c", name, "-o", f"{name}.o", check=True)
+        self.judged = {b.name: self._judge(b) for b in device.system.kinds}
+        self.wiring = _task_signature(self.library)
+
+    def _gcc(self, *arguments: str, check: bool = False) -> bool:
+        command = [self.gcc, *MUTANT_FLAGS, *arguments]
+        done = subprocess.run(command, cwd=self.folder, capture_output=True, check=check)
+        return done.returncode == 0
+
+    def _judge(self, block: Block) -> list[_Judged]:
+        single = self.fmt.name == "f32"
+        reference = None if single else CasadiReference(self.device.system)
+        bounds: dict[str, Bound] = {}
+        if self.loose and single:
+            bounds = derive_bounds(self.device, block)
+        tried = streams(block)
+        recorded = recorded_stream(self.device, domain_chirp(self.device, 2.0), "chirp in domain")
+        tried += [recorded[block.name]] if block.name in recorded else []
+        out = []
+        for stream in tried:
+            exact = exact_trajectory(block, self.library, stream, reference)
+            judged = _Judged(exact, None, {})
+            if self.loose:
+                found = compare(self.device, block, self.library, stream, bounds, reference)
+                judged = _Judged(exact, run_symbolic(block, stream), found.limits)
+            out.append(judged)
+        # Bit by bit only: there, formats may decide differently.
+        stream = at_the_limits(block, self.fmt.dtype)
+        out.append(_Judged(exact_trajectory(block, self.library, stream, reference), None, {}))
+        return out
+
+    def load(self, mutant: Mutant) -> HostLibrary | None:
+        """A mutant, compiled and loaded; None when the compiler refuses it."""
+        (self.folder / "mutant.c").write_text(mutant.apply(self.files[mutant.file]))
+        others = [o for n, o in self.objects.items() if n != mutant.file]
+        link = ["-lm"] if self.fmt.needs_libm else []
+        # A new name each time: the loader takes the same path for the same library.
+        target = self.folder / f"mutant{len(list(self.folder.glob('mutant*.so')))}.so"
+        if not self._gcc("-shared", "mutant.c", *others, "-o", target.name, *link):
+            return None
+        library = copy.copy(self.library)
+        library.path, library.lib = target, self.library.ffi.dlopen(str(target))
+        return library
+
+    def unload(self, library: HostLibrary) -> None:
+        """Close a mutant; its file stays, empty, so that its name is not used again."""
+        library.ffi.dlclose(library.lib)
+        library.path.write_bytes(b"")
+
+    def difference(self, library: HostLibrary, file: str) -> str:
+        """The first difference in any bit from what the C must give; empty without one."""
+        block = self.block_of(file)
+        if block is None:
+            same = _task_signature(library) == self.wiring
+            return "" if same else "the task differs from the one that ships"
+        found = setup_difference(block, library)
+        for judged in self.judged[block.name]:
+            if found:
+                break
+            run = run_c(library.block(block.name), judged.exact.stream)
+            found = judged.exact.first_difference(*run)
+        return found
+
+    def outside_bound(self, library: HostLibrary, file: str) -> bool:
+        """Whether the looser comparison sees the mutant."""
+        block = self.block_of(file)
+        if block is None:
+            return True
+        for judged in self.judged[block.name]:
+            if judged.symbolic is None:
+                continue
+            y, s = run_c(library.block(block.name), judged.exact.stream)
+            for ports, got, expected in (
+                (block.outputs, y, judged.symbolic[0]),
+                (block.state, s, judged.symbolic[1]),
+            ):
+                for p in ports:
+                    if p.flags:
+                        if _unexplained(p, expected[p.name], got, expected, judged.limits):
+                            return True
+                        continue
+                    error = np.abs(np.asarray(got[p.name], np.float64) - expected[p.name])
+                    if not np.all(error <= judged.limits[p.name]):
+                        return True
+        return False
+
+    def block_of(self, file: str) -> Block | None:
+        """The Block that a file holds; None for the file that wires them."""
+        prefix = self.library.prefix
+        return next((b for b in self.device.system.kinds if file == f"{prefix}_{b.name}.c"), None)
+
+
+def _task_signature(library: HostLibrary) -> list[bytes]:
+    # Everything the device file does: defaults, the check of the tunables, init, the wiring.
+    out = []
+    ffi = library.ffi
+    for task in library.system.tasks:
+        runner = library.task(task.name)
+        held = runner._coeffs
+        for instance, tunable in library.system.tunables:
+            low, high = np.float32(tunable.low), np.float32(tunable.high)
+            below, above = (
+                np.nextafter(x, np.float32(s * np.inf)) for x, s in ((low, -1), (high, 1))
+            )
+            for value in (low, high, below, above, np.nan, np.inf, 0.5 * (low + high)):
+                code = runner.prepare({instance: {tunable.name: float(value)}})
+                out.append(bytes([code % 256]) + b"".join(bytes(ffi.buffer(c)) for c in held))
+        runner.prepare({})
+        out += [bytes(ffi.buffer(c)) for c in (*held, *([runner._params] if held else []))]
+        rubbish = runner.state
+        rubbish.view(np.uint8)[:] = 0xA5
+        runner.state = rubbish
+        runner.reset()
+        rng = np.random.default_rng(3)
+        inputs = {
+            x.name: single(rng.uniform(1.02 * x.port.low, 1.02 * x.port.high, (800, x.port.size)))
+            for x in library.system.task_inputs(task)
+        }
+        slow = {
+            k: single(0.3 * np.sin(0.01 * np.arange(len(v)))[:, None] * abs(v[0]))
+            for k, v in inputs.items()
+        }
+        for stream in (slow, inputs):
+            flat = {k: v[:, 0] if v.shape[1] == 1 else v for k, v in stream.items()}
+            y, s = runner.run(flat)
+            out += [np.ascontiguousarray(a).tobytes() for a in (*y.values(), *s.values())]
+    return out
+
+
+class _Prover:
+    """Proofs that a surviving mutant computes the same."""
+
+    def __init__(self, block: Block, fmt: Format) -> None:
+        self.fmt = fmt
+        self.kernel, names = emitted_kernel(block, fmt)
+        coefficients = coefficients_of(block, fmt, {})
+        self.ranges = guarded_ranges(block, self.kernel, names, fmt, coefficients)
+        self.node = {f"v{i}": i for i in range(len(self.kernel.nodes))}
+        self.node |= {name: i for i, (name, _) in names.items()}
+
+    def __call__(self, mutant: Mutant) -> str:
+        """The proof, or nothing."""
+        return self._no_clip(mutant) or self._unobserved(mutant) or self._even(mutant)
+
+    def _unobserved(self, mutant: Mutant) -> str:
+        # A select whose one arm is never looked at: what depends on it is masked then.
+        select = re.compile(r"const \w+ (\w+) = (.*?) \? (.*?) : (.*);$")
+        found, now = select.match(mutant.before), select.match(mutant.after)
+        dropped = {"select always first": False, "select always second": True}.get(mutant.kind)
+        if found and now and found.group(2) == now.group(2):
+            same = [found.group(k) == now.group(k) for k in (3, 4)]
+            dropped = None if not any(same) else same[1]
+        if found is None or dropped is None or found.group(1) not in self.node:
+            return ""
+        i = self.node[found.group(1)]
+        n = self.kernel.nodes[i]
+        if n.op not in ("if_else_zero", "select"):
+            return ""
+        known = imply(self.kernel, n.args[0], dropped, without=i)
+        results = {k for r in self.kernel.results for k in r}
+        reached, front = {i}, [i]
+        while front:
+            at = front.pop()
+            if at in results:
+                return ""
+            for u, user in enumerate(self.kernel.nodes):
+                if at not in user.args or u in reached or u in known:
+                    continue
+                if user.op in ("if_else_zero", "select") and user.args[0] in known:
+                    looked = 1 if known[user.args[0]] else 2
+                    if user.args[looked : looked + 1] != (at,):
+                        continue
+                reached.add(u)
+                front.append(u)
+        return f"when the condition is {str(dropped).lower()}, no result looks at the value"
+
+    def _even(self, mutant: Mutant) -> str:
+        # A sign that nobody looks at.
+        named = re.match(r"const \w+ (\w+) = ", mutant.before)
+        if mutant.kind != "result negated" or named is None or named.group(1) not in self.node:
+            return ""
+        i = self.node[named.group(1)]
+        if any(i in r for r in self.kernel.results):
+            return ""
+        for n in self.kernel.nodes:
+            for position, a in enumerate(n.args):
+                truth = n.op in LOGICAL or (n.op in SELECTING and position == 0)
+                if a == i and n.op != "fabs" and not truth:
+                    return ""
+        return "only its magnitude, or whether it is zero, is used"
+
+    def _no_clip(self, mutant: Mutant) -> str:
+        found = re.match(r"const \w+ (\w+) = esea_(fmin|fmax)\(.*\);$", mutant.before)
+        if found is None or found.group(1) not in self.node:
+            return ""
+        n = self.kernel.nodes[self.node[found.group(1)]]
+        if n.op != found.group(2) or n.args[0] not in self.ranges:
+            return ""
+        low, high = span(self.ranges[n.args[0]])
+        limit = self.kernel.nodes[n.args[1]]
+        if limit.op != "const":
+            return ""
+        limits = [limit.value]
+        if mutant.kind.startswith("constant off"):
+            now = re.search(rf"{n.op}\((?:\w+), \(?(-?{_NUMBER.pattern})\)?\);$", mutant.after)
+            if now is None:
+                return ""
+            limits.append(float(now.group(1).rstrip("f")))
+        elif mutant.kind != f"esea_{n.op} dropped":
+            return ""
+        never = all(high <= x if n.op == "fmin" else low >= x for x in limits)
+        where = f"its operand lies in [{low:.6g}, {high:.6g}]"
+        return f"the clip at {limit.value:.6g} never acts: {where}" if never else ""
+
+
+def run_mutation(
+    device: Device,
+    real: str,
+    sample: int | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> MutationReport:
+    """Mutate a device's emitted C and count the mutants that the comparisons catch.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+    sample : int, optional
+        Try this many, chosen at random; without it, all.
+    seed : int
+        Seed of that choice.
+    progress : callable, optional
+        Told in words what is being done.
+
+    Returns
+    -------
+    MutationReport
+        With every survivor by name.
+
+    Raises
+    ------
+    UserError
+        When there is no compiler, or for an unknown number format.
+    RuntimeError
+        When the unmutated C already differs from what it must give.
+    """
+    if real not in FORMATS:
+        raise UserError(f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}.")
+    say = progress or (lambda _: None)
+    report = MutationReport(device.name, real)
+    kinds: Counter[str] = Counter()
+    caught: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory(prefix="esea-mutation-") as scratch:
+        bench = _Bench(device, real, Path(scratch), sample is None)
+        for file in bench.objects:
+            found = bench.difference(bench.library, file) if bench.block_of(file) else ""
+            if found:
+                raise RuntimeError(f"the C that ships already differs: {found}")
+        provers = {b.name: _Prover(b, FORMATS[real]) for b in device.system.kinds}
+        chosen = mutants(device, real, bench.files)
+        if sample is not None and sample < len(chosen):
+            chosen = random.Random(seed).sample(chosen, sample)
+        for k, mutant in enumerate(chosen):
+            if k % 50 == 0:
+                say(f"{device.name}, {real}: mutant {k + 1} of {len(chosen)}")
+            library = bench.load(mutant)
+            if library is None:
+                report.rejected += 1
+                continue
+            report.tried += 1
+            kinds[mutant.kind] += 1
+            if bench.difference(library, mutant.file):
+                report.killed += 1
+                caught[mutant.kind] += 1
+                if bench.loose:
+                    seen = bench.outside_bound(library, mutant.file)
+                    report.killed_by_bound = (report.killed_by_bound or 0) + int(seen)
+            else:
+                block = bench.block_of(mutant.file)
+                proof = provers[block.name](mutant) if block else ""
+                if proof:
+                    report.equivalent.append((mutant, proof))
+                else:
+                    report.survivors.append(mutant)
+            bench.unload(library)
+    report.kinds = {k: (caught[k], n) for k, n in kinds.items()}
+    return report

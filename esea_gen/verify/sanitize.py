@@ -1,0 +1,383 @@
+"""Sanitizers on the equivalence streams: address, undefined behaviour, uninitialised memory.
+
+Undefined behaviour is watched in process, in the library that the comparisons call.  Addresses and
+uninitialised memory are watched by a C harness (``templates/verify/replay.c.j2``) that gives every
+struct its own heap block of exact size, in a process of its own; what it computes is compared bit
+for bit with the library.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.block import Block
+from esea_gen.device import Device
+from esea_gen.emit.build import device_hash
+from esea_gen.emit.formats import FORMATS, Format
+from esea_gen.emit.render import Renderer
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import Array, HostLibrary, find_compiler
+from esea_gen.system import System
+from esea_gen.verify.equivalence import run_c
+from esea_gen.verify.executor import counter_fields
+from esea_gen.verify.streams import Stream, at_the_limits, streams
+
+# What C leaves undefined, and the two conversions that IEEE defines but no kernel should need.
+UNDEFINED = ("-fsanitize=undefined,float-cast-overflow,float-divide-by-zero",)
+SANITIZERS = {
+    "address": ("-fsanitize=address,undefined,float-cast-overflow,float-divide-by-zero",),
+    "memory": ("-fsanitize=memory", "-fsanitize-memory-track-origins"),
+}
+_FLAGS = ("-std=c99", "-O1", "-g", "-ffp-contract=off", "-fno-omit-frame-pointer")
+_STOP = ("-fno-sanitize-recover=all",)
+
+
+class GivenRenderer(Renderer):
+    """A renderer whose files are given: how a deliberate fault is put in.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+    files : mapping of str to str, optional
+        The files; without them, the device's own.
+    """
+
+    def __init__(self, device: Device, real: str, files: Mapping[str, str] | None = None) -> None:
+        super().__init__(device.system, FORMATS[real], device_hash(device), "-", device.title)
+        self._given = files
+
+    def files(self) -> dict[str, str]:
+        """The given files."""
+        return dict(self._given) if self._given is not None else super().files()
+
+
+@dataclass(frozen=True)
+class SanitizerRun:
+    """What a sanitizer said.
+
+    Parameters
+    ----------
+    sanitizer, real : str
+        Which, on which number format.
+    runs : int
+        Streams replayed.
+    steps : int
+        Steps in all.
+    reports : tuple of str
+        Its reports; empty when there are none.
+    differences : tuple of str
+        Where the replay's bits differ from the library's.
+    """
+
+    sanitizer: str
+    real: str
+    runs: int
+    steps: int
+    reports: tuple[str, ...]
+    differences: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was reported and all bits agree."""
+        return not self.reports and not self.differences
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return {
+            "sanitizer": self.sanitizer,
+            "format": self.real,
+            "runs": self.runs,
+            "steps": self.steps,
+            "passed": self.passed,
+            "reports": list(self.reports),
+            "differences": list(self.differences),
+        }
+
+
+def tried_streams(block: Block, fmt: Format, steps: int = 1500) -> list[Stream]:
+    """The streams of the comparisons, shortened.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    fmt : Format
+        Number format.
+    steps : int
+        Length of each.
+
+    Returns
+    -------
+    list of Stream
+        Those of :func:`~esea_gen.verify.streams.streams`, and the one at the limits.
+    """
+    return [*streams(block, steps=steps), at_the_limits(block, fmt.dtype, steps=steps)]
+
+
+@contextmanager
+def _standard_error() -> Iterator[list[str]]:
+    # What C code in this process writes to standard error.
+    said: list[str] = []
+    with tempfile.TemporaryFile() as store:
+        kept = os.dup(2)
+        try:
+            os.dup2(store.fileno(), 2)
+            yield said
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            store.seek(0)
+            said += store.read().decode(errors="replace").splitlines()
+
+
+def undefined_behaviour(
+    device: Device, real: str, files: Mapping[str, str] | None = None, steps: int = 1500
+) -> SanitizerRun:
+    """Run every Block and task in process, watched for undefined behaviour.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+    files : mapping of str to str, optional
+        Files in place of the device's own.
+    steps : int
+        Length of each stream.
+
+    Returns
+    -------
+    SanitizerRun
+        With each place reported once.
+    """
+    # Not stopping at a report: this process goes on, and reads what was said.
+    flags = (*UNDEFINED, "-fsanitize-recover=all")
+    library = HostLibrary(device.system, GivenRenderer(device, real, files), flags)
+    runs = taken = 0
+    with _standard_error() as said:
+        for block in device.system.kinds:
+            for stream in tried_streams(block, FORMATS[real], steps):
+                run_c(library.block(block.name), stream)
+                runs, taken = runs + 1, taken + stream.steps
+        for task in device.system.tasks:
+            runner = library.task(task.name)
+            inputs = _task_inputs(device.system, task, steps)
+            runner.run(inputs, trace=False)
+            runs, taken = runs + 1, taken + steps
+    reports = tuple(line for line in said if "runtime error" in line)
+    return SanitizerRun("undefined", real, runs, taken, reports)
+
+
+def _task_inputs(system: System, task: Any, steps: int) -> dict[str, Array]:
+    out = {}
+    for x in system.task_inputs(task):
+        wave = 0.6 * np.sin(np.linspace(0.0, 60.0, steps))
+        value = np.asarray(wave * max(abs(x.port.low), abs(x.port.high)), np.float32)
+        value[steps // 3 :: 97] = np.nan
+        value[steps // 2 :: 89] = np.inf
+        value[steps // 4 :: 83] = 2 * x.port.high + 1
+        out[x.name] = value.astype(float)
+        if x.port.size > 1:
+            out[x.name] = np.tile(out[x.name][:, None], (1, x.port.size))
+    return out
+
+
+def _packed(values: Sequence[Array], steps: int) -> list[bytes]:
+    columns = [np.ascontiguousarray(v).reshape(steps, -1).view(np.uint8) for v in values]
+    return [row.tobytes() for row in np.concatenate(columns, axis=1)]
+
+
+def _stream_bytes(stream: Stream, inputs: Sequence[Array], state: np.dtype[Any]) -> bytes:
+    rows = _packed(inputs, stream.steps)
+    out = [struct.pack("=I", stream.steps)]
+    for k, row in enumerate(rows):
+        patches = stream.injections.get(k, {})
+        out.append(struct.pack("=I", len(patches)))
+        for name, value in patches.items():
+            kind = state[name]
+            offset = int(state.fields[name][1]) if state.fields else 0
+            with np.errstate(over="ignore"):
+                data = np.asarray(value).reshape(kind.shape).astype(kind.base).tobytes()
+            out.append(struct.pack("=II", offset, len(data)) + data)
+        out.append(row)
+    return b"".join(out)
+
+
+class Replay:
+    """The C harness, compiled with a sanitizer.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+    sanitizer : str
+        ``address`` (with undefined behaviour; gcc) or ``memory`` (uninitialised memory; clang).
+    folder : Path
+        Where to build.
+    files : mapping of str to str, optional
+        Files in place of the device's own.
+
+    Raises
+    ------
+    UserError
+        When the compiler, or its run-time library, is not installed.
+    RuntimeError
+        When the harness does not build.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        real: str,
+        sanitizer: str,
+        folder: Path,
+        files: Mapping[str, str] | None = None,
+    ) -> None:
+        self.folder = folder
+        renderer = GivenRenderer(device, real, files)
+        texts = {n: t for n, t in renderer.files().items() if "/" not in n}
+        texts["main.c"] = renderer.render("verify/replay.c.j2")
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        sources = sorted(n for n in texts if n.endswith(".c"))
+        compiler = (
+            find_compiler("clang", "clang")
+            if sanitizer == "memory"
+            else find_compiler("gcc", "gcc libc6-dev")
+        )
+        done = subprocess.run(
+            [compiler, *_FLAGS, *SANITIZERS[sanitizer], *_STOP, *sources, "-o", "replay", "-lm"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if "libclang_rt.msan" in done.stderr:
+            raise UserError(
+                "clang's run-time library of the memory sanitizer is not installed.",
+                "Install it with: apt-get install --no-install-recommends libclang-rt-14-dev",
+            )
+        if done.returncode != 0:
+            raise RuntimeError(f"the replay harness does not build:\n{done.stderr}")
+
+    def run(self, name: str, stream: bytes, fill: int = -1) -> tuple[bytes, str]:
+        """Replay a stream.
+
+        Parameters
+        ----------
+        name : str
+            Block or task.
+        stream : bytes
+            In the harness's format.
+        fill : int
+            Byte that fresh memory is filled with; negative for none.
+
+        Returns
+        -------
+        result : bytes
+            Outputs and states.
+        report : str
+            What the sanitizer said; empty when the harness ended well.
+        """
+        (self.folder / "stream").write_bytes(stream)
+        done = subprocess.run(
+            ["./replay", name, "stream", "result", str(fill)],
+            cwd=self.folder,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        result = self.folder / "result"
+        if done.returncode == 0 and not done.stderr:
+            return result.read_bytes(), ""
+        lines = [x for x in done.stderr.splitlines() if "ERROR" in x or "runtime error" in x]
+        said = "; ".join(lines) or done.stderr or f"ended with {done.returncode}"
+        return b"", f"{name}: {said}"
+
+
+def replay_device(
+    device: Device,
+    real: str,
+    sanitizer: str,
+    files: Mapping[str, str] | None = None,
+    steps: int = 1500,
+) -> SanitizerRun:
+    """Replay every Block and task in the C harness, and compare its bits with the library's.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+    sanitizer : str
+        ``address`` or ``memory``.
+    files : mapping of str to str, optional
+        Files in place of the device's own.
+    steps : int
+        Length of each stream.
+
+    Returns
+    -------
+    SanitizerRun
+        Reports and differences.
+    """
+    fmt = FORMATS[real]
+    library = HostLibrary(device.system, GivenRenderer(device, real, files))
+    reports: list[str] = []
+    differences: list[str] = []
+    runs = taken = 0
+    with tempfile.TemporaryDirectory(prefix="esea-replay-") as scratch:
+        harness = Replay(device, real, sanitizer, Path(scratch), files)
+        for name, stream, inputs, state, expected in _cases(device, library, fmt, steps):
+            data = _stream_bytes(stream, inputs, state)
+            # Two fillings, a tiny and a huge number: a result that depends on memory that nobody
+            # wrote differs in one.
+            for fill in (-1,) if sanitizer == "memory" else (0xA5, 0x7F):
+                result, said = harness.run(name, data, fill)
+                runs, taken = runs + 1, taken + stream.steps
+                if said:
+                    reports.append(f"{stream.name}: {said}")
+                elif result != b"".join(_packed(expected, stream.steps)):
+                    differences.append(f"{stream.name}: {name}, memory filled with {fill}")
+    return SanitizerRun(sanitizer, real, runs, taken, tuple(reports), tuple(differences))
+
+
+def _cases(
+    device: Device, library: HostLibrary, fmt: Format, steps: int
+) -> Iterator[tuple[str, Stream, list[Array], np.dtype[Any], list[Array]]]:
+    # Name, stream, inputs as the C's numbers, type of the state, outputs and states expected.
+    for block in device.system.kinds:
+        state = library.dtype(f"{library.prefix}_{block.name}_state_t")
+        for stream in tried_streams(block, fmt, steps):
+            y, s = run_c(library.block(block.name), stream)
+            with np.errstate(over="ignore"):
+                inputs = [np.asarray(stream.inputs[p.name], fmt.dtype) for p in block.inputs]
+            names = [p.name for p in block.state] + list(counter_fields(block))
+            expected = [y[p.name] for p in block.outputs] + [s[n] for n in names]
+            yield block.name, stream, inputs, state, expected
+    for task in device.system.tasks:
+        values = _task_inputs(device.system, task, steps)
+        y, _ = library.task(task.name).run(values, trace=False)
+        sources = device.system.task_inputs(task)
+        inputs = [np.asarray(values[x.name], fmt.dtype) for x in sources]
+        expected = [y[x.name] for x in device.system.task_outputs(task)]
+        state = library.dtype(f"{library.prefix}_state_t")
+        yield task.name, Stream("task", values), inputs, state, expected

@@ -1,0 +1,413 @@
+"""Reference traces: what every shipped System answers to one fixed stream, kept as text.
+
+A change of behaviour, wanted or not, shows as a few readable lines: which output, from which step,
+from what to what, how much of full scale.  One command accepts it.
+
+The trace is the symbolic System's, float64: the C is held against that elsewhere.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from esea_gen.block import Array
+from esea_gen.device import Device, load_device, shipped_devices
+from esea_gen.errors import UserError
+from esea_gen.system import External
+
+MARK = "# esea-gen reference trace"
+EVERY = 20  # steps a row
+TOLERANCE = 1e-9  # of full scale, and of the value: libm differs between machines by less
+DIGITS = 10
+LATTICE_BITS = 15
+ACCEPT = "Accept with: esea-gen traces accept"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A stretch of the stream.
+
+    Parameters
+    ----------
+    name : str
+        What it tries.
+    duration_s : float
+        Length.
+    """
+
+    name: str
+    duration_s: float
+
+
+PARTS = (
+    Part("rest at zero", 0.2),
+    Part("chirp in the domain", 3.0),
+    Part("shrinking reversals", 1.5),
+    Part("held deflection", 0.5),
+    Part("beyond the domain", 1.0),
+    Part("invalid samples", 0.8),
+    Part("jumps", 0.4),
+    Part("back to rest", 0.6),
+)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A System's answer, every so many steps.
+
+    Parameters
+    ----------
+    device : str
+        Name.
+    period_s : float
+        Base tick.
+    steps : ndarray
+        Step of each row, from 0.
+    inputs, outputs : dict of str to ndarray
+        One value a row; of a status word, every bit that was set since the row above.
+    flags : dict of str to tuple of str
+        Per status word, the names of its bits.
+    full_scale : dict of str to float
+        Per other output, what counts as 100 %.
+    """
+
+    device: str
+    period_s: float
+    steps: Array
+    inputs: dict[str, Array]
+    outputs: dict[str, Array]
+    flags: dict[str, tuple[str, ...]]
+    full_scale: dict[str, float]
+
+    def text(self) -> str:
+        """The trace as CSV with a comment above."""
+        out = io.StringIO()
+        out.write(
+            f"{MARK}: {self.device}, a tick of {self.period_s:.9g} s, every {EVERY}th step.  A "
+            "status word has all bits set since the row above.\n"
+        )
+        writer = csv.writer(out, lineterminator="\n")
+        columns = self.inputs | self.outputs
+        writer.writerow(["step", *columns])
+        for k, step in enumerate(self.steps.astype(int).tolist()):
+            writer.writerow([step, *(_number(c[k], n in self.flags) for n, c in columns.items())])
+        return out.getvalue()
+
+
+def _number(value: float, whole: bool) -> str:
+    return str(int(value)) if whole else f"{value + 0.0:.{DIGITS}g}"  # + 0.0: no negative zero
+
+
+def _scalars(externals: Iterable[External]) -> list[tuple[str, External, int]]:
+    # A vector takes one column an element.
+    return [
+        (x.name if x.port.size == 1 else f"{x.name}[{i}]", x, i)
+        for x in externals
+        for i in range(x.port.size)
+    ]
+
+
+def reference_stream(device: Device) -> dict[str, Array]:
+    """The fixed stream of a device: the parts of ``PARTS``, one after the other.
+
+    Every external input is driven, each with another phase.  Samples stand on a lattice of a power
+    of two, so that a last digit of a sine does not move them.
+
+    Parameters
+    ----------
+    device : Device
+        Its domain, ranges, rate and inputs.
+
+    Returns
+    -------
+    dict of str to ndarray
+        One column per scalar input, one sample a base tick.
+    """
+    system, domain = device.system, device.file.domain
+    rate_Hz = 1.0 / system.base_period_s
+    top_Hz = 0.8 * domain.omega_max_rad_s.value / (2 * math.pi * domain.theta_max_rad.value)
+    stream = {}
+    for n, (name, external, _) in enumerate(_scalars(system.inputs)):
+        high = min(external.port.high, -external.port.low)
+        angle = external.port.unit == "rad"
+        reach = min(0.95 * domain.theta_max_rad.value, high) if angle else 0.55 * high
+        pieces = []
+        for part in PARTS:
+            count = max(1, round(part.duration_s * rate_Hz))
+            s = np.arange(count) / count  # share of the part that is over
+            pieces.append(_piece(part, s, reach, high, top_Hz, n))
+        grid = 2.0 ** (math.frexp(high)[1] - LATTICE_BITS)
+        stream[name] = np.round(np.concatenate(pieces) / grid) * grid
+    return stream
+
+
+def _piece(part: Part, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:
+    phase = 0.9 * n
+    if part.name == "chirp in the domain":
+        turns = 0.5 * top_Hz * part.duration_s * s * s
+        fade = np.minimum(1.0, 8.0 * s) if n else 1.0  # a phase shift does not start at zero
+        return reach * fade * np.sin(2 * np.pi * turns + phase)
+    if part.name == "shrinking reversals":
+        triangle = np.abs((5.0 * s + 0.25 * (1 + n)) % 1.0 - 0.5) * 4.0 - 1.0
+        return reach * triangle * (1.0 - 0.7 * s)
+    if part.name == "held deflection":
+        return np.full(len(s), 0.4 * reach * (-1.0) ** n)
+    if part.name == "beyond the domain":
+        return 0.97 * high * np.sin(2 * np.pi * s + phase)
+    wave = 0.5 * reach * np.sin(4 * np.pi * s + phase)
+    if part.name == "invalid samples":
+        bad = (np.nan, np.inf, -np.inf, 1.5 * high, -3.0 * high)
+        for k, at in enumerate(range(7 + 3 * n, len(s), 61)):
+            wave[at : at + 1 + 4 * (k % 3)] = bad[(k + n) % len(bad)]
+        return wave
+    if part.name == "jumps":
+        return 0.8 * reach * (-1.0) ** (n + np.floor(6 * s))
+    return np.zeros(len(s))
+
+
+def run_trace(device: Device) -> Trace:
+    """Run a device's symbolic System over its reference stream.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+
+    Returns
+    -------
+    Trace
+        Every task at its ticks; between runs an output keeps its value.
+    """
+    system = device.system
+    simulator = system.simulator()
+    stream = reference_stream(device)
+    count = len(next(iter(stream.values())))
+    columns = _scalars(system.outputs)
+    flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}
+    values = {n: 0.0 for n, _, _ in columns}
+    seen = dict.fromkeys(flags, 0)
+    steps: list[int] = []
+    kept: dict[str, list[float]] = {n: [] for n, _, _ in columns}
+    tasks = [
+        (t, [(x.name, x.port.size) for x in system.task_inputs(t)], system.task_outputs(t))
+        for t in system.tasks
+    ]
+    for k in range(count):
+        simulator.release(k)
+        for task, inputs, outputs in tasks:
+            if k < task.phase or (k - task.phase) % task.every:
+                continue
+            given = {
+                n: stream[n][k] if z == 1 else np.array([stream[f"{n}[{i}]"][k] for i in range(z)])
+                for n, z in inputs
+            }
+            result = simulator.step(task.name, **given)
+            for name, external, i in _scalars(outputs):
+                value = np.atleast_1d(result[external.name])[i]
+                values[name] = value
+                if name in seen:
+                    seen[name] |= int(value)
+        if k % EVERY == EVERY - 1:
+            steps.append(k)
+            for name, store in kept.items():
+                store.append(seen[name] if name in seen else values[name])
+            seen = dict.fromkeys(flags, 0)
+    rows = np.array(steps)
+    return Trace(
+        device.name,
+        system.base_period_s,
+        rows,
+        {n: a[rows] for n, a in stream.items()},
+        {n: np.array(v, dtype=float) for n, v in kept.items()},
+        flags,
+        {n: _full_scale(device, x) for n, x, _ in columns if not x.port.flags},
+    )
+
+
+def _full_scale(device: Device, external: External) -> float:
+    domain = device.file.domain
+    return {
+        "Nm": domain.tau_full_scale_Nm.value,
+        "rad": domain.theta_max_rad.value,
+        "rad/s": domain.omega_max_rad_s.value,
+    }.get(external.port.unit, max(abs(external.port.low), abs(external.port.high)))
+
+
+def _read(text: str) -> tuple[list[str], dict[str, Array]]:
+    rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))
+    names = rows[0] if rows else []
+    table = np.array([[float(x) for x in row] for row in rows[1:]], dtype=float)
+    if table.shape != (len(rows) - 1, len(names)) or "step" not in names:
+        raise ValueError("rows and columns do not match")
+    return names, {n: table[:, i] for i, n in enumerate(names)}
+
+
+def differences(trace: Trace, text: str) -> list[str]:
+    """What differs between a trace and a stored one, in words.
+
+    Parameters
+    ----------
+    trace : Trace
+        As the System behaves now.
+    text : str
+        The stored trace.
+
+    Returns
+    -------
+    list of str
+        One line a difference, inputs first; empty when the behaviour is kept.
+    """
+    try:
+        names, old = _read(text)
+    except (ValueError, IndexError) as error:
+        return [f"{trace.device}: the stored trace cannot be read ({error})"]
+    columns = trace.inputs | trace.outputs
+    kind = {n: "input" if n in trace.inputs else "output" for n in columns}
+    found = [f"{trace.device}: {kind[n]} {n} added" for n in columns if n not in names]
+    found += [
+        f"{trace.device}: column {n} removed" for n in names if n != "step" and n not in columns
+    ]
+    if not np.array_equal(old["step"], trace.steps):
+        return [
+            *found,
+            f"{trace.device}: the stream is another one: {len(old['step'])} rows to step "
+            f"{old['step'][-1]:.0f}, now {len(trace.steps)} to {trace.steps[-1]}",
+        ]
+    for name, new in columns.items():
+        if name in old:
+            found += _column(trace, name, old[name], new)
+    return found
+
+
+def _column(trace: Trace, name: str, old: Array, new: Array) -> list[str]:
+    if name in trace.flags:
+        changed = np.flatnonzero(old != new)
+    else:
+        scale = trace.full_scale.get(name, 0.0)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(new - old) <= TOLERANCE * (scale + np.abs(old))
+        changed = np.flatnonzero(~(near | (new == old) | (np.isnan(new) & np.isnan(old))))
+    if not len(changed):
+        return []
+    first = changed[0]
+    rows = f"{len(changed)} of {len(new)} rows differ"
+    where = f"from {_where(trace, first)} on" if len(changed) > 1 else f"at {_where(trace, first)}"
+    if name in trace.flags:
+        a, b = (_bits(int(v), trace.flags[name]) for v in (old[first], new[first]))
+        return [f"{trace.device}: {name} {where}: {a} -> {b}; {rows}"]
+    text = (
+        f"{trace.device}: {name} {where}: {_number(old[first], False)} -> "
+        f"{_number(new[first], False)}; {rows}"
+    )
+    if name in trace.full_scale:
+        change = np.abs(new - old)
+        worst = changed[np.argmax(np.nan_to_num(change[changed], nan=np.inf))]
+        share = 100 * change[worst] / trace.full_scale[name]
+        text += f"; largest change {share:.3g} % of full scale, {_where(trace, worst)}"
+    return [text]
+
+
+def _where(trace: Trace, row: int) -> str:
+    step = int(trace.steps[row])
+    end = 0
+    for part in PARTS:
+        end += max(1, round(part.duration_s / trace.period_s))
+        if step < end:
+            return f"step {step} ({part.name})"
+    return f"step {step}"
+
+
+def _bits(word: int, names: tuple[str, ...]) -> str:
+    present = [n for i, n in enumerate(names) if word >> i & 1]
+    return "|".join(present) or "0"
+
+
+def _devices(devices: Mapping[str, Device] | None) -> dict[str, Device]:
+    if devices is not None:
+        return dict(devices)
+    return {name: load_device(name) for name in sorted(shipped_devices())}
+
+
+def _orphans(folder: Path, devices: Mapping[str, Device]) -> list[Path]:
+    return [
+        p
+        for p in sorted(folder.glob("*.csv"))
+        if p.stem not in devices and p.read_text(encoding="utf-8").startswith(MARK)
+    ]
+
+
+def check_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
+    """Compare every System with its stored trace.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds ``<device>.csv``.
+    devices : mapping of str to Device, optional
+        By name; the shipped ones when not given.
+
+    Returns
+    -------
+    list of str
+        One line a difference; empty when all behaviour is kept.
+    """
+    chosen = _devices(devices)
+    found = []
+    for name, device in chosen.items():
+        path = folder / f"{name}.csv"
+        if path.is_file():
+            found += differences(run_trace(device), path.read_text(encoding="utf-8"))
+        else:
+            found.append(f"{name}: no trace is stored yet")
+    orphans = _orphans(folder, chosen) if devices is None else []
+    return found + [f"{p.stem}: a trace is stored, but there is no such device" for p in orphans]
+
+
+def accept_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
+    """Store the present behaviour where it differs from the stored one.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets ``<device>.csv``.
+    devices : mapping of str to Device, optional
+        By name; the shipped ones when not given, and then traces of other devices are removed.
+
+    Returns
+    -------
+    list of str
+        What was accepted: the lines of :func:`check_traces`.  A file whose behaviour is kept is not
+        touched, so that machines do not take turns in changing last digits.
+
+    Raises
+    ------
+    UserError
+        When the folder cannot be written.
+    """
+    chosen = _devices(devices)
+    found = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, device in chosen.items():
+            path, trace = folder / f"{name}.csv", run_trace(device)
+            lines = [f"{name}: no trace is stored yet"]
+            if path.is_file():
+                lines = differences(trace, path.read_text(encoding="utf-8"))
+            if lines:
+                path.write_text(trace.text(), encoding="utf-8", newline="\n")
+            found += lines
+        for path in _orphans(folder, chosen) if devices is None else []:
+            path.unlink()
+            found.append(f"{path.stem}: a trace is stored, but there is no such device")
+    except OSError as error:
+        raise UserError(
+            f"{folder}: cannot be written ({error.strerror or error}).", "Give another folder."
+        ) from error
+    return found
