@@ -451,6 +451,55 @@ def schema(
         write_text(target, text)
 
 
+reproduce = typer.Typer(help="Recompute published tables with the emitted C.")
+app.add_typer(reproduce, name="reproduce", no_args_is_help=True)
+FigureOption = Annotated[
+    Path | None, typer.Option("--figure", metavar="FILE", help="Also a plot: .png, .svg or .pdf.")
+]
+
+
+def _show(result: Any, json_file: Path | None) -> None:
+    write_json(json_file, result.to_dict())
+    for line in result.table():
+        out.print(line, markup=False, soft_wrap=True)
+
+
+@reproduce.command("chapter4")
+def reproduce_tables(json_file: JsonOption = None, figure: FigureOption = None) -> None:
+    """Tables 4.4 and 4.5: the published inverses and the exact one, thesis beside ours."""
+    from esea_gen.twin.chapter4 import reproduce_chapter4
+
+    if figure is not None and figure.suffix not in (".png", ".svg", ".pdf"):
+        raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
+    ) as p:
+        task = p.add_task("starting", total=None)
+        result = reproduce_chapter4(lambda s: p.update(task, description=s))
+    _show(result, json_file)
+    if figure is not None:
+        try:
+            figure.parent.mkdir(parents=True, exist_ok=True)
+            result.figure().savefig(figure)
+        except OSError as error:
+            raise UserError(
+                f"{figure}: cannot be written ({error.strerror}).", "Give another file."
+            ) from error
+
+
+@reproduce.command("discretisation")
+def reproduce_discretisation(json_file: JsonOption = None) -> None:
+    """The sensor's discretisation: ideal encoders, and real ones with velocity filters."""
+    from esea_gen.twin.discretisation import discretisation
+
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
+    ) as p:
+        task = p.add_task("starting", total=None)
+        result = discretisation(lambda s: p.update(task, description=s))
+    _show(result, json_file)
+
+
 traces = typer.Typer(help="Reference traces: how every shipped System behaves.")
 app.add_typer(traces, name="traces", no_args_is_help=True)
 TraceFolder = Annotated[Path, typer.Option("--in", metavar="DIR", help="Folder of the traces.")]

@@ -39,8 +39,9 @@ def test_the_reference_passes_what_applies_to_it(elbow):
 
 
 STEP = "    const float primed_now = state->primed;"
+DOUBLE = " state->tau_r_Nm = (float)(0.1 * (double)in->theta_rad);"
 OFFENCES = {
-    "double constant": ("0.0005f *", "0.0005 *", "double"),
+    "double constant": (STEP, STEP + DOUBLE, "double"),
     "heap": (STEP, STEP + " extern void free(void *); free((void *)state);", "heap"),
     "stdio": (STEP, STEP + ' extern int puts(const char *); (void)puts("");', "input and output"),
     "hidden state": (
@@ -87,13 +88,11 @@ def test_each_gate_is_armed(elbow, texts, target, offence):
 @pytest.mark.parametrize("target", sorted(TARGETS))
 def test_libm_and_double_are_seen_on_every_target(elbow, texts, target):
     require_tool(TARGETS[target].compiler)
-    files = broken(
-        texts["f32"], "esea_f32_powk(v71, INT32_C(103347651) /* 0.77 */)", "powf(v71, 0.77f)"
-    )
+    files = broken(texts["f32"], STEP, STEP + " state->tau_r_Nm = powf(in->theta_rad, 0.77f);")
     files = broken(files, '#include "esea_elbow.h"', '#include "esea_elbow.h"\n#include <math.h>')
     report = check_objects(elbow, target, files=files)
     assert any("asks for powf" in p for p in report.problems)
-    report = check_objects(elbow, target, files=broken(texts["f32"], "0.0005f *", "0.0005 *"))
+    report = check_objects(elbow, target, files=broken(texts["f32"], STEP, STEP + DOUBLE))
     # A double FPU computes on without a helper: only the instructions tell.
     wanted = "double arithmetic" if target in ("cortex-m3", "cortex-m4f") else "double instruction"
     assert any(wanted in p for p in report.problems), report.problems
@@ -118,8 +117,8 @@ def test_clang_has_nothing_to_say(elbow, real):
     [
         (STEP, STEP + " int unused;"),
         (STEP, STEP + " float lost; state->tau_r_Nm = lost;"),  # read before it is written
-        ("0.0005f *", "0.0005 *"),
-        ("out->status = (uint32_t)", "out->status = "),
+        (STEP, STEP + " state->tau_r_Nm = 0.1f * in->theta_rad * 2.0;"),
+        (STEP, STEP + " out->status = in->theta_rad;"),
     ],
 )
 def test_the_warnings_are_armed(elbow, texts, compiler, old, new):

@@ -40,7 +40,7 @@ def test_no_undefined_behaviour(elbow, real):
         (STEP, STEP + " volatile int big = 2147483647; big = big + 1;", "signed integer overflow"),
         (STEP, STEP + " volatile int far = 40; far = 1 << far;", "shift exponent"),
         ("state->play_rad[9];", "state->play_rad[10 + (in->theta_rad > 2.0f)];", "out of bounds"),
-        ("out->status = (uint32_t)v", "out->status = (uint32_t)-v", "outside the range"),
+        (STEP, STEP + " volatile float m = -5.0f; out->status = (uint32_t)m;", "outside the range"),
         (STEP, STEP + " volatile float z = 0.0f; z = 1.0f / z;", "division by zero"),
     ],
 )

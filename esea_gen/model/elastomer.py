@@ -253,6 +253,7 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
             if dead_zone:
                 # It is at most 1; saying so keeps the derived bound small.
                 share = ca.fmin(share, 1)
+            label("share", share, "(1 - exp(-x))/x, third order")
             tau_r = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
         else:
             tau_r = ca.SX(0)
@@ -286,7 +287,7 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
         }
         return next_state, outputs
 
-    torque = "Nm, part of the torque on the load"
+    torque = "part of the torque on the load"
     return Block.define(
         "sensor",
         "Elastomer torque sensor: deflection to interaction torque",

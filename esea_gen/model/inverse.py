@@ -116,7 +116,6 @@ class _Forward:
         names = {p.name for p in self.block.state}
         self.state = self.block.state
         self.omega_high = self.block.inputs[1].high
-        self.has_dead_zone = "delta_rad" in {n for n, _ in self.block.labels}
         self.has_rate = "x" in {n for n, _ in self.block.labels}
         if names != {"primed", "theta_prev_rad", "tau_r_Nm", "play_rad"}:
             raise ValueError(f"the sensor's state {sorted(names)} is not what its inverse knows")
@@ -129,11 +128,7 @@ class _Forward:
 
     def share(self, known: Mapping[str, ca.SX]) -> ca.SX:
         """(1 - exp(-x))/x of the Maxwell step, as the sensor has it: d tau_r / d theta over kv."""
-        if "label_share" in known:
-            return known["label_share"]
-        x, decay = known["label_x"], known["label_decay"]
-        sixth = threshold(1.0 / 6.0) if self.has_dead_zone else 1.0 / 6.0
-        return (1 + x * (0.5 + x * sixth)) * decay
+        return known["label_share"]
 
     def of(self, s: SimpleNamespace) -> dict[str, Any]:
         """The model's part of a Block's state."""

@@ -9,9 +9,9 @@
 typedef struct __mavlink_esea_sense_out_t {
  uint32_t sequence; /*<  Base tick of this run of the task.*/
  float tau_Nm; /*<  interaction torque on the load; [Nm], range -100 to 100; eq. (3.1)*/
- float tau_spring_Nm; /*<  cubic spring: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)*/
- float tau_rate_Nm; /*<  Maxwell element: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)*/
- float tau_hysteresis_Nm; /*<  stop operators: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)*/
+ float tau_spring_Nm; /*<  cubic spring: part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)*/
+ float tau_rate_Nm; /*<  Maxwell element: part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)*/
+ float tau_hysteresis_Nm; /*<  stop operators: part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)*/
  float omega_rad_s; /*< [rad/s] deflection rate at this sample; [rad/s], range -25 to 25*/
  uint32_t sensor_status; /*<  what is known of this sample; bits below*/
  uint32_t velocity_status; /*<  what is known of this sample; bits below*/
@@ -69,9 +69,9 @@ typedef struct __mavlink_esea_sense_out_t {
  *
  * @param sequence  Base tick of this run of the task.
  * @param tau_Nm  interaction torque on the load; [Nm], range -100 to 100; eq. (3.1)
- * @param tau_spring_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
- * @param tau_rate_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
- * @param tau_hysteresis_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
+ * @param tau_spring_Nm  cubic spring: part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
+ * @param tau_rate_Nm  Maxwell element: part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
+ * @param tau_hysteresis_Nm  stop operators: part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
@@ -122,9 +122,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  *
  * @param sequence  Base tick of this run of the task.
  * @param tau_Nm  interaction torque on the load; [Nm], range -100 to 100; eq. (3.1)
- * @param tau_spring_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
- * @param tau_rate_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
- * @param tau_hysteresis_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
+ * @param tau_spring_Nm  cubic spring: part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
+ * @param tau_rate_Nm  Maxwell element: part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
+ * @param tau_hysteresis_Nm  stop operators: part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
@@ -178,9 +178,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param msg The MAVLink message to compress the data into
  * @param sequence  Base tick of this run of the task.
  * @param tau_Nm  interaction torque on the load; [Nm], range -100 to 100; eq. (3.1)
- * @param tau_spring_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
- * @param tau_rate_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
- * @param tau_hysteresis_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
+ * @param tau_spring_Nm  cubic spring: part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
+ * @param tau_rate_Nm  Maxwell element: part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
+ * @param tau_hysteresis_Nm  stop operators: part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
@@ -270,9 +270,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  *
  * @param sequence  Base tick of this run of the task.
  * @param tau_Nm  interaction torque on the load; [Nm], range -100 to 100; eq. (3.1)
- * @param tau_spring_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
- * @param tau_rate_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
- * @param tau_hysteresis_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
+ * @param tau_spring_Nm  cubic spring: part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
+ * @param tau_rate_Nm  Maxwell element: part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
+ * @param tau_hysteresis_Nm  stop operators: part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
@@ -393,7 +393,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_Nm(const mavlink_message_
 /**
  * @brief Get field tau_spring_Nm from esea_sense_out message
  *
- * @return  cubic spring: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
+ * @return  cubic spring: part of the torque on the load; [Nm], range -100 to 100; eq. (3.2)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_spring_Nm(const mavlink_message_t* msg)
 {
@@ -403,7 +403,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_spring_Nm(const mavlink_m
 /**
  * @brief Get field tau_rate_Nm from esea_sense_out message
  *
- * @return  Maxwell element: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
+ * @return  Maxwell element: part of the torque on the load; [Nm], range -100 to 100; eq. (3.3)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_rate_Nm(const mavlink_message_t* msg)
 {
@@ -413,7 +413,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_rate_Nm(const mavlink_mes
 /**
  * @brief Get field tau_hysteresis_Nm from esea_sense_out message
  *
- * @return  stop operators: Nm, part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
+ * @return  stop operators: part of the torque on the load; [Nm], range -100 to 100; eq. (3.9)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_hysteresis_Nm(const mavlink_message_t* msg)
 {

@@ -9,16 +9,16 @@
 typedef struct __mavlink_esea_sense_out_t {
  uint32_t sequence; /*<  Base tick of this run of the task.*/
  float tau_flexion_Nm; /*<  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)*/
- float tau_spring_flexion_Nm; /*<  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)*/
- float tau_rate_flexion_Nm; /*<  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)*/
- float tau_hysteresis_flexion_Nm; /*<  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)*/
+ float tau_spring_flexion_Nm; /*<  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)*/
+ float tau_rate_flexion_Nm; /*<  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)*/
+ float tau_hysteresis_flexion_Nm; /*<  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)*/
  float omega_flexion_rad_s; /*< [rad/s] deflection rate at this sample; [rad/s], range -25 to 25*/
  uint32_t sensor_flexion_status; /*<  what is known of this sample; bits below*/
  uint32_t velocity_flexion_status; /*<  what is known of this sample; bits below*/
  float tau_deviation_Nm; /*<  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)*/
- float tau_spring_deviation_Nm; /*<  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)*/
- float tau_rate_deviation_Nm; /*<  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)*/
- float tau_hysteresis_deviation_Nm; /*<  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)*/
+ float tau_spring_deviation_Nm; /*<  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)*/
+ float tau_rate_deviation_Nm; /*<  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)*/
+ float tau_hysteresis_deviation_Nm; /*<  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)*/
  float omega_deviation_rad_s; /*< [rad/s] deflection rate at this sample; [rad/s], range -25 to 25*/
  uint32_t sensor_deviation_status; /*<  what is known of this sample; bits below*/
  uint32_t velocity_deviation_status; /*<  what is known of this sample; bits below*/
@@ -90,16 +90,16 @@ typedef struct __mavlink_esea_sense_out_t {
  *
  * @param sequence  Base tick of this run of the task.
  * @param tau_flexion_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_flexion_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_flexion_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_flexion_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_flexion_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_flexion_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_flexion_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_flexion_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_flexion_status  what is known of this sample; bits below
  * @param velocity_flexion_status  what is known of this sample; bits below
  * @param tau_deviation_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_deviation_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_deviation_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_deviation_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_deviation_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_deviation_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_deviation_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
@@ -164,16 +164,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  *
  * @param sequence  Base tick of this run of the task.
  * @param tau_flexion_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_flexion_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_flexion_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_flexion_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_flexion_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_flexion_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_flexion_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_flexion_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_flexion_status  what is known of this sample; bits below
  * @param velocity_flexion_status  what is known of this sample; bits below
  * @param tau_deviation_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_deviation_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_deviation_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_deviation_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_deviation_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_deviation_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_deviation_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
@@ -241,16 +241,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param msg The MAVLink message to compress the data into
  * @param sequence  Base tick of this run of the task.
  * @param tau_flexion_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_flexion_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_flexion_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_flexion_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_flexion_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_flexion_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_flexion_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_flexion_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_flexion_status  what is known of this sample; bits below
  * @param velocity_flexion_status  what is known of this sample; bits below
  * @param tau_deviation_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_deviation_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_deviation_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_deviation_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_deviation_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_deviation_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_deviation_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
@@ -354,16 +354,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  *
  * @param sequence  Base tick of this run of the task.
  * @param tau_flexion_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_flexion_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_flexion_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_flexion_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_flexion_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_flexion_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_flexion_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_flexion_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_flexion_status  what is known of this sample; bits below
  * @param velocity_flexion_status  what is known of this sample; bits below
  * @param tau_deviation_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
- * @param tau_spring_deviation_Nm  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
- * @param tau_rate_deviation_Nm  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
- * @param tau_hysteresis_deviation_Nm  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @param tau_spring_deviation_Nm  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @param tau_rate_deviation_Nm  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @param tau_hysteresis_deviation_Nm  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
@@ -512,7 +512,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_flexion_Nm(const mavlink_
 /**
  * @brief Get field tau_spring_flexion_Nm from esea_sense_out message
  *
- * @return  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @return  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_spring_flexion_Nm(const mavlink_message_t* msg)
 {
@@ -522,7 +522,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_spring_flexion_Nm(const m
 /**
  * @brief Get field tau_rate_flexion_Nm from esea_sense_out message
  *
- * @return  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @return  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_rate_flexion_Nm(const mavlink_message_t* msg)
 {
@@ -532,7 +532,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_rate_flexion_Nm(const mav
 /**
  * @brief Get field tau_hysteresis_flexion_Nm from esea_sense_out message
  *
- * @return  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @return  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_hysteresis_flexion_Nm(const mavlink_message_t* msg)
 {
@@ -582,7 +582,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_deviation_Nm(const mavlin
 /**
  * @brief Get field tau_spring_deviation_Nm from esea_sense_out message
  *
- * @return  cubic spring: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
+ * @return  cubic spring: part of the torque on the load; [Nm], range -20 to 20; eq. (3.2)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_spring_deviation_Nm(const mavlink_message_t* msg)
 {
@@ -592,7 +592,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_spring_deviation_Nm(const
 /**
  * @brief Get field tau_rate_deviation_Nm from esea_sense_out message
  *
- * @return  Maxwell element: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
+ * @return  Maxwell element: part of the torque on the load; [Nm], range -20 to 20; eq. (3.3)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_rate_deviation_Nm(const mavlink_message_t* msg)
 {
@@ -602,7 +602,7 @@ static inline float mavlink_msg_esea_sense_out_get_tau_rate_deviation_Nm(const m
 /**
  * @brief Get field tau_hysteresis_deviation_Nm from esea_sense_out message
  *
- * @return  stop operators: Nm, part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
+ * @return  stop operators: part of the torque on the load; [Nm], range -20 to 20; eq. (3.9)
  */
 static inline float mavlink_msg_esea_sense_out_get_tau_hysteresis_deviation_Nm(const mavlink_message_t* msg)
 {
