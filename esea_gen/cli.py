@@ -7,6 +7,8 @@ import os
 import sys
 import tempfile
 import textwrap
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -69,6 +71,15 @@ def write_text(path: Path, text: str) -> None:
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
         ) from error
+
+
+@contextmanager
+def progress_line() -> Iterator[Callable[[str], None]]:
+    """A line on the terminal that says what is being done, gone when it is."""
+    columns = SpinnerColumn(), TextColumn("{task.description}")
+    with Progress(*columns, console=err, transient=True) as p:
+        task = p.add_task("starting", total=None)
+        yield lambda text: p.update(task, description=text)
 
 
 def write_json(path: Path | None, content: Any) -> None:
@@ -184,13 +195,8 @@ def verify(
 
     loaded = load_device(device)
     recorded = _recorded(loaded, recording, data)
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
-    ) as p:
-        task = p.add_task("verifying", total=None)
-        result = run(
-            loaded, _formats(real), recorded, progress=lambda s: p.update(task, description=s)
-        )
+    with progress_line() as say:
+        result = run(loaded, _formats(real), recorded, progress=say)
     write_json(json_file, result.to_dict())
     _print_verification(loaded, result)
     if not result.passed:
@@ -250,14 +256,11 @@ def identify(
     from esea_gen.identify import identify as run
     from esea_gen.report.identification import identification_page
 
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
-    ) as p:
-        task = p.add_task("reading", total=None)
+    with progress_line() as say:
         result = run(
             mapping,
             data,
-            progress=lambda share, what: p.update(task, description=f"{100 * share:.0f} % {what}"),
+            progress=lambda share, what: say(f"{100 * share:.0f} % {what}"),
         )
     target = folder or Path("identified") / result.device.name
     path = result.write(target)
@@ -386,13 +389,8 @@ def report(
     from esea_gen.report.device import gather
 
     loaded = load_device(device)
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
-    ) as p:
-        task = p.add_task("starting", total=None)
-        findings = gather(
-            loaded, recording, data, board, progress=lambda s: p.update(task, description=s)
-        )
+    with progress_line() as say:
+        findings = gather(loaded, recording, data, board, progress=say)
     target = page or Path(f"{loaded.name}.html")
     write_text(target, findings.html())
     write_json(json_file, findings.to_dict())
@@ -451,6 +449,78 @@ def schema(
         write_text(target, text)
 
 
+@app.command()
+def coverage(device: DeviceArgument, json_file: JsonOption = None) -> None:
+    """Which sides of every minimum, comparison and select the test streams take."""
+    from esea_gen.verify.coverage import branch_coverage
+    from esea_gen.verify.streams import at_the_limits, streams
+
+    loaded = load_device(device)
+    found = {
+        b.name: branch_coverage(b, [*streams(b), at_the_limits(b)]) for b in loaded.system.kinds
+    }
+    write_json(json_file, {name: c.to_dict() for name, c in found.items()})
+    for name, c in found.items():
+        out.print(
+            f"{name}: {100 * c.ratio:.1f} % of the sides, {len(c.excluded)} proven impossible"
+        )
+        for side in c.uncovered:
+            out.print(f"  not seen: {side}", markup=False)
+    if any(c.uncovered for c in found.values()):
+        raise typer.Exit(1)
+
+
+@app.command()
+def gates(
+    device: DeviceArgument,
+    target: Annotated[
+        list[str] | None, typer.Option("--target", help="Target; all of them when not given.")
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
+    from esea_gen.verify.gates import TARGETS, check_objects
+
+    loaded = load_device(device)
+    for name in target or []:
+        if name not in TARGETS:
+            raise UserError(f"Unknown target '{name}'.", f"Choose from {', '.join(TARGETS)}.")
+    found = {name: check_objects(loaded, name) for name in target or TARGETS}
+    write_json(json_file, {name: r.to_dict() for name, r in found.items()})
+    for name, r in found.items():
+        stacks = ", ".join(f"{task} {n} B" for task, n in r.stack_bytes.items())
+        out.print(f"{name}: {'passed' if r.passed else 'FAILED'}; stack {stacks}", markup=False)
+        for problem in r.problems:
+            out.print(f"  {problem}", markup=False)
+    if not all(r.passed for r in found.values()):
+        raise typer.Exit(1)
+
+
+@app.command()
+def mutate(
+    device: DeviceArgument,
+    real: RealOption = None,
+    sample: Annotated[
+        int | None, typer.Option("--sample", min=1, help="So many mutants, drawn; else all.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the draw.")] = 0,
+    json_file: JsonOption = None,
+) -> None:
+    """Change the emitted C one place at a time and see whether the tests notice."""
+    from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
+
+    loaded = load_device(device)
+    reports = {}
+    with progress_line() as say:
+        for name in _formats(real):
+            reports[name] = run_mutation(loaded, name, sample, seed, progress=say)
+    write_json(json_file, {name: r.to_dict() for name, r in reports.items()})
+    for name, r in reports.items():
+        out.print(f"{name}: {100 * r.score:.1f} % of the mutants caught")
+    if any(r.score < REQUIRED_SCORE for r in reports.values()):
+        raise typer.Exit(1)
+
+
 reproduce = typer.Typer(help="Recompute published tables with the emitted C.")
 app.add_typer(reproduce, name="reproduce", no_args_is_help=True)
 FigureOption = Annotated[
@@ -471,11 +541,8 @@ def reproduce_tables(json_file: JsonOption = None, figure: FigureOption = None) 
 
     if figure is not None and figure.suffix not in (".png", ".svg", ".pdf"):
         raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
-    ) as p:
-        task = p.add_task("starting", total=None)
-        result = reproduce_chapter4(lambda s: p.update(task, description=s))
+    with progress_line() as say:
+        result = reproduce_chapter4(say)
     _show(result, json_file)
     if figure is not None:
         try:
@@ -492,11 +559,8 @@ def reproduce_discretisation(json_file: JsonOption = None) -> None:
     """The sensor's discretisation: ideal encoders, and real ones with velocity filters."""
     from esea_gen.twin.discretisation import discretisation
 
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), console=err, transient=True
-    ) as p:
-        task = p.add_task("starting", total=None)
-        result = discretisation(lambda s: p.update(task, description=s))
+    with progress_line() as say:
+        result = discretisation(say)
     _show(result, json_file)
 
 

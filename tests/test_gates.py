@@ -104,7 +104,6 @@ def test_gcc_has_nothing_to_say(elbow, real):
     assert compiler_warnings(elbow, real) == ""
 
 
-@pytest.mark.xfail(strict=True, reason="clang wants 'v52 != 0.0f' before && and ||")
 @pytest.mark.parametrize("real", ["f32", "f64"])
 def test_clang_has_nothing_to_say(elbow, real):
     require_tool("clang")

@@ -302,8 +302,12 @@ def print_kernel(
         operands = []
         for position, a in enumerate(n.args):
             is_condition = n.op in LOGICAL or (n.op in SELECTING and position == 0)
-            cast = kernel.nodes[a].boolean and not is_condition
-            operands.append(f"({fmt.c_type}){atoms[a]}" if cast else atoms[a])
+            text = atoms[a]
+            if kernel.nodes[a].boolean and not is_condition:
+                text = f"({fmt.c_type}){text}"
+            elif is_condition and not kernel.nodes[a].boolean:
+                text = f"({text} != {fmt.literal(0.0)})"
+            operands.append(text)
         text = fmt.expression(n, operands, kernel)
         named = labels.get(i)
         # A boolean used once reads best where it is used; so does a short product or difference.

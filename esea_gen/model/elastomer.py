@@ -145,9 +145,10 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
     stops = int(file.elastomer.stops.value)
     rate_terms = file.elastomer.maxwell is not None
     h = device.period_s
-    theta_lim = file.limits.theta_rad.value
-    omega_lim = file.limits.omega_rad_s.value
-    tau_lim = file.limits.tau_Nm.value
+    # As the ports hold them: a state clipped at a limit must pass its own guard in every format.
+    theta_lim = threshold(file.limits.theta_rad.value)
+    omega_lim = threshold(file.limits.omega_rad_s.value)
+    tau_lim = threshold(file.limits.tau_Nm.value)
     values: dict[str, Any] = {c.name: c.value for c in device.constants("elastomer")}
     constants = device.constants("elastomer") + device.constants("domain")
     dead_zone = threshold(values.get("dead_zone_rad", 0.0))
@@ -269,7 +270,7 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
                 ca.fabs(u.omega_rad_s) > omega_domain,
                 ca.fabs(tau) > tau_domain,
                 ca.fabs(moved) > step_max,
-                ca.fabs(tau_r) > threshold(tau_lim),
+                ca.fabs(tau_r) > tau_lim,
             ]
         )
         next_state = {

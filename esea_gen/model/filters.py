@@ -61,11 +61,12 @@ def tracking_observer(device: Device) -> Block:
     """
     file = device.file
     h = device.period_s
-    theta_lim = file.limits.theta_rad.value
-    omega_lim = file.limits.omega_rad_s.value
+    # As the ports hold them: a state clipped at a limit must pass its own guard in every format.
+    theta_lim = threshold(file.limits.theta_rad.value)
+    omega_lim = threshold(file.limits.omega_rad_s.value)
     # A step of twice the deflection range moves the states by at most the gains times it; clipping
     # them at the rate's range (with room for the transient) also unwinds a corrupt start.
-    v_lim, a_lim = 4 * omega_lim, 4 * omega_lim / h
+    v_lim, a_lim = 4 * omega_lim, threshold(4 * omega_lim / h)
     bandwidth = file.velocity.bandwidth_Hz
     high = min(BANDWIDTH_MAX_HZ, 0.1 / h)
 
@@ -97,7 +98,7 @@ def tracking_observer(device: Device) -> Block:
             "v_rad_s": clip(v, -v_lim, v_lim),
             "a_rad_s2": clip(s.a_rad_s2 + c.gamma_1_s2 * error, -a_lim, a_lim),
         }
-        limit = threshold(omega_lim)
+        limit = omega_lim
         outputs = {
             "omega_rad_s": clip(v, -limit, limit),
             "omega_mid_rad_s": clip(mid, -limit, limit),

@@ -237,8 +237,7 @@ def exact_inverse(
     dead_zone = threshold(values.get("dead_zone_rad", 0.0))
     theta_port, omega_port = forward.block.inputs
     theta_high, omega_high = theta_port.high, omega_port.high
-    tau_lim = file.limits.tau_Nm.value
-    tau_high = threshold(tau_lim)
+    tau_lim = tau_high = threshold(file.limits.tau_Nm.value)
     step_max = threshold(file.limits.omega_rad_s.value * h)
     # The gaps are all equal, r_i = omega i; squares save the magnitudes.
     nesting = float(np.float32((r[0] + NESTING_ROOM_RAD) ** 2))
@@ -573,8 +572,7 @@ def published_inverse(
     taps = filter_taps(filter) if filter else ()
     theta_high = forward.block.inputs[0].high
     omega_high = threshold(file.limits.omega_rad_s.value)
-    tau_lim = file.limits.tau_Nm.value
-    tau_high = threshold(tau_lim)
+    tau_lim = tau_high = threshold(file.limits.tau_Nm.value)
     r = [chi * j for j in range(1, PLAYS + 1)]
     p = [float(to_casadi(PLAY_WEIGHT, {KAPPA: kappa, PHI: phi, PLAY_R: x})) for x in r]
     # The envelope of the largest corrected request bounds every play state.

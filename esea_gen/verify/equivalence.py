@@ -450,6 +450,8 @@ def compare(
             result.errors[p.name] = max(error, result.errors.get(p.name, 0.0))
             if error > limits[p.name]:
                 result.problems.append(f"{p.name}: error {error:.3g} above {limits[p.name]:.3g}")
+    if not stream.injections and _repaired(block, got_y):
+        result.problems.append("the state was judged corrupt although nobody touched it")
     if reference is not None:
         result.bit_identical = _same_bits(block, reference, stream, got_y, got_s)
     again_y, again_s = run_c(library.block(block.name), stream, restore=True)
@@ -459,6 +461,15 @@ def compare(
         if a[p.name].tobytes() != b[p.name].tobytes():
             result.problems.append(f"{p.name}: stop and restore changes it")
     return result
+
+
+def _repaired(block: Block, outputs: dict[str, Array]) -> bool:
+    # A clip a hair beyond a guard would restart the Block every time it acts.
+    port = block.status_port
+    names = [f.name for f in port.flags] if port else []
+    if port is None or "STATE_REPAIRED" not in names:
+        return False
+    return bool(np.any(outputs[port.name].astype(np.int64) >> names.index("STATE_REPAIRED") & 1))
 
 
 def _unexplained(
