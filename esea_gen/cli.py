@@ -16,6 +16,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 from rich.table import Table
+from rich.text import Text
 
 from esea_gen import __version__
 from esea_gen.device import Device, load_device, shipped_devices
@@ -29,7 +30,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-out = Console(highlight=False)
+# Words as they are: no markup in a title, no wrapping of a line that somebody will copy.
+out = Console(highlight=False, markup=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False)
 
 DeviceArgument = Annotated[
@@ -66,7 +68,11 @@ def write_text(path: Path, text: str) -> None:
         ) as scratch:
             scratch.write(text)
         os.chmod(scratch.name, 0o644)
-        Path(scratch.name).replace(path)
+        try:
+            Path(scratch.name).replace(path)
+        except OSError:
+            Path(scratch.name).unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
@@ -166,7 +172,7 @@ def check(
         stale += len(found)
         for diff in found:
             lines = diff.splitlines()
-            out.print("\n".join(lines[:60]), markup=False)
+            out.print("\n".join(lines[:60]))
             if len(lines) > 60:
                 out.print(f"... {len(lines) - 60} more lines")
         out.print(
@@ -211,8 +217,16 @@ def _recorded(loaded: Device, recording: Path | None, data: Path | None) -> dict
     return recorded_deflections(loaded, recording, data)
 
 
+def _bound_note(result: Any, block: str) -> str:
+    # How much the derived bound allows: one that allows a lot proves little, and shows as that.
+    bound = result.bounds[block]["identified domain"].outputs
+    percent = max(100 * e / result.full_scale[k] for k, e in bound.items())
+    return f"within the derived bound ({percent:.2g} % in the domain)"
+
+
 def _print_verification(loaded: Device, result: Any) -> None:
-    table = Table(title=f"{loaded.title}: C against the symbolic model", title_justify="left")
+    title = Text(f"{loaded.title}: C against the symbolic model")
+    table = Table(title=title, title_justify="left")
     for column in ("block", "format", "streams", "steps", "worst error, % of full scale", "result"):
         table.add_column(column)
     groups: dict[tuple[str, str], list[Any]] = {}
@@ -228,12 +242,12 @@ def _print_verification(loaded: Device, result: Any) -> None:
             str(len(items)),
             str(sum(c.steps for c in items)),
             f"{worst[0]:.2g} ({worst[1]})",
-            (note or "within the derived bound") if passed else "FAILED",
+            (note or _bound_note(result, block)) if passed else "FAILED",
         )
-    out.print(table)
+    out.print(table, soft_wrap=False)
     for c in result.comparisons:
         for problem in c.problems:
-            out.print(f"{c.block} {c.real}, {c.stream}: {problem}", markup=False)
+            out.print(f"{c.block} {c.real}, {c.stream}: {problem}")
         if c.status_differences or c.bit_identical is False:
             out.print(
                 f"{c.block} {c.real}, {c.stream}: {c.status_differences} status differences; "
@@ -263,14 +277,17 @@ def identify(
             progress=lambda share, what: say(f"{100 * share:.0f} % {what}"),
         )
     target = folder or Path("identified") / result.device.name
-    path = result.write(target)
     content = result.to_dict()
-    write_text(target / f"{result.device.name}.html", identification_page(result))
+    page, text = target / f"{result.device.name}.html", identification_page(result)
+    if page.is_dir():
+        raise UserError(f"{page} is a folder.", "Give another --out folder.")
+    path = result.write(target)
+    write_text(page, text)
     write_json(json_file, content)
     for line in result.summary():
-        out.print(line, markup=False)
+        out.print(line)
     out.print(f"device file: {path}")
-    out.print(f"report: {target / (result.device.name + '.html')}")
+    out.print(f"report: {page}")
 
 
 @app.command()
@@ -316,7 +333,7 @@ def emulate(
         same = (
             "same bits as the host's f32" if r["identical"] else f"DIFFERS {r['first_difference']}"
         )
-        n = r["instructions"]
+        n = r["instructions"] or dict.fromkeys(("min", "median", "max"), "not counted")
         out.print(
             f"{name}: {r['steps']} steps, {same}; instructions per step "
             f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
@@ -395,7 +412,7 @@ def report(
     write_text(target, findings.html())
     write_json(json_file, findings.to_dict())
     for line in findings.summary():
-        out.print(line, markup=False)
+        out.print(line)
     out.print(f"report: {target}")
     if not findings.passed:
         raise typer.Exit(1)
@@ -465,7 +482,7 @@ def coverage(device: DeviceArgument, json_file: JsonOption = None) -> None:
             f"{name}: {100 * c.ratio:.1f} % of the sides, {len(c.excluded)} proven impossible"
         )
         for side in c.uncovered:
-            out.print(f"  not seen: {side}", markup=False)
+            out.print(f"  not seen: {side}")
     if any(c.uncovered for c in found.values()):
         raise typer.Exit(1)
 
@@ -489,9 +506,9 @@ def gates(
     write_json(json_file, {name: r.to_dict() for name, r in found.items()})
     for name, r in found.items():
         stacks = ", ".join(f"{task} {n} B" for task, n in r.stack_bytes.items())
-        out.print(f"{name}: {'passed' if r.passed else 'FAILED'}; stack {stacks}", markup=False)
+        out.print(f"{name}: {'passed' if r.passed else 'FAILED'}; stack {stacks}")
         for problem in r.problems:
-            out.print(f"  {problem}", markup=False)
+            out.print(f"  {problem}")
     if not all(r.passed for r in found.values()):
         raise typer.Exit(1)
 
@@ -531,7 +548,7 @@ FigureOption = Annotated[
 def _show(result: Any, json_file: Path | None) -> None:
     write_json(json_file, result.to_dict())
     for line in result.table():
-        out.print(line, markup=False, soft_wrap=True)
+        out.print(line)
 
 
 @reproduce.command("chapter4")
@@ -576,9 +593,9 @@ def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
 
     changes = check_traces(folder)
     for line in changes:
-        out.print(line, markup=False)
+        out.print(line)
     if changes:
-        out.print(ACCEPT, markup=False)
+        out.print(ACCEPT)
         raise typer.Exit(1)
     out.print("current")
 
@@ -589,7 +606,7 @@ def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
     from esea_gen.verify.traces import accept_traces
 
     for line in accept_traces(folder):
-        out.print(line, markup=False)
+        out.print(line)
 
 
 def main() -> None:

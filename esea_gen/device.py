@@ -301,7 +301,7 @@ def load_device(name_or_path: str | Path) -> Device:
             f"{hint}Shipped: {', '.join(sorted(shipped))}; or give the path of a TOML file.",
         )
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(
             f"{path.name}: cannot be read as text ({error}).", "Check the file."
@@ -331,7 +331,7 @@ def parse_device(text: str, origin: str) -> Device:
     """
     try:
         document = tomlkit.parse(text).unwrap()
-    except tomlkit.exceptions.ParseError as error:
+    except tomlkit.exceptions.TOMLKitError as error:
         raise UserError(
             f"{origin}: not valid TOML ({error}).", "Correct that line; see the shipped elbow.toml."
         ) from None
@@ -341,6 +341,7 @@ def parse_device(text: str, origin: str) -> Device:
         raise _explain(error, document, origin) from None
     for key, q in _quantities(file):
         _check_value(origin, key, q)
+    _check_texts(origin, file)
     _check_relations(origin, file)
     return Device(file, origin)
 
@@ -362,6 +363,21 @@ def _check_value(origin: str, key: str, q: Quantity) -> None:
         raise UserError(
             f"{origin}: {key} = {q.value:g} is not a whole number.", "Give a whole one."
         )
+
+
+def _check_texts(origin: str, file: DeviceFile) -> None:
+    # These words stand in comments of the generated C.
+    texts = [("title", file.title)]
+    texts += [(f"{key}.source", q.source) for key, q in _quantities(file)]
+    for key, text in texts:
+        bad = next((b for b in ("*/", "/*", "\\") if b in text), None)
+        if bad is None and not text.isprintable():
+            bad = "a line break or other control character"
+        if bad is not None:
+            raise UserError(
+                f"{origin}: {key} holds {bad}, which would end or break a comment of the C.",
+                "Take it out.",
+            )
 
 
 def _check_relations(origin: str, file: DeviceFile) -> None:

@@ -53,14 +53,38 @@ class Task:
 
 @dataclass(frozen=True)
 class Signal:
-    """One end of a wire: a port of an instance."""
+    """One end of a wire: a port of an instance.
+
+    Parameters
+    ----------
+    instance : str
+        Name of the instance.
+    port : str
+        Name of its port.
+    """
 
     instance: str
     port: str
 
     @classmethod
     def parse(cls, text: str) -> Signal:
-        """From ``"instance.port"``."""
+        """From ``"instance.port"``.
+
+        Parameters
+        ----------
+        text : str
+            Both names with a dot between.
+
+        Returns
+        -------
+        Signal
+            The signal.
+
+        Raises
+        ------
+        ValueError
+            For any other form.
+        """
         instance, dot, port = text.partition(".")
         if not (instance and dot and port):
             raise ValueError(f"'{text}' is not of the form instance.port")
@@ -69,7 +93,17 @@ class Signal:
 
 @dataclass(frozen=True)
 class External:
-    """A value that enters or leaves the System through a task's input or output struct."""
+    """A value that enters or leaves the System through a task's input or output struct.
+
+    Parameters
+    ----------
+    name : str
+        Field of the struct.
+    port : Port
+        What it carries.
+    signals : tuple of Signal
+        The ports that it feeds, or the one that it comes from.
+    """
 
     name: str
     port: Port
@@ -78,7 +112,19 @@ class External:
 
 @dataclass(frozen=True)
 class Latch:
-    """A value held for another task."""
+    """A value held for another task.
+
+    Parameters
+    ----------
+    name : str
+        Field of the latches struct.
+    source : Signal
+        The output that it holds.
+    port : Port
+        What it carries.
+    writer : str
+        Task that writes it.
+    """
 
     name: str
     source: Signal
@@ -157,36 +203,124 @@ class System:
         return tuple((i, t) for i, b in self.blocks.items() for t in b.tunables)
 
     def is_tuned(self, task: Task) -> bool:
-        """Whether a task's Blocks read any coefficient."""
+        """Whether a task's Blocks read any coefficient.
+
+        Parameters
+        ----------
+        task : Task
+            The task.
+
+        Returns
+        -------
+        bool
+            True when one does.
+        """
         return any(self.blocks[i].coefficients for i in task.blocks)
 
     def task(self, name: str) -> Task:
-        """Task by name."""
+        """Task by name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the task.
+
+        Returns
+        -------
+        Task
+            The task.
+        """
         return next(t for t in self.tasks if t.name == name)
 
     def task_of(self, instance: str) -> Task:
-        """Task that runs an instance."""
+        """Task that runs an instance.
+
+        Parameters
+        ----------
+        instance : str
+            Name of the instance.
+
+        Returns
+        -------
+        Task
+            The task.
+        """
         return self._task_of[instance]
 
     def task_inputs(self, task: Task) -> tuple[External, ...]:
-        """External inputs of a task."""
+        """External inputs of a task.
+
+        Parameters
+        ----------
+        task : Task
+            The task.
+
+        Returns
+        -------
+        tuple of External
+            In the order of its input struct.
+        """
         return tuple(x for x in self.inputs if self.task_of(x.signals[0].instance) is task)
 
     def task_outputs(self, task: Task) -> tuple[External, ...]:
-        """External outputs of a task."""
+        """External outputs of a task.
+
+        Parameters
+        ----------
+        task : Task
+            The task.
+
+        Returns
+        -------
+        tuple of External
+            In the order of its output struct.
+        """
         return tuple(x for x in self.outputs if self.task_of(x.signals[0].instance) is task)
 
     def latch_for(self, source: Signal) -> Latch:
-        """The latch that holds an output for other tasks."""
+        """The latch that holds an output for other tasks.
+
+        Parameters
+        ----------
+        source : Signal
+            The output.
+
+        Returns
+        -------
+        Latch
+            The latch.
+        """
         return next(x for x in self.latches if x.source == source)
 
     def latches_read(self, task: Task) -> tuple[Latch, ...]:
-        """Latches that a task reads, each once."""
+        """Latches that a task reads, each once.
+
+        Parameters
+        ----------
+        task : Task
+            The task that reads.
+
+        Returns
+        -------
+        tuple of Latch
+            In the order of the latches struct.
+        """
         sources = [w for r, w in self.wires.items() if self.task_of(r.instance) is task]
         return tuple(x for x in self.latches if x.source in sources and x.writer != task.name)
 
     def feed(self, sink: Signal) -> External | Latch | Signal:
-        """Where an input port's value comes from."""
+        """Where an input port's value comes from.
+
+        Parameters
+        ----------
+        sink : Signal
+            The input port.
+
+        Returns
+        -------
+        External, Latch or Signal
+            An external input, a latch, or an output of the same task.
+        """
         for external in self.inputs:
             if sink in external.signals:
                 return external

@@ -81,8 +81,7 @@ def test_instructions_on_an_emulated_board(elbow, monkeypatch):
 
 def test_instructions_on_this_machine(elbow, monkeypatch):
     require_tool("gcc")
-    if shutil.which("valgrind") is None:
-        pytest.skip("valgrind is not installed")
+    require_tool("valgrind")
     monkeypatch.setattr(shutil, "which", _without("arm-none-eabi-gcc", shutil.which))
     rows = instruction_rows(elbow, elbow.sensor, lambda _: None, steps=60)
     row = next(r for r in rows if r.name == "sensor step f32 vs CasADi C (f64), this machine")

@@ -87,6 +87,7 @@ def test_verify_writes_json(tmp_path):
         (["emulate", "elbow", "--board", "arduino"], ["arduino", "netduinoplus2"]),
         (["identify", "none.toml"], ["none.toml"]),
         (["report", "elbow", "--recording", "none.toml"], ["none.toml"]),
+        (["verify", "soft.toml", "--real", "f32"], ["soft.toml", "no finite float32 bound"]),
         (["build", "elbow", "--out", "a-file/x"], ["a-file", "--out"]),
         (
             ["verify", "elbow", "--real", "f64", "--json", "a-file/x.json"],
@@ -96,6 +97,8 @@ def test_verify_writes_json(tmp_path):
 )
 def test_bad_input_gets_one_paragraph_and_code_2(tmp_path, elbow, arguments, words):
     (tmp_path / "bad.toml").write_text(elbow.toml().replace("value = 9.39", "value = -9.39"))
+    soft = elbow.toml().replace("omega_rad_s = { value = 25.0", "omega_rad_s = { value = 900.0")
+    (tmp_path / "soft.toml").write_text(soft.replace("value = 0.0288", "value = 1e-6"))
     (tmp_path / "a-file").write_text("precious")
     before = sorted(p.name for p in tmp_path.iterdir())
     message = refused(run(*arguments, cwd=tmp_path))

@@ -90,6 +90,9 @@ def test_the_file_reads_back_equal():
         ('name = "elbow"', 'name = "My Elbow"', ["name", "My Elbow", "pattern"]),
         ("schema = 1", "schema = 7", ["schema", "7"]),
         ("schema = 1", "schema = ", ["not valid TOML"]),
+        ("schema = 1", "schema = 1\nschema = 1", ["not valid TOML", "schema"]),
+        ("thesis table 3.2", "x */ #error", ["source", "*/", "comment"]),
+        ('title = "Elbow', 'title = "a\\u000aElbow', ["title", "control character"]),
     ],
 )
 def test_what_is_wrong_is_said(old: str, new: str, words: list[str]):

@@ -138,3 +138,39 @@ def test_sensor_bounds():
     assert bound.assumptions == ()  # no decision of the sensor depends on rounding
     assert bound.outputs["tau_Nm"] < 0.01 * device.tau_full_scale_Nm
     assert bound.outputs["tau_hysteresis_Nm"] < 1e-5  # nothing is summed over time
+
+
+def test_a_filter_that_switches_is_not_called_linear():
+    # Which matrix rules depends on an input: one matrix taken at rest would say nothing.
+    def step(c, s, u, guard, label):
+        turn = ca.DM([[0.955, -0.296], [0.296, 0.955]])
+        x = ca.vertcat(s.x[0], s.x[1])
+        return {"x": ca.if_else(u.m > 0, 0.99999 * turn @ x + u.w, 0.5 * turn @ x)}, {"y": s.x[0]}
+
+    block = Block.define(
+        "switch",
+        "two filters",
+        period_s=1e-3,
+        state=(Port("x", -100, 100, "state", size=2),),
+        inputs=(Port("m", -1, 1, "mode"), Port("w", -1, 1, "input")),
+        outputs=(Port("y", -100, 100, "output"),),
+        step=step,
+    )
+    with pytest.raises(RangeError, match="not stable"):
+        block_bound(block, F32)
+
+
+def test_an_integrator_has_none_in_a_narrow_range_either():
+    with pytest.raises(RangeError, match="stable"):
+        block_bound(leaky(1.0), F32, {"s_s": (-10, 10)})
+
+
+def test_powers_and_roots():
+    x = ca.SX.sym("x")
+    power = walk(ca.Function("f", [x], [x**0.77]))
+    point = analyse(power, F32, [[Value(1e-30, 1e-30)]]).results[0][0]
+    assert point.error >= 2.64e-7 * 1e-30**0.77  # what the emitted power errs there
+    rough = analyse(power, F32, [[Value(0.25, 0.25, 0.0, 0.5)]]).results[0][0]
+    assert rough.error >= 0.25**0.77 - 0.125**0.77
+    root = walk(ca.Function("f", [x], [ca.sqrt(x)]))
+    assert analyse(root, F32, [[Value(0.0, 1.0, 1e-8)]]).results[0][0].error >= 1e-4

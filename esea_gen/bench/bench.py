@@ -84,7 +84,22 @@ class Row:
 
     @classmethod
     def exact(cls, name: str, ours: float, peer: float, unit: str) -> Row:
-        """A row of two figures that do not scatter."""
+        """A row of two figures that do not scatter.
+
+        Parameters
+        ----------
+        name : str
+            What against what.
+        ours, peer : float
+            The two figures.
+        unit : str
+            Their unit.
+
+        Returns
+        -------
+        Row
+            Its range is the ratio itself.
+        """
         return cls(name, ours, peer, peer / ours, unit, peer / ours, peer / ours)
 
 

@@ -43,7 +43,18 @@ class Peer(Protocol):
     name: str
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream."""
+        """Seconds for a number of passes through the whole stream.
+
+        Parameters
+        ----------
+        passes : int
+            How many.
+
+        Returns
+        -------
+        float
+            Seconds.
+        """
 
     def results(self) -> Array:
         """Outputs of the last pass, shape (steps, outputs)."""
@@ -176,7 +187,18 @@ class CompiledPeer:
         self._lib.esea_bench_load(self.ffi.cast("const double *", rows.ctypes.data))
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream."""
+        """Seconds for a number of passes through the whole stream.
+
+        Parameters
+        ----------
+        passes : int
+            How many.
+
+        Returns
+        -------
+        float
+            Seconds.
+        """
         return float(self._lib.esea_bench_run(passes))
 
     def results(self) -> Array:
@@ -225,7 +247,18 @@ class EvaluatorPeer:
             self._arguments = [start, rows, fixed]
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream."""
+        """Seconds for a number of passes through the whole stream.
+
+        Parameters
+        ----------
+        passes : int
+            How many.
+
+        Returns
+        -------
+        float
+            Seconds.
+        """
         start = time.thread_time()
         for _ in range(passes):
             if self._whole:
@@ -258,7 +291,18 @@ class NumpyPeer:
 
     @staticmethod
     def fits(device: Device) -> bool:
-        """Whether a device has the parts that this peer has: rate terms, no dead zone."""
+        """Whether a device has the parts that this peer has: rate terms, no dead zone.
+
+        Parameters
+        ----------
+        device : Device
+            The device.
+
+        Returns
+        -------
+        bool
+            True when it does.
+        """
         elastomer = device.file.elastomer
         return elastomer.maxwell is not None and elastomer.dead_zone_rad is None
 
@@ -273,7 +317,18 @@ class NumpyPeer:
         self._tau = np.zeros(len(self._theta))
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream."""
+        """Seconds for a number of passes through the whole stream.
+
+        Parameters
+        ----------
+        passes : int
+            How many.
+
+        Returns
+        -------
+        float
+            Seconds.
+        """
         start = time.thread_time()
         for _ in range(passes):
             self._pass()
@@ -420,7 +475,23 @@ def _call(command: list[Any]) -> str:
 
 
 def finite(value: float) -> float:
-    """The value itself; an error for NaN and infinity, which no row may hold."""
+    """The value itself; an error for NaN and infinity, which no row may hold.
+
+    Parameters
+    ----------
+    value : float
+        A figure.
+
+    Returns
+    -------
+    float
+        ``value``, unchanged.
+
+    Raises
+    ------
+    ValueError
+        For NaN and infinity.
+    """
     if not math.isfinite(value):
         raise ValueError(f"a measurement is {value}")
     return value

@@ -117,7 +117,17 @@ class Message:
 
 @dataclass(frozen=True)
 class StatusWord:
-    """Enum of a status word's bits."""
+    """Enum of a status word's bits.
+
+    Parameters
+    ----------
+    enum : str
+        Name of the enum.
+    meaning : str
+        What the word tells.
+    flags : tuple of Flag
+        Its bits, least significant first.
+    """
 
     enum: str
     meaning: str

@@ -189,10 +189,13 @@ class _Arithmetic:
         # For c < 1 the root's slope is unbounded at zero, but (X + a)^c - X^c <= a^c.
         a = c * top ** (c - 1) * x.a if c >= 1 else x.a**c
         r = math.expm1(c * math.log1p(x.r))
-        if self.fmt.name == "f32" and x.low < x.high:
+        if c < 1 and x.r < 1:
+            r = -math.expm1(c * math.log1p(-x.r))  # then the lower side errs more
+        if self.fmt.name == "f32" and x.high > 0:
             # The exponent is stored in 27 fractional bits; below 2^-149 the power underflows.
             dc = abs(exponent_q27(c) * 2.0**-EXPONENT_FRACTION_BITS - c)
-            r += math.expm1(dc * 104.0)
+            logs = [abs(math.log(max(e, 1e-45))) for e in (x.low, x.high)]
+            r += math.expm1(dc * max(logs))
         return self.rounded(x.low**c, x.high**c, a, r, self.elementary("powk"))
 
     def monotone(self, x: Value, name: str) -> Value:
@@ -202,9 +205,13 @@ class _Arithmetic:
             return self.rounded(f(x.low), f(x.high), 0.0, math.expm1(e), self.elementary(name))
         if name == "tanh":
             return self.rounded(f(x.low), f(x.high), e, 0.0, self.elementary(name))
-        if x.low <= 0:
+        if name == "sqrt" and x.low >= 0:
+            # |sqrt(x + e) - sqrt(x)| <= sqrt(e), and e / sqrt(x) away from zero.
+            spread = min(math.sqrt(e), e / math.sqrt(x.low)) if x.low > 0 else math.sqrt(e)
+            return self.rounded(f(x.low), f(x.high), spread, 0.0, self.elementary(name))
+        if x.low - e <= 0:
             raise RangeError(f"{name} of a range that reaches zero")
-        slope = 1 / (x.low - e) if name == "log" else 0.5 / math.sqrt(x.low - e)
+        slope = 1 / (x.low - e)
         return self.rounded(f(x.low), f(x.high), slope * e, 0.0, self.elementary(name))
 
 
@@ -362,10 +369,7 @@ def _coefficients(block: Block, fmt: Format) -> list[list[Value]]:
     values = [ca.DM(t.default) for t in block.tunables]
     prepared = [np.asarray(c, dtype=float).ravel() for c in block.prepare.call(values)]
     arguments = [[Value(t.default, t.default)] for t in block.tunables]
-    try:
-        derived = analyse(walk(block.prepare), fmt, arguments).results
-    except RangeError:
-        derived = tuple(tuple(Value(x, x) for x in c) for c in prepared)
+    derived = analyse(walk(block.prepare), fmt, arguments).results
     return [
         [Value(x, x, v.error) for x, v in zip(c, d, strict=True)]
         for c, d in zip(prepared, derived, strict=True)
@@ -431,7 +435,8 @@ def block_bound(
     solved = _fixed_point(once, state_errors, zero)
     # At the ends of the states' own ranges it says nothing.
     idle = solved is not None and any(
-        max(e) > 0.25 * (p.high - p.low) for p, e in zip(block.state, solved, strict=True)
+        max(e) > 0.25 * (limits[f"s_{p.name}"][1] - limits[f"s_{p.name}"][0])
+        for p, e in zip(block.state, solved, strict=True)
     )
     if (solved is None or idle) and _is_linear(kernel, len(block.coefficients)):
         solved, idle = _linear_bound(block, state_errors(once(zero))), False
@@ -557,10 +562,22 @@ def _linear_bound(block: Block, local: Errors) -> Errors | None:
         "A", state, [ca.jacobian(ca.veccat(*results[: len(block.state)]), symbols)]
     )
     prepared = block.prepare.call([ca.DM(t.default) for t in block.tunables])
-    # At rest inside all limits, once primed: the matrix of the unclipped filter.
-    middle = [ca.DM([1.0]) if p.name == "primed" else ca.DM.zeros(p.size) for p in block.state]
-    inputs = [ca.DM.zeros(p.size) for p in block.inputs]
-    a: Array = np.asarray(ca.DM(jacobian(*prepared, *middle, *inputs)), dtype=float)
+    # Once primed and inside all limits the matrix must be one and the same wherever it is taken.
+    rng = np.random.default_rng(0)
+    a: Array | None = None
+    for scale in (0.0, *[0.02] * 40):
+        middle = [
+            ca.DM([1.0])
+            if p.name == "primed"
+            else ca.DM(scale * rng.uniform(p.low, p.high, p.size))
+            for p in block.state
+        ]
+        inputs = [ca.DM(scale * rng.uniform(p.low, p.high, p.size)) for p in block.inputs]
+        found: Array = np.asarray(ca.DM(jacobian(*prepared, *middle, *inputs)), dtype=float)
+        if a is not None and not np.allclose(found, a, rtol=1e-12, atol=0.0):
+            return None
+        a = found
+    assert a is not None
     flags = [k for k, p in enumerate(block.state) if p.name == "primed" for _ in range(p.size)]
     a[flags, :] = 0.0
     a[:, flags] = 0.0

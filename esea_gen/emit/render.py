@@ -83,7 +83,19 @@ def comment(text: str, indent: int = 0, width: int = 98) -> str:
 
 @dataclass(frozen=True)
 class EmittedBlock:
-    """A Block with its kernels printed in one number format."""
+    """A Block with its kernels printed in one number format.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    prepare : PrintedKernel or None
+        None without tunables.
+    init, step : PrintedKernel
+        The other kernels.
+    stores : tuple of tuple of str
+        Per statement of the step, the state that it completes.
+    """
 
     block: Block
     prepare: PrintedKernel | None
@@ -305,7 +317,15 @@ def _rename(function: ca.Function, name: str) -> ca.Function:
 
 @dataclass(frozen=True)
 class ExampleSample:
-    """A sample of the example program: step, deflection in lattice counts, expected torque."""
+    """A sample of the example program: step, deflection in lattice counts, expected torque.
+
+    Parameters
+    ----------
+    step : int
+        Number of the step.
+    expected : float
+        Output that it must give.
+    """
 
     step: int
     expected: float
@@ -348,6 +368,8 @@ def example_stream(system: System) -> dict[str, Any]:
         "peak": peak,
         "steps": steps,
         "samples": samples,
+        # Far above float32's rounding at any torque scale, far below what a wrong number does.
+        "tolerance": float(f"{1e-5 * result.port.high:.1g}"),
         "task": task,
         "input": source,
         "others": others,
@@ -414,14 +436,38 @@ class Renderer:
         }
 
     def field(self, port: Any) -> str:
-        """C declaration of a port as a struct field."""
+        """C declaration of a port as a struct field.
+
+        Parameters
+        ----------
+        port : Port or Tunable
+            What the field holds.
+
+        Returns
+        -------
+        str
+            The declaration.
+        """
         if getattr(port, "flags", ()):
             return f"uint32_t {port.name};"
         size = getattr(port, "size", 1)
         return f"{self.fmt.c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
 
     def feed(self, instance: str, port: Port) -> str:
-        """C expression of what feeds an input port."""
+        """C expression of what feeds an input port.
+
+        Parameters
+        ----------
+        instance : str
+            Instance that reads.
+        port : Port
+            Its input port.
+
+        Returns
+        -------
+        str
+            The expression.
+        """
         source = self.system.feed(Signal(instance, port.name))
         if isinstance(source, External):
             return f"in->{source.name}"
@@ -430,7 +476,20 @@ class Renderer:
         return f"{source.instance}_out.{source.port}"
 
     def render(self, template: str, **context: Any) -> str:
-        """One file from one template, named by its path."""
+        """One file from one template, named by its path.
+
+        Parameters
+        ----------
+        template : str
+            Path below ``templates``.
+        **context : object
+            Further names for the template.
+
+        Returns
+        -------
+        str
+            The text.
+        """
         return self.env.get_template(template).render(template=template, **context)
 
     def files(self) -> dict[str, str]:
@@ -471,6 +530,8 @@ def port_text(port: Any) -> str:
         One line.
     """
     parts = [port.meaning]
+    if isinstance(port, Port) and port.size > 1:
+        parts.append(f"{port.size} elements")
     if getattr(port, "flags", ()):
         parts.append("bits below")
     else:

@@ -369,7 +369,20 @@ class HostLibrary:
         )
 
     def prepare(self, runner: CRunner, tunables: Mapping[str, Any]) -> int:
-        """Fill in a runner's params and call its prepare (see :meth:`CRunner.prepare`)."""
+        """Fill in a runner's params and call its prepare (see :meth:`CRunner.prepare`).
+
+        Parameters
+        ----------
+        runner : CRunner
+            Whose params.
+        tunables : mapping
+            As in :meth:`CRunner.prepare`.
+
+        Returns
+        -------
+        int
+            0, or the number of the refused tunable.
+        """
         params = runner._params
         if runner.prefix == self.prefix:
             getattr(self.lib, f"{self.prefix}_default_params")(params)

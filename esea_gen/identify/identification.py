@@ -80,13 +80,35 @@ class Errors:
 
     @classmethod
     def of(cls, error: Array) -> Errors | None:
-        """Of an error signal; None for an empty one."""
+        """Of an error signal; None for an empty one.
+
+        Parameters
+        ----------
+        error : ndarray
+            Error of every sample, in Nm.
+
+        Returns
+        -------
+        Errors or None
+            Its RMS and largest value.
+        """
         if not len(error):
             return None
         return cls(float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()))
 
     def to_dict(self, full_scale_Nm: float) -> dict[str, float]:
-        """In Nm and in % of full scale."""
+        """In Nm and in % of full scale.
+
+        Parameters
+        ----------
+        full_scale_Nm : float
+            What counts as 100 %.
+
+        Returns
+        -------
+        dict of str to float
+            JSON-ready content.
+        """
         return {
             "rms_Nm": self.rms_Nm,
             "rms_percent": 100 * self.rms_Nm / full_scale_Nm,
@@ -114,7 +136,18 @@ class Verdict:
     largest_rate_Nm: float
 
     def mean_rms_Nm(self, held_out: bool) -> float:
-        """Mean over data sets of the RMS error, the published figure of merit."""
+        """Mean over data sets of the RMS error, the published figure of merit.
+
+        Parameters
+        ----------
+        held_out : bool
+            Of the held-out cycles; else of the training ones.
+
+        Returns
+        -------
+        float
+            The mean, in Nm.
+        """
         found = [e[2] if held_out else e[1] for e in self.sets]
         return float(np.mean([e.rms_Nm for e in found if e is not None]))
 

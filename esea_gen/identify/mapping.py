@@ -9,7 +9,6 @@ marked ``assumed`` and appears as such in the device file.
 
 from __future__ import annotations
 
-import codecs
 import difflib
 import types
 import typing
@@ -303,7 +302,7 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
     if not folder.is_dir():
         raise UserError(f"There is no data folder '{folder}'.", "Give an existing folder.")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(
             f"{path.name}: cannot be read as text ({error}).", "Save it as UTF-8."
@@ -333,7 +332,7 @@ def parse_mapping(text: str, origin: str) -> Mapping:
     """
     try:
         document = tomlkit.parse(text).unwrap()
-    except tomlkit.exceptions.ParseError as error:
+    except tomlkit.exceptions.TOMLKitError as error:
         raise UserError(
             f"{origin}: not valid TOML ({error}).", "Correct that line; see docs/identify.md."
         ) from None
@@ -450,7 +449,8 @@ def _check_text(origin: str, mapping: Mapping) -> None:
     ]
     for key, f in formats:
         try:
-            codecs.lookup(f.encoding)
+            # Codecs that are no text encodings (base64) fail only when they are used.
+            b"".decode(f.encoding)
         except LookupError:
             raise UserError(
                 f"{origin}: {key}.encoding = '{f.encoding}' is not a known text encoding.",

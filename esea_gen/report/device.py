@@ -95,7 +95,20 @@ class Run:
     recording: Recording | None
 
     def torque_at(self, real: str, time_s: Array) -> Array:
-        """Torque of the C in a number format, at other times (interpolated)."""
+        """Torque of the C in a number format, at other times (interpolated).
+
+        Parameters
+        ----------
+        real : str
+            Number format.
+        time_s : ndarray
+            Times.
+
+        Returns
+        -------
+        ndarray
+            Torque in Nm.
+        """
         grid = np.asarray(self.time_s, dtype=np.float64)
         return resample(grid, self.sensor[real]["tau_Nm"].astype(np.float64), time_s)
 
@@ -211,7 +224,18 @@ class Findings:
         return [p.name for p in block.outputs if not p.flags]
 
     def worst(self, real: str) -> dict[str, Any]:
-        """Largest output error of any Block and stream in a number format."""
+        """Largest output error of any Block and stream in a number format.
+
+        Parameters
+        ----------
+        real : str
+            Number format.
+
+        Returns
+        -------
+        dict
+            JSON-ready content.
+        """
         full = self.verification.full_scale
         torque = self.verification.worst(real, "sensor").get("tau_Nm", 0.0)
         return max(

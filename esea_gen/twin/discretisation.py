@@ -165,12 +165,34 @@ class Motion:
         return f"{self.amplitude_deg:g} deg, 0 to {self.top_Hz:g} Hz in {self.duration_s:g} s"
 
     def theta(self, t: npt.NDArray[Any]) -> Array:
-        """Deflection in rad at times in s."""
+        """Deflection in rad at times in s.
+
+        Parameters
+        ----------
+        t : ndarray
+            Times in s.
+
+        Returns
+        -------
+        ndarray
+            Deflection in rad.
+        """
         sweep = self.top_Hz / self.duration_s
         return np.asarray(np.deg2rad(self.amplitude_deg) * np.sin(np.pi * sweep * t * t))
 
     def omega(self, t: npt.NDArray[Any]) -> Array:
-        """Its rate in rad/s at times in s."""
+        """Its rate in rad/s at times in s.
+
+        Parameters
+        ----------
+        t : ndarray
+            Times in s.
+
+        Returns
+        -------
+        ndarray
+            Rate in rad/s.
+        """
         sweep = self.top_Hz / self.duration_s
         size = np.deg2rad(self.amplitude_deg) * 2 * np.pi * sweep
         return np.asarray(size * t * np.cos(np.pi * sweep * t * t))

@@ -13,8 +13,9 @@ import numpy as np
 from esea_gen.block import Array, Block, Port
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import Bound, block_bound
+from esea_gen.emit.ranges import Bound, RangeError, block_bound
 from esea_gen.emit.render import reference_c
+from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_sources
 from esea_gen.system import System
 from esea_gen.verify.streams import Stream, inside, single, streams
@@ -88,7 +89,20 @@ class Verification:
         return all(c.passed for c in self.comparisons)
 
     def worst(self, real: str, block: str) -> dict[str, float]:
-        """Largest error per port of a Block in a format, over all streams."""
+        """Largest error per port of a Block in a format, over all streams.
+
+        Parameters
+        ----------
+        real : str
+            Number format.
+        block : str
+            Name of the Block.
+
+        Returns
+        -------
+        dict of str to float
+            Error by output port.
+        """
         out: dict[str, float] = {}
         for c in self.comparisons:
             if c.real == real and c.block == block:
@@ -598,7 +612,15 @@ def verify(
             scales |= full_scales(device, block)
             if real == "f32":
                 say(f"deriving the float32 bound of {block.name}")
-                bounds[block.name] = derive_bounds(device, block)
+                try:
+                    bounds[block.name] = derive_bounds(device, block)
+                except RangeError as error:
+                    raise UserError(
+                        f"{device.origin}: no finite float32 bound can be derived for "
+                        f"{block.name} ({error}).",
+                        "Narrow the ranges under [limits], or raise the offsets eps1 and eps2; "
+                        "--real f64 verifies the float64 C alone.",
+                    ) from error
             for stream in tried[block.name]:
                 say(f"{block.name}, {real}: {stream.name}")
                 comparisons.append(
