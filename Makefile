@@ -4,7 +4,7 @@ BIN := .venv/bin
 OUT := out
 STAMP := .venv/.stamp
 
-.PHONY: run test bench test-slow style setup clean
+.PHONY: run test docs bench test-slow style setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -18,6 +18,10 @@ test: setup style
 	@$(BIN)/esea-gen check
 	@$(BIN)/esea-gen traces check
 	@$(BIN)/python -m pytest
+
+docs: setup
+	@$(BIN)/mkdocs build --strict --quiet
+	@echo "Open $(OUT)/site/index.html"
 
 bench: setup
 	@$(BIN)/python -m esea_gen.bench --json bench.json

@@ -1,0 +1,415 @@
+"""Pages of the site that are made from the program itself, at every build, so that none goes stale.
+
+``device-file.md`` from the JSON schema, ``command-line.md`` from the commands, ``api/*.md`` from
+the docstrings.
+"""
+
+from __future__ import annotations
+
+import enum
+import importlib
+import inspect
+import pkgutil
+import re
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import typer
+
+import esea_gen
+from esea_gen.device import json_schema, load_device
+
+# Page of the API reference: title and the modules on it, by prefix.
+API_PAGES = {
+    "core": ("Blocks, Systems, devices", ("block", "system", "device", "errors")),
+    "models": ("Models", ("model",)),
+    "c": ("Rendering and loading C", ("emit", "hostlib")),
+    "verify": ("Verification", ("verify", "bench")),
+    "identify": ("Identification, reports, twin", ("identify", "report", "twin")),
+}
+NOT_AN_API = ("cli", "devices", "__main__")  # the command line has its own page
+SECTIONS = (
+    "Parameters",
+    "Attributes",
+    "Returns",
+    "Yields",
+    "Raises",
+    "Notes",
+    "References",
+    "Examples",
+)
+
+
+# -- reading the program --------------------------------------------------------------------------
+
+
+def _described(field: Any) -> bool:
+    # By itself, or by the docstring of the section or number that it holds.
+    held = (field.annotation, *get_args(field.annotation))
+    return bool(field.description) or any(hasattr(a, "model_fields") for a in held)
+
+
+@dataclass(frozen=True)
+class Item:
+    """A public class, function or method."""
+
+    name: str  # dotted, from esea_gen on
+    kind: str  # "class", "function" or "method"
+    target: Any
+    owner: type | None = None
+
+    @property
+    def doc(self) -> str:
+        """Its own docstring; none is inherited."""
+        return inspect.cleandoc(self.target.__doc__ or "")
+
+    def parameters(self) -> list[str]:
+        """Names of the parameters that a docstring has to explain."""
+        target = self.target
+        if self.kind == "class":
+            if hasattr(target, "model_fields"):  # a field carries its own description
+                return [n for n, f in target.model_fields.items() if not _described(f)]
+            if issubclass(target, enum.Enum):
+                return []
+            fields = getattr(target, "__dataclass_fields__", None)
+            if fields is not None:
+                return [n for n, f in fields.items() if f.init and not n.startswith("_")]
+            if "__init__" not in vars(target) or getattr(target, "_is_protocol", False):
+                return []
+            target = target.__init__
+        try:
+            found = inspect.signature(target).parameters
+        except (TypeError, ValueError):
+            return []
+        return [n for n in found if n not in ("self", "cls") and not n.startswith("_")]
+
+
+def modules() -> Iterator[Any]:
+    """Every module of the package that a program may import."""
+    yield esea_gen
+    for found in pkgutil.walk_packages(esea_gen.__path__, "esea_gen."):
+        parts = found.name.split(".")
+        if not any(p.startswith("_") or p in NOT_AN_API for p in parts):
+            yield importlib.import_module(found.name)
+
+
+def items(module: Any) -> Iterator[Item]:
+    """Public classes, functions and methods that a module defines, in the order of its text."""
+    for name, value in vars(module).items():
+        if name.startswith("_") or getattr(value, "__module__", None) != module.__name__:
+            continue
+        dotted = f"{module.__name__}.{name}"
+        if inspect.isclass(value):
+            yield Item(dotted, "class", value)
+            for key, member in vars(value).items():
+                plain = inspect.unwrap(getattr(member, "__func__", member))
+                if key.startswith("_") or not inspect.isfunction(plain):
+                    continue
+                if plain.__module__ == module.__name__ and plain.__qualname__.startswith(name):
+                    yield Item(f"{dotted}.{key}", "method", plain, value)
+        elif inspect.isfunction(inspect.unwrap(value)):
+            yield Item(dotted, "function", inspect.unwrap(value))
+
+
+def sections(doc: str) -> dict[str, str]:
+    """Cut a numpydoc docstring at its headings; what stands before the first is ``""``."""
+    pattern = rf"^({'|'.join(SECTIONS)})\n-+\n"
+    pieces = re.split(pattern, doc, flags=re.MULTILINE)
+    return {"": pieces[0].strip()} | {
+        k: v.strip("\n") for k, v in zip(pieces[1::2], pieces[2::2], strict=True)
+    }
+
+
+def entries(section: str) -> list[tuple[str, str]]:
+    """Entries of a list section: heading line and text."""
+    found: list[tuple[str, str]] = []
+    for line in section.splitlines():
+        if line and not line[0].isspace():
+            found.append((line, ""))
+        elif found:
+            head, text = found[-1]
+            found[-1] = head, f"{text}\n{line}" if text else line
+    return [(head, textwrap.dedent(text).strip()) for head, text in found]
+
+
+def documented(doc: str) -> set[str]:
+    """Names that the lists of a docstring explain: ``a, b : float`` explains two."""
+    found = sections(doc)
+    listed = [e for kind in ("Parameters", "Attributes") for e in entries(found.get(kind, ""))]
+    return {n.strip().lstrip("*") for head, _ in listed for n in head.split(" :")[0].split(",")}
+
+
+# -- markdown -------------------------------------------------------------------------------------
+
+
+def _inline(text: str) -> str:
+    # reStructuredText of the docstrings: roles, double back quotes, references.
+    text = re.sub(r":\w+:`~?\.?([^`]+)`", r"`\1`", text)
+    text = re.sub(r"``(.+?)``", r"`\1`", text, flags=re.DOTALL)
+    text = re.sub(r"^\.\. \[(\d+)\] *", r"[\1] ", text, flags=re.MULTILINE)
+    text = re.sub(r"\[(\d+)\]_", r"[\1]", text)
+    text = re.sub(r"^\* ", "- ", text, flags=re.MULTILINE)
+    pieces = re.split(r"(`[^`]*`)", text)
+    pieces[::2] = [re.sub(r"([*_])", r"\\\1", p).replace("<", "&lt;") for p in pieces[::2]]
+    return "".join(pieces)
+
+
+def _paragraphs(text: str) -> str:
+    # Indented blocks and those after "::" stay as they are: code.
+    out = []
+    for block in re.split(r"\n\s*\n", text):
+        if all(line.startswith("    ") for line in block.splitlines()):
+            out.append(block)
+        else:
+            out.append(_inline(block.removesuffix(":") if block.endswith("::") else block))
+    return "\n\n".join(out)
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "&#124;")
+
+
+def _listed(section: str, returned: bool) -> list[str]:
+    lines = []
+    for head, text in entries(section):
+        name, _, kind = (s.strip() for s in head.partition(" : "))
+        if returned and not kind:
+            title = f"`{name}`"
+        else:
+            title = f"`{name}`" + (f" ({_inline(kind)})" if kind else "")
+        lines += [title, f":   {textwrap.indent(_inline(text), '    ').strip() or '.'}", ""]
+    return lines
+
+
+def _signature(item: Item) -> str:
+    try:
+        signature = inspect.signature(item.target)
+    except (TypeError, ValueError):
+        return ""
+    shown = [p for n, p in signature.parameters.items() if n not in ("self", "cls")]
+    # Defaults that are objects have no readable form.
+    readable = (str, int, float, bool, tuple, type(None))
+    shown = [
+        p.replace(annotation=p.empty, default=p.default)
+        if p.default is p.empty or isinstance(p.default, readable)
+        else p.replace(annotation=p.empty, default=p.empty)
+        for p in shown
+    ]
+    # Dropping a default may leave one before a parameter with none: print by hand.
+    text, star = [], False
+    for p in shown:
+        if p.kind is p.KEYWORD_ONLY and not star:
+            text.append("*")
+        star = star or p.kind in (p.KEYWORD_ONLY, p.VAR_POSITIONAL)
+        prefix = {p.VAR_POSITIONAL: "*", p.VAR_KEYWORD: "**"}.get(p.kind, "")
+        text.append(f"{prefix}{p.name}" + ("" if p.default is p.empty else f"={p.default!r}"))
+    return f"({', '.join(text)})"
+
+
+def _item_text(item: Item) -> list[str]:
+    short = item.name.rsplit(".", 2 if item.kind == "method" else 1)
+    name = ".".join(short[1:])
+    level = "####" if item.kind == "method" else "###"
+    lines = [f"{level} {'class ' if item.kind == 'class' else ''}{name} {{ #{item.name} }}", ""]
+    fields = getattr(item.target, "model_fields", None) if item.kind == "class" else None
+    if fields is None:
+        lines += ["```python", f"{name}{_signature(item)}", "```", ""]
+    found = sections(item.doc)
+    lines += [_paragraphs(found.pop("")), ""]
+    for title, text in found.items():
+        lines += [f"**{title}**", ""]
+        if title in ("Notes", "References", "Examples"):
+            lines += [_paragraphs(text), ""]
+        else:
+            lines += _listed(text, title in ("Returns", "Yields", "Raises"))
+    if fields:
+        lines += ["**Fields**", ""]
+        for key, f in fields.items():
+            lines += [f"`{f.alias or key}`", f":   {_inline(f.description or '') or '.'}", ""]
+    if item.kind == "class":
+        properties = [
+            (n, p.fget if isinstance(p, property) else getattr(p, "func", None))
+            for n, p in vars(item.target).items()
+            if not n.startswith("_")
+            and (isinstance(p, property) or type(p).__name__ == "cached_property")
+        ]
+        if properties:
+            lines += ["**Properties**", ""]
+            for key, getter in properties:
+                text = _inline(inspect.cleandoc(getattr(getter, "__doc__", None) or ""))
+                lines += [f"`{key}`", f":   {text.strip() or '.'}", ""]
+    return lines
+
+
+def api_page(key: str) -> str:
+    """One page of the API reference."""
+    title, prefixes = API_PAGES[key]
+    lines = [f"# {title}", "", "From the docstrings of the package.", ""]
+    for module in modules():
+        part = module.__name__.split(".")[1:2]
+        if not part or part[0] not in prefixes:
+            continue
+        found = list(items(module))
+        if not found:
+            continue
+        lines += [f"## {module.__name__}", ""]
+        lines += [_paragraphs(inspect.cleandoc(module.__doc__ or "")), ""]
+        for item in found:
+            lines += _item_text(item)
+    return "\n".join(lines)
+
+
+def _bounds(number: dict[str, Any]) -> str:
+    return f"{number['minimum']:g} to {number['maximum']:g}"
+
+
+def _section_rows(
+    name: str, node: dict[str, Any], required: bool
+) -> tuple[list[str], list[tuple[str, dict[str, Any], bool]]]:
+    rows, inner = [], []
+    for key, about in node["properties"].items():
+        needed = key in node["required"]
+        properties = about.get("properties", {})
+        if "value" in properties:
+            number = properties["value"]
+            kind = "whole number" if number["type"] == "integer" else "number"
+            unit = re.search(r"in (.*)\.$", number["description"])
+            cells = (kind, unit.group(1) if unit else "1", _bounds(number))
+        elif properties:
+            inner.append((f"{name}.{key}" if name else key, about, needed))
+            continue
+        else:
+            kind = "list of text" if about["type"] == "array" else str(about["type"])
+            limit = about.get("const", about.get("pattern", ""))
+            if about["type"] == "array":
+                limit = f"up to {about['maxItems']}, each `{about['items']['pattern']}`"
+            elif "minLength" in about:
+                limit = "not empty"
+            elif "pattern" in about:
+                limit = f"`{limit}`"
+            cells = (kind.replace("string", "text"), "", limit)
+        shown = (f"`{key}`", *map(str, cells), "yes" if needed else "no", about["description"])
+        rows.append(f"| {' | '.join(_cell(c) for c in shown)} |")
+    return rows, inner
+
+
+def device_file_page() -> str:
+    """The reference of the device file, from its JSON schema."""
+    schema = json_schema()
+    number = schema["properties"]["elastomer"]["properties"]["k1_Nm_rad"]["properties"]
+    lines = [
+        "# Device file",
+        "",
+        "*Made from the schema that the program checks with (`esea-gen schema` prints it).*",
+        "",
+        "A device file is TOML. It is the one home of every number that firmware is built from.",
+        "`esea-gen new mine --from elbow` writes one to edit, with the schema beside it, so that",
+        "an editor completes keys and shows limits. A wrong key, unit or value is refused with the",
+        "file, the key, the value against its limit, and the fix.",
+        "",
+        "## A number",
+        "",
+        "```toml",
+        'k1_Nm_rad = { value = 9.39, status = "published", source = "thesis table 3.2" }',
+        "```",
+        "",
+        "Its unit is the suffix of its key. All three parts are needed:",
+        "",
+    ]
+    for key, text in (
+        ("value", "The number, in the unit that the key's suffix names."),
+        ("status", number["status"]["description"]),
+        ("source", number["source"]["description"]),
+    ):
+        lines += [f"`{key}`", f":   {text}", ""]
+    head = [
+        "| key | kind | unit | limits | needed | meaning |",
+        "|---|---|---|---|---|---|",
+    ]
+
+    def section(name: str, node: dict[str, Any], needed: bool) -> None:
+        rows, inner = _section_rows(name, node, needed)
+        title = f"`[{name}]`" if name else "Top level"
+        lines.extend(["", f"## {title}", ""])
+        if name:
+            about = node["description"]
+            lines.extend([about + ("" if needed else " Optional."), ""])
+        if rows:
+            lines.extend(['<div class="keys" markdown>', "", *head, *rows, "", "</div>"])
+        for entry in inner:
+            section(*entry)
+
+    section("", schema, True)
+    example = load_device("elbow").toml()
+    lines += ["", "## The whole elbow", "", "```toml", example.rstrip(), "```", ""]
+    return "\n".join(lines)
+
+
+def commands() -> dict[str, Any]:
+    """Every command of ``esea-gen`` by what is typed, groups included."""
+    from esea_gen.cli import app
+
+    found = {}
+
+    def walk(name: str, command: Any) -> None:
+        found[name] = command
+        for key, sub in getattr(command, "commands", {}).items():
+            walk(f"{name} {key}", sub)
+
+    walk("esea-gen", typer.main.get_command(app))
+    return found
+
+
+def command_line_page() -> str:
+    """The reference of the command line, from the commands' own help."""
+    lines = [
+        "# Command line",
+        "",
+        "*Made from the program's own help.* Exit code 0: as wanted; 1: a check did not pass; 2:",
+        "bad input, with one paragraph that says what, where and how to put it right.",
+        "",
+    ]
+    for name, command in commands().items():
+        context = typer.Context(command, info_name=name)
+        usage = re.sub(r"[{}]", "", " ".join(command.collect_usage_pieces(context)))
+        if name == "esea-gen":
+            lines += ["```text", f"{name} {usage}", "```", ""]
+        else:
+            text = _inline(inspect.cleandoc(command.help or ""))
+            lines += [f"## {name}", "", text, "", "```text", f"{name} {usage}", "```", ""]
+        for p in command.get_params(context):
+            head, text = p.get_help_record(context) or (p.name, p.help or "")
+            if head == "--help":
+                continue
+            head = re.sub(r" <.*>$", "", head)  # an argument's type
+            lines += [f"`{head}`", f":   {_inline(text).strip() or '.'}", ""]
+    return "\n".join(lines)
+
+
+def pages() -> dict[str, str]:
+    """All generated pages, by path."""
+    made = {"device-file.md": device_file_page(), "command-line.md": command_line_page()}
+    return made | {f"api/{key}.md": api_page(key) for key in API_PAGES}
+
+
+def device_keys(node: dict[str, Any] | None = None) -> Iterator[str]:
+    """Every key that a device file may hold."""
+    for key, about in (node or json_schema())["properties"].items():
+        yield key
+        inner = about.get("properties", {})
+        if inner and "value" not in inner:
+            yield from device_keys(about)
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Called by the site's builder: add the generated pages."""
+    from mkdocs.structure.files import File
+
+    for path, text in pages().items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+__all__ = ["commands", "device_keys", "documented", "items", "modules", "on_files"]

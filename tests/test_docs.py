@@ -1,0 +1,329 @@
+"""The site builds, says what the program says, and its worked example does what it shows."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import esea_gen
+
+from .conftest import ROOT, require_tool
+
+DOCS = ROOT / "docs"
+SNIPPET = re.compile(r'^--8<-- "(.+?)(?::(\w+))?"$', re.MULTILINE)
+
+
+def load(path: Path):
+    """Import a file that is in no package."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+hooks = load(DOCS / "hooks.py")
+controller = load(ROOT / "examples" / "controller.py")
+
+
+# -- the worked example ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def system(elbow):
+    return controller.controlled(elbow)
+
+
+@pytest.fixture(scope="module")
+def model(system):
+    return controller.run(system.simulator(), controller.stream())
+
+
+def test_the_streams_invalid_samples_are_seen(model):
+    status = model["impedance_status"].astype(int)
+    invalid = np.flatnonzero(status & 1)
+    assert invalid.tolist() == [0, 140, 240]  # ticks 0, 700 and 1200
+    assert np.all(model["u_Nm"][invalid] == 0)
+    assert int(model["sensor_status"][333]) & 1
+    assert not np.any(status & 2)
+    assert np.count_nonzero(model["u_Nm"]) == len(status) - len(invalid)
+
+
+def test_the_law_computed_a_second_time(elbow, model):
+    """By hand, in plain floats, with the torque that the latch must have held."""
+    inputs = controller.stream()
+    k, d, g, h = 4.0, 0.2, 1.0, controller.EVERY * elbow.period_s
+    last, expected = None, []
+    for n, tick in enumerate(range(0, len(inputs["phi_rad"]), controller.EVERY)):
+        ref, phi = inputs["phi_ref_rad"][tick], inputs["phi_rad"][tick]
+        if not (abs(ref) <= controller.PHI_MAX_RAD and abs(phi) <= controller.PHI_MAX_RAD):
+            expected.append(0.0)
+            last = phi if abs(phi) <= controller.PHI_MAX_RAD else last
+            continue
+        torque = model["tau_Nm"][tick - 1] if n else 0.0
+        wanted = k * (ref - phi) - d * ((phi - last) if last is not None else 0) / h
+        expected.append(float(np.clip(wanted + g * (wanted - torque), -20, 20)))
+        last = phi
+    assert model["u_Nm"] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("late", range(controller.EVERY))
+def test_symbols_do_not_depend_on_preemption(system, model, late):
+    ended = controller.run(system.simulator(), controller.stream(), late)
+    for name, values in ended.items():
+        assert np.array_equal(values, model[name][: len(values)])
+
+
+@pytest.mark.parametrize("late", [0, 2, controller.EVERY - 1])
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_the_c_does_what_the_symbols_say(system, model, real, late):
+    require_tool("gcc")
+    inputs = controller.stream()
+    c = controller.run(controller.Board(system, real), inputs, late)
+    on_time = controller.run(controller.Board(system, real), inputs)
+    for name, values in c.items():
+        assert len(values) >= len(model[name]) - 1
+        assert np.array_equal(values, on_time[name][: len(values)]), name
+        if real == "f64" or name.endswith("status"):
+            assert np.array_equal(values, model[name][: len(values)]), name
+        else:
+            assert values == pytest.approx(model[name][: len(values)], abs=5e-5), name
+
+
+def test_too_late_a_run_is_noticed(system, model):
+    """Armed: past the next start of its task, a run reads other values."""
+    simulator, inputs = system.simulator(), controller.stream()
+    seen = []
+    for tick in range(200):
+        simulator.release(tick)
+        simulator.step("sense", theta_rad=inputs["theta_rad"][tick])
+        start = tick - controller.EVERY
+        if start >= 0 and start % controller.EVERY == 0:
+            values = {n: inputs[n][start] for n in ("phi_ref_rad", "phi_rad")}
+            seen.append(simulator.step("control", **values)["u_Nm"])
+    assert not np.array_equal(seen, model["u_Nm"][: len(seen)])
+
+
+def test_the_example_prints_what_the_page_says(tmp_path):
+    require_tool("gcc")
+    done = subprocess.run(
+        [sys.executable, ROOT / "examples" / "controller.py", "out"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    shown = re.search(r"```text\n(.*?)```", (DOCS / "add-a-controller.md").read_text(), re.DOTALL)
+    assert done.stdout == shown.group(1)
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["f32", "f64"]
+    assert "[pd 1]" in (tmp_path / "out" / "f32" / "esea_elbow_pd_impedance.c").read_text()
+
+
+def test_the_page_shows_the_example_file_and_nothing_else():
+    page = (DOCS / "add-a-controller.md").read_text(encoding="utf-8")
+    # Fenced as `{ .python }`: the formatter would take the include for an expression.
+    assert "```py" not in page
+    blocks = re.findall(r"``` \{ \.python \}\n(.*?)```", page, re.DOTALL)
+    assert len(blocks) >= 5
+    source = (ROOT / "examples" / "controller.py").read_text(encoding="utf-8")
+    names = re.findall(r"--8<-- \[start:(\w+)\]", source)
+    assert names == re.findall(r"--8<-- \[end:(\w+)\]", source)
+    shown = [SNIPPET.fullmatch(b.strip()) for b in blocks]
+    assert all(shown), "Python on this page is included from the example, not typed"
+    assert {m.group(1) for m in shown} == {"examples/controller.py"}
+    assert [m.group(2) for m in shown] == names  # all of it, in its order
+
+
+# -- other code on the pages ----------------------------------------------------------------------
+
+
+def test_the_c_on_the_page_compiles_and_runs(tmp_path):
+    gcc = require_tool("gcc")
+    page = (DOCS / "c-interface.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```c\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "use.c").write_text(program)
+    folder = ROOT / "generated" / "elbow" / "f32"
+    sources = [p for p in folder.glob("*.c") if p.name != "main.c"]
+    flags = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+    command = [gcc, *flags, f"-I{folder}", "use.c", *sources, "-o", "use"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    said = subprocess.run([tmp_path / "use"], capture_output=True, text=True, check=True).stdout
+    # The model itself, with the same tunable.
+    elbow = esea_gen.load_device("elbow")
+    simulator = elbow.system.simulator({"velocity": {"bandwidth_Hz": 20.0}})
+    for k in range(100):
+        out = simulator.step("sense", theta_rad=float(np.float32(0.001) * np.float32(k)))
+    assert said == f"tau_Nm {out['tau_Nm']:.3f}\n"
+
+
+def test_the_files_that_the_page_names_are_there():
+    page = (DOCS / "c-interface.md").read_text(encoding="utf-8")
+    for real in ("f64", "f32"):
+        for path in (ROOT / "generated" / "elbow" / real).iterdir():
+            name = path.name
+            for block in ("sensor", "velocity"):
+                name = name.replace(f"_{block}.", "_<block>.")
+            name = name.replace("esea_elbow", "esea_<device>")
+            name = re.sub(r"^esea_f32(_tables)?\.h$", r"\1.h", name)
+            assert f"`{name}" in page, path
+
+
+# -- docstrings -----------------------------------------------------------------------------------
+
+
+def undocumented(item) -> list[str]:
+    return [p for p in item.parameters() if p not in hooks.documented(item.doc)]
+
+
+def test_every_public_parameter_is_documented():
+    missing = [
+        f"{item.name}: {', '.join(names)}"
+        for module in hooks.modules()
+        for item in hooks.items(module)
+        if (names := undocumented(item))
+    ]
+    assert not missing, "no word about\n" + "\n".join(missing)
+
+
+def test_everything_public_has_a_docstring():
+    found = [item for module in hooks.modules() for item in hooks.items(module)]
+    assert len(found) > 200
+    assert [i.name for i in found if not i.doc] == []
+
+
+def test_an_undocumented_parameter_is_found():
+    """Armed: the check sees what it is there for, and accepts the forms that the house uses."""
+
+    def bad(a, b, *rest, **more):
+        """Purpose.
+
+        Parameters
+        ----------
+        a : int
+            Explained; b is not, though it is named here.
+        """
+
+    def good(a, b, *rest, **more):
+        """Purpose.
+
+        Parameters
+        ----------
+        a, b : int
+            Both.
+        *rest, **more
+            As in :func:`bad`.
+        """
+
+    def short(a):
+        """Like ``a``, in one line."""
+
+    @dataclass
+    class Fields:
+        """Purpose.
+
+        Parameters
+        ----------
+        a : int
+            The first.
+        """
+
+        a: int
+        b: int
+
+    def item(target):
+        return hooks.Item("x", "function", target)
+
+    assert undocumented(item(bad)) == ["b", "rest", "more"]
+    assert undocumented(item(good)) == []
+    assert undocumented(item(short)) == ["a"]
+    assert undocumented(hooks.Item("x", "class", Fields)) == ["b"]
+
+
+# -- the site -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    if importlib.util.find_spec("mkdocs") is None or importlib.util.find_spec("material") is None:
+        message = "mkdocs-material is not installed"
+        if os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
+            pytest.fail(message)
+        pytest.skip(message)
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", folder],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def text_of(path: Path) -> str:
+    return html.unescape(re.sub(r"<[^>]+>", "", path.read_text(encoding="utf-8")))
+
+
+def test_every_device_key_is_on_the_site(site):
+    keys = list(hooks.device_keys())
+    assert {"schema", "k1_Nm_rad", "maxwell", "eps2", "resolution_bits"} <= set(keys)
+    page = (site / "device-file.html").read_text(encoding="utf-8")
+    missing = [k for k in keys if f"<code>{k}</code>" not in page and f".{k}]" not in page]
+    missing = [k for k in missing if f"<code>[{k}]</code>" not in page]
+    assert missing == []
+
+
+def test_every_command_and_option_is_on_the_site(site):
+    page = text_of(site / "command-line.html")
+    names = hooks.commands()
+    assert {"esea-gen build", "esea-gen reproduce chapter4", "esea-gen traces accept"} <= set(names)
+    for name, command in names.items():
+        assert f"{name} " in page
+        for p in command.params:
+            wanted = p.opts[0] if p.opts[0].startswith("-") else str(p.metavar or p.name)
+            assert wanted in page, (name, wanted)
+    assert "generated/<device>" in page
+
+
+def test_everything_public_is_on_the_site(site):
+    pages = "".join(p.read_text(encoding="utf-8") for p in (site / "api").glob("*.html"))
+    named = set(re.findall(r'id="(esea_gen[^"]+)"', pages))
+    wanted = {item.name for module in hooks.modules() for item in hooks.items(module)}
+    assert wanted - named == set()
+
+
+def test_the_site_fetches_nothing(site):
+    for page in site.rglob("*.html"):
+        fetched = re.findall(
+            r'<(?:script|img|link|iframe)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]+"',
+            page.read_text(encoding="utf-8"),
+        )
+        assert fetched == [], page
+
+
+def test_the_site_holds_the_example_and_no_leftover(site):
+    page = text_of(site / "add-a-controller.html")
+    assert "def impedance(device: Device) -> Block:" in page
+    for path in site.rglob("*.html"):
+        assert "--8<--" not in path.read_text(encoding="utf-8"), path
+    assert not list(site.rglob("*.py"))
+    assert not (ROOT / "site").exists()
+
+
+def test_every_page_in_docs_is_in_the_menu(site):
+    index = (site / "index.html").read_text(encoding="utf-8")
+    for page in DOCS.glob("*.md"):
+        assert f'href="{page.stem}.html"' in index, page.name
