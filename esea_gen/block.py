@@ -387,6 +387,9 @@ class Block:
     split : mapping of str to tuple of float
         Magnitudes at which the error analysis cuts the range of a state (``s_...``) or input
         (``u_...``).
+    facts : mapping of str to (low, high)
+        Ranges of labelled values that follow from algebra, which intervals cannot see; the error
+        analysis takes them as proven.
     """
 
     name: str
@@ -405,6 +408,7 @@ class Block:
     labelled_step: ca.Function = field(repr=False)
     labels: tuple[tuple[str, str], ...] = ()
     split: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    facts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def define(
@@ -423,6 +427,7 @@ class Block:
         prepare: PrepareFn | None = None,
         equations: tuple[Equation, ...] = (),
         split: Mapping[str, tuple[float, ...]] | None = None,
+        facts: Mapping[str, tuple[float, float]] | None = None,
     ) -> Block:
         """Build a Block from Python functions on symbols.
 
@@ -430,7 +435,7 @@ class Block:
         ----------
         name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
             As in the class.
-        equations, split
+        equations, split, facts
             As in the class.
         step : callable
             ``step(c, s, u, guard, label) -> (next_state, outputs)``: ``c``, ``s``, ``u`` hold one
@@ -506,6 +511,9 @@ class Block:
         )
         results = _collect(name, "state", state, s_next) + _collect(name, "output", outputs, y)
         names = [n for n, _, _ in label.items]
+        unknown = sorted(set(facts or {}) - set(names))
+        if unknown:
+            raise ValueError(f"block {name}: facts of values that have no label: {unknown}")
         if len(names) != len(set(names)):
             raise ValueError(f"block {name}: a label occurs twice in {names}")
         shared = ca.cse(results + [v for _, _, v in label.items])
@@ -545,6 +553,7 @@ class Block:
             labelled_step=labelled_f,
             labels=tuple((n, c) for n, c, _ in label.items),
             split=dict(split or {}),
+            facts=dict(facts or {}),
         )
 
     @property

@@ -218,3 +218,14 @@ def test_rate_with_real_encoders_beats_the_filtered_difference():
     ours = rms_pct(rate_torque(measured, rates["omega_mid_rad_s"]))
     assert ours < 0.22
     assert ours < 0.85 * rms_pct(rate_torque(measured, difference))
+
+
+@settings(deadline=None)
+@given(st.floats(0, 1e6))
+def test_the_share_of_a_maxwell_step_is_at_most_one(x: float):
+    # The fact that the error analysis is told: (1 + x/2 + x^2/6) / (1 + x (1 + x/2 + x^2/6)) <= 1.
+    from fractions import Fraction
+
+    q = Fraction(x)
+    series = 1 + q / 2 + q * q / 6
+    assert 0 < series / (1 + q * series) <= 1

@@ -232,6 +232,7 @@ def analyse(
     fmt: Format,
     arguments: Sequence[Sequence[Value]],
     flag_results: Sequence[int] = (),
+    facts: Mapping[int, tuple[float, float]] | None = None,
 ) -> Analysis:
     """Push ranges and errors through a kernel.
 
@@ -245,6 +246,8 @@ def analyse(
         Per argument and element.
     flag_results : sequence of int
         Results that are status words: a decision that only they use is no assumption.
+    facts : mapping of int to (low, high), optional
+        Ranges of nodes known from algebra; the kernel must then be fused already.
 
     Returns
     -------
@@ -256,7 +259,9 @@ def analyse(
     RangeError
         For a division by a range holding zero and the like.
     """
-    kernel = fuse_selects(kernel)
+    if facts is None:
+        kernel = fuse_selects(kernel)
+    known = facts or {}
     arithmetic = _Arithmetic(fmt)
     values: list[Value] = []
     assumptions = []
@@ -279,6 +284,9 @@ def analyse(
             result = _logic(n.op, v[0], v[1])
         else:
             result = _operation(arithmetic, kernel, n, v)
+        if i in known:
+            low, high = known[i]
+            result = Value(max(result.low, low), min(result.high, high), result.a, result.r)
         if not math.isfinite(result.error) or not math.isfinite(result.magnitude):
             raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite range")
         values.append(result)
@@ -406,7 +414,7 @@ def block_bound(
     RangeError
         When neither way gives a finite bound.
     """
-    kernel = fuse_selects(walk(block.step))
+    kernel, facts = _with_facts(block)
     coefficients = _coefficients(block, fmt)
     limits = _limits(block, ranges or {})
     boxes = _boxes(block, limits)
@@ -419,7 +427,8 @@ def block_bound(
                 for p, e in zip(block.state, errors, strict=True)
             ]
             inputs = [[Value(*box[f"u_{p.name}"])] * p.size for p in block.inputs]
-            parts.append(analyse(kernel, fmt, [*coefficients, *state, *inputs], block.flag_results))
+            arguments = [*coefficients, *state, *inputs]
+            parts.append(analyse(kernel, fmt, arguments, block.flag_results, facts))
         return _worst(parts)
 
     def state_errors(result: Analysis) -> list[list[float]]:
@@ -457,6 +466,17 @@ def block_bound(
         method,
         final.assumptions + extra,
     )
+
+
+def _with_facts(block: Block) -> tuple[Kernel, dict[int, tuple[float, float]]]:
+    # The fused step, and which of its nodes a fact is known of.
+    labelled = fuse_selects(walk(block.labelled_step))
+    count = block.step.n_out()
+    nodes = {
+        name: r[0] for (name, _), r in zip(block.labels, labelled.results[count:], strict=True)
+    }
+    facts = {nodes[name]: limits for name, limits in block.facts.items()}
+    return Kernel(labelled.name, labelled.nodes, labelled.results[:count]), facts
 
 
 def _limits(
@@ -505,15 +525,20 @@ def _fixed_point(
         return state_errors(once(errors))
 
     def scaled(errors: Errors, factor: float) -> Errors:
-        return [[factor * e for e in row] for row in errors]
+        # An error that has stopped growing is its own bound; only the others are searched for.
+        rows = zip(errors, before, strict=True)
+        return [
+            [e if e <= b * (1 + 1e-12) else factor * e for e, b in zip(new, old, strict=True)]
+            for new, old in rows
+        ]
 
     def inductive(errors: Errors) -> bool:
         pairs = zip(image(errors), errors, strict=True)
         return all(n <= e for new, old in pairs for n, e in zip(new, old, strict=True))
 
-    errors = zero
+    before = errors = zero
     for _ in range(3):
-        errors = image(errors)
+        before, errors = errors, image(errors)
     # Any multiple that is inductive is a bound; find the smallest power of 4, halve the gap ...
     factor = 1.0
     while not inductive(scaled(errors, factor)):

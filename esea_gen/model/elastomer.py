@@ -251,9 +251,6 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
             # One division; kept apart, both factors lie in (0, 1] and every error stays relative.
             decay = label("decay", 1 / (1 + x * series), "exp(-x), third order")
             share = series * decay
-            if dead_zone:
-                # It is at most 1; saying so keeps the derived bound small.
-                share = ca.fmin(share, 1)
             label("share", share, "(1 - exp(-x))/x, third order")
             tau_r = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
         else:
@@ -358,6 +355,8 @@ def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
         }
         if rate_terms
         else {},
+        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
+        facts={"share": (0.0, 1.0)} if rate_terms else {},
         step=step,
     )
 

@@ -735,7 +735,6 @@ static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   a28=casadi_fmax(a28,a05);
   a25=(a25*a28);
   a23=(a23/a24);
-  a23=casadi_fmin(a23,a01);
   a25=(a25*a23);
   a06=(a06+a25);
   a25=casadi_fmin(a06,a08);
