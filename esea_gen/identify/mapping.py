@@ -450,7 +450,7 @@ def _check_text(origin: str, mapping: Mapping) -> None:
     for key, f in formats:
         try:
             # Codecs that are no text encodings (base64) fail only when they are used.
-            b"".decode(f.encoding)
+            "a".encode(f.encoding)
         except LookupError:
             raise UserError(
                 f"{origin}: {key}.encoding = '{f.encoding}' is not a known text encoding.",
