@@ -5,7 +5,7 @@ Every valid sample is a float32 number, so that all number formats are given the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -119,8 +119,8 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
     """
     rng = np.random.default_rng(seed)
 
-    def each(make: object) -> dict[str, Array]:
-        return {p.name: make(i, p) for i, p in enumerate(block.inputs)}  # type: ignore[operator]
+    def each(make: Callable[[int, Port], Array]) -> dict[str, Array]:
+        return {p.name: make(i, p) for i, p in enumerate(block.inputs)}
 
     def reversals(_: int, p: Port) -> Array:
         turns = rng.uniform(-0.6, 0.6, steps // 25 + 2)
