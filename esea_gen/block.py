@@ -44,6 +44,12 @@ UNIT_SUFFIXES = {
     "_s": "s",
     "_Hz": "Hz",
     "_bits": "bit",
+    "_kgm2": "kg m^2",
+    "_rad_s3": "rad/s^3",
+    "_Nm_s": "Nm/s",
+    "_Nm_s_rad": "Nm/(rad s)",
+    "_J": "J",
+    "_W": "W",
 }
 
 
@@ -86,6 +92,22 @@ def f32_inside(low: float, high: float) -> tuple[float, float]:
     if float(hi) > high:
         hi = np.nextafter(hi, np.float32(-np.inf))
     return float(lo), float(hi)
+
+
+def threshold(value: float) -> float:
+    """A positive threshold as the nearest float32 not above it (all formats then decide alike).
+
+    Parameters
+    ----------
+    value : float
+        Threshold.
+
+    Returns
+    -------
+    float
+        The snapped threshold.
+    """
+    return f32_inside(-value, value)[1]
 
 
 @dataclass(frozen=True)

@@ -44,12 +44,12 @@ from esea_gen.block import (
     Tunable,
     clip,
     flag_word,
+    threshold,
 )
-from esea_gen.device import threshold
 from esea_gen.model.symbolic import equation, to_casadi
 
 if TYPE_CHECKING:
-    from esea_gen.device import Device
+    from esea_gen.devices.file import DeviceData
 
 THETA, RATE, TAU_R, DT = sp.symbols("theta omega_m tau_r h", real=True)
 K1, K3, KV = sp.symbols("k_1 k_3 k_v", positive=True)
@@ -125,12 +125,12 @@ def _symbols_of(p: Mapping[str, Any]) -> dict[sp.Symbol, Any]:
     return {symbol: p[key] for symbol, key in names.items() if key in p}
 
 
-def torque_sensor(device: Device, *, tunable: bool = False) -> Block:
+def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
     """The torque sensor as a Block.
 
     Parameters
     ----------
-    device : Device
+    device : DeviceData
         Parameters, domain, limits and rate.
     tunable : bool
         Make the elastomer's parameters tunables instead of constants: what identification runs.
@@ -380,12 +380,12 @@ def _beyond_cuts(dead_zone: float, cuts: tuple[float, ...]) -> tuple[float, ...]
     return (dead_zone, *(dead_zone + c for c in cuts)) if dead_zone else cuts
 
 
-def _as_tunable(device: Device, key: str) -> Tunable:
-    from esea_gen.device import _field_extra
+def _as_tunable(device: DeviceData, key: str) -> Tunable:
+    from esea_gen.devices.fields import field_facts
 
     dotted = f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
     q = dict(device.quantities())[dotted]
-    extra = _field_extra(dotted)
+    extra = field_facts(dotted)
     return Tunable(key, q.value, extra["low"], extra["high"], extra["text"], q.source, q.status)
 
 

@@ -36,15 +36,25 @@ from esea_gen.block import (
     Tunable,
     clip,
     flag_word,
+    threshold,
 )
-from esea_gen.device import threshold
 from esea_gen.errors import UserError
-from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, K1, K3, TAU_S, THETA, stop_grid
+from esea_gen.model.elastomer import (
+    BEYOND,
+    DEAD_ZONE,
+    K1,
+    K3,
+    TAU_S,
+    THETA,
+    stop_grid,
+    torque_sensor,
+)
+from esea_gen.model.filters import tracking_observer
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.system import System, Task
 
 if TYPE_CHECKING:
-    from esea_gen.device import Device
+    from esea_gen.devices.file import DeviceData
 
 Rate = Literal["observer", "extrapolated"]
 FilterName = Literal["a", "a_normalised", "b", "b_normalised", "b_rounding"]
@@ -60,7 +70,7 @@ RESIDUAL_SHARE = 5e-6
 NESTING_ROOM_RAD = 1e-5
 
 PLAYS = 10
-KAPPA_RAD, PHI_1_RAD, CHI_RAD = 0.106, 4.84, 0.00233
+PLAY_DEFAULTS = {"kappa_rad": 0.106, "phi_1_rad": 4.84, "chi_rad": 0.00233}  # table 4.2
 FILTER_B = (0.024, 0.12, 0.23, 0.20, 0.0, -0.12, 0.0, 0.20, 0.23, 0.12, 0.024)
 # Inside the rounding of the printed digits, and what reproduces the published tables.
 KAPPA_ROUNDING_RAD, FILTER_B_ROUNDING_GAIN = 0.10635, 1.0165
@@ -111,8 +121,8 @@ def _call(function: ca.Function, values: Mapping[str, Any]) -> dict[str, ca.SX]:
 class _Forward:
     """The sensor Block's kernel, called on symbols: the one place where the model comes in."""
 
-    def __init__(self, device: Device) -> None:
-        self.block = device.sensor
+    def __init__(self, device: DeviceData) -> None:
+        self.block = torque_sensor(device)
         names = {p.name for p in self.block.state}
         self.state = self.block.state
         self.omega_high = self.block.inputs[1].high
@@ -140,7 +150,7 @@ def _request_port(tau_lim: float) -> Port:
     return Port("tau_Nm", -room, room, "desired interaction torque", on_invalid=0.0)
 
 
-def _exact_flags(device: Device, theta_high: float, omega_high: float) -> tuple[Flag, ...]:
+def _exact_flags(device: DeviceData, theta_high: float, omega_high: float) -> tuple[Flag, ...]:
     d = device.file.domain
     held = "an input was NaN or outside its range; the set-point is held"
     afresh = "the state was corrupt; the model was started afresh"
@@ -187,13 +197,13 @@ def _exact_flags(device: Device, theta_high: float, omega_high: float) -> tuple[
 
 
 def exact_inverse(
-    device: Device, *, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
+    device: DeviceData, *, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
 ) -> Block:
     """The exact inverse of the discrete torque sensor as a Block.
 
     Parameters
     ----------
-    device : Device
+    device : DeviceData
         Parameters, domain, limits and rate.
     rate : {"observer", "extrapolated"}
         Where the rate that feeds the viscosity comes from; neither holds anything of theta(k).
@@ -418,7 +428,7 @@ class _RateSource:
 
 class _Extrapolated(_RateSource):
     # The last difference belongs to the middle of the last step; on by one step, linearly.
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: DeviceData) -> None:
         self.h = device.period_s
         high = device.file.limits.omega_rad_s.value
         self.limit = threshold(high)
@@ -439,8 +449,8 @@ class _Extrapolated(_RateSource):
 
 class _Observer(_RateSource):
     # The velocity Block itself, on the set-point; its mid-step rate needs past samples only.
-    def __init__(self, device: Device, bandwidth_Hz: float) -> None:
-        block = self.block = device.velocity
+    def __init__(self, device: DeviceData, bandwidth_Hz: float) -> None:
+        block = self.block = tracking_observer(device)
         (tunable,) = block.tunables
         source = "docs/inverse.md: a set-point has no encoder noise, the fastest follows best"
         default = min(bandwidth_Hz, tunable.high)
@@ -469,7 +479,7 @@ class _Observer(_RateSource):
         return {p.name: results[f"next_{p.name}"] for p in self.state}
 
 
-def _rate_source(device: Device, rate: Rate, bandwidth_Hz: float) -> _RateSource:
+def _rate_source(device: DeviceData, rate: Rate, bandwidth_Hz: float) -> _RateSource:
     if rate not in get_args(Rate):
         raise ValueError(f"rate must be one of {get_args(Rate)}, got {rate!r}")
     return _Observer(device, bandwidth_Hz) if rate == "observer" else _Extrapolated(device)
@@ -534,30 +544,84 @@ def filter_taps(name: FilterName) -> tuple[float, ...]:
     return tuple(float(t) for t in taps)
 
 
+def play_parameters(device: DeviceData) -> tuple[Constant, ...]:
+    """Parameters of the play operators: the device file's, table 4.2 where it has none.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Its section ``[inverse]`` may hold ``kappa_rad``, ``phi_1_rad`` and ``chi_rad``.
+
+    Returns
+    -------
+    tuple of Constant
+        These three, in this order, with source and status.
+    """
+    given = device.file.inverse
+    out = []
+    for name, value in PLAY_DEFAULTS.items():
+        q = getattr(given, name) if given is not None else None
+        if q is None:
+            out.append(Constant(name, value, "thesis table 4.2", "published"))
+        else:
+            out.append(Constant(name, q.value, q.source, q.status))
+    return tuple(out)
+
+
+def _play_constants(device: DeviceData, arguments: Mapping[str, float | None]) -> list[Constant]:
+    return [
+        c if (v := arguments[c.name]) is None else Constant(c.name, v, "argument", "assumed")
+        for c in play_parameters(device)
+    ]
+
+
+def _play_tunable(c: Constant) -> Tunable:
+    from esea_gen.devices.fields import field_facts
+
+    f = field_facts(f"inverse.{c.name}")
+    return Tunable(c.name, c.value, f["low"], f["high"], f["text"], c.source, c.status)
+
+
+def _play_grid(kappa: Any, phi: Any, chi: Any) -> tuple[list[Any], list[Any]]:
+    # Thresholds (4.9) and weights (4.8) of the play operators: numbers or symbols.
+    r = [chi * j for j in range(1, PLAYS + 1)]
+    return r, [to_casadi(PLAY_WEIGHT, {KAPPA: kappa, PHI: phi, PLAY_R: x}) for x in r]
+
+
 def published_inverse(
-    device: Device,
+    device: DeviceData,
     filter: FilterName | None = None,
     *,
-    kappa: float = KAPPA_RAD,
-    phi: float = PHI_1_RAD,
-    chi: float = CHI_RAD,
+    kappa: float | None = None,
+    phi: float | None = None,
+    chi: float | None = None,
+    tunable: bool = False,
 ) -> Block:
     """The thesis' partial inverse, with or without its disturbance observer, as a Block.
 
     Parameters
     ----------
-    device : Device
+    device : DeviceData
         Parameters of the forward model, limits and rate.
     filter : str, optional
         Low-pass of the disturbance observer (:func:`filter_taps`); none leaves the observer out.
-    kappa, phi, chi : float
-        Weight (rad), decay (1/rad) and spacing (rad) of the play operators, table 4.2.
+    kappa, phi, chi : float, optional
+        Weight (rad), decay (1/rad) and spacing (rad) of the play operators in place of the device
+        file's (:func:`play_parameters`).
+    tunable : bool
+        Make these three tunables instead of constants: what identification runs.
 
     Returns
     -------
     Block
         Input ``tau_Nm``; outputs the set-point ``theta_rad``, the corrected request ``u_Nm`` and a
         status word.
+
+    Raises
+    ------
+    UserError
+        When the device's linear stiffness is 0: the envelope's slope at zero torque is then
+        infinite.
 
     Notes
     -----
@@ -569,12 +633,34 @@ def published_inverse(
     h = device.period_s
     forward = _Forward(device)
     k1, k3 = file.elastomer.k1_Nm_rad.value, file.elastomer.k3_Nm_rad3.value
+    if k1 <= 0:
+        raise UserError(
+            f"{device.origin}: elastomer.k1_Nm_rad = 0: the published inverse's envelope has no "
+            "slope at zero torque.",
+            "Give a positive linear stiffness.",
+        )
     taps = filter_taps(filter) if filter else ()
     theta_high = forward.block.inputs[0].high
     omega_high = threshold(file.limits.omega_rad_s.value)
     tau_lim = tau_high = threshold(file.limits.tau_Nm.value)
-    r = [chi * j for j in range(1, PLAYS + 1)]
-    p = [float(to_casadi(PLAY_WEIGHT, {KAPPA: kappa, PHI: phi, PLAY_R: x})) for x in r]
+    plays = _play_constants(device, {"kappa_rad": kappa, "phi_1_rad": phi, "chi_rad": chi})
+    fixed_r, fixed_p = (list(map(float, x)) for x in _play_grid(*(c.value for c in plays)))
+    tunables: tuple[Tunable, ...] = ()
+    coefficients: tuple[Port, ...] = ()
+    prepare = None
+    if tunable:
+        tunables = tuple(_play_tunable(c) for c in plays)
+        high = {t.name: t.high for t in tunables}
+        far, heavy = PLAYS * high["chi_rad"], high["kappa_rad"]
+        coefficients = (
+            Port("r_rad", 0.0, far, "thresholds of the play operators", PLAYS, "(4.9)"),
+            Port("p_rad", 0.0, heavy, "weights of the play operators", PLAYS, "(4.8)"),
+        )
+
+        def prepare(t: SimpleNamespace) -> dict[str, Any]:
+            grid = _play_grid(t.kappa_rad, t.phi_1_rad, t.chi_rad)
+            return dict(zip(("r_rad", "p_rad"), grid, strict=True))
+
     # The envelope of the largest corrected request bounds every play state.
     reach = max(2 * theta_high, 4 * tau_lim / k1)
     flags = (
@@ -600,10 +686,12 @@ def published_inverse(
         wanted = u.tau_Nm - disturbance
         corrected = label("corrected_Nm", clip(wanted, -tau_high, tau_high), "corrected request")
         envelope = label("envelope_rad", cubic_root(k3, k1, corrected), "(4.13) gamma")
-        plays, total = [], ca.SX(0)
+        r: list[Any] = ca.vertsplit(c.r_rad) if tunable else fixed_r
+        p: list[Any] = ca.vertsplit(c.p_rad) if tunable else fixed_p
+        held, total = [], ca.SX(0)
         for j in range(PLAYS):
             f = ca.fmax(envelope - r[j], ca.fmin(envelope + r[j], s.inverse_play_rad[j]))
-            plays.append(label(f"inverse_play_{j + 1}_rad", f, f"(4.10, 4.11) play {j + 1}"))
+            held.append(label(f"inverse_play_{j + 1}_rad", f, f"(4.10, 4.11) play {j + 1}"))
             total = total + p[j] * f
         label("unclamped_rad", total, "(4.7), as meant")
         theta = label("set_point_rad", clip(total, -theta_high, theta_high))
@@ -619,7 +707,7 @@ def published_inverse(
                 ]
             ),
         }
-        next_state: dict[str, Any] = {"inverse_play_rad": plays}
+        next_state: dict[str, Any] = {"inverse_play_rad": held}
         if taps:
             state = forward.of(s) | {"primed": ca.logic_and(s.primed, guard.state_ok)}
             last = forward.step(state, theta, 0)["label_theta_last_rad"]
@@ -647,18 +735,15 @@ def published_inverse(
             ),
             *forward.state,
         )
-    source, status = "thesis table 4.2", "published"
-    defaults = (kappa, phi, chi) == (KAPPA_RAD, PHI_1_RAD, CHI_RAD)
-    constants = tuple(
-        Constant(n, v, source if defaults else "argument", status if defaults else "assumed")  # type: ignore[arg-type]
-        for n, v in (("kappa_rad", kappa), ("phi_1_rad", phi), ("chi_rad", chi))
-    )
     return Block.define(
         "inverse" + (f"_{filter}" if filter else "_plays"),
         "Published inverse: play operators"
         + (f", disturbance observer with filter {filter}" if filter else ""),
         period_s=h,
-        constants=constants + device.constants("elastomer"),
+        constants=(() if tunable else tuple(plays)) + device.constants("elastomer"),
+        tunables=tunables,
+        coefficients=coefficients,
+        prepare=prepare,
         state=state,
         inputs=(_request_port(tau_lim),),
         outputs=(
@@ -699,12 +784,36 @@ def _published_equations(observer: bool) -> tuple[Any, ...]:
     )
 
 
-def inverse_system(device: Device, *blocks: Block) -> System:
+def chosen_inverse(device: DeviceData) -> Block:
+    """The inverse that the device file's section ``[inverse]`` asks for.
+
+    Parameters
+    ----------
+    device : DeviceData
+        The device; without such a section the exact inverse is built.
+
+    Returns
+    -------
+    Block
+        From :func:`exact_inverse` or :func:`published_inverse`.
+
+    Raises
+    ------
+    UserError
+        As these two.
+    """
+    asked = device.file.inverse
+    if asked is None or asked.kind == "exact":
+        return exact_inverse(device)
+    return published_inverse(device, None if asked.filter == "none" else asked.filter)
+
+
+def inverse_system(device: DeviceData, *blocks: Block) -> System:
     """A System of inverse Blocks beside each other, all on one request.
 
     Parameters
     ----------
-    device : Device
+    device : DeviceData
         Gives the name.
     *blocks : Block
         From :func:`exact_inverse` and :func:`published_inverse`, of different names.
@@ -733,9 +842,11 @@ def inverse_system(device: Device, *blocks: Block) -> System:
 
 
 __all__ = [
+    "chosen_inverse",
     "cubic_root",
     "exact_inverse",
     "filter_taps",
     "inverse_system",
+    "play_parameters",
     "published_inverse",
 ]

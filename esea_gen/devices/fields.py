@@ -1,0 +1,444 @@
+"""Sections and keys of a device file, with their bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA = 1
+SCHEMA_FILE = "esea-gen.schema.json"
+NAME_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
+AXIS_PATTERN = r"^[a-z]{1,12}$"  # letters only: a digit or underscore could read as part of a unit
+MOST_AXES = 6  # their torques, rates and status words fit one telemetry frame
+MAX_DEAD_ZONE_RAD = math.radians(6)
+FORMATS = ("f64", "f32")
+TABLE_SIZES = (4, 8, 16, 32, 64)  # of an encoder's correction: a turn's counts divide evenly
+
+
+class Quantity(BaseModel):
+    """A number with its provenance."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    value: float = Field(description="The number, in the unit that the key's suffix names.")
+    status: Literal["published", "identified", "assumed"] = Field(
+        description="published: printed in the source; identified: fitted to a recording; "
+        "assumed: a choice, shown as such in every report."
+    )
+    source: str = Field(min_length=1, description="Table, recording, or reason for the choice.")
+
+
+class Series(BaseModel):
+    """A row of numbers with its provenance."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    # Strict, but for the container: TOML and JSON have lists only.
+    values: Annotated[tuple[float, ...], Field(strict=False)] = Field(
+        description="The numbers, in the unit that the key's suffix names."
+    )
+    status: Literal["published", "identified", "assumed"] = Field(
+        description=Quantity.model_fields["status"].description
+    )
+    source: str = Field(min_length=1, description="Table, recording, or reason for the choice.")
+
+
+def _number(low: float, high: float, text: str, *, whole: bool = False, **more: Any) -> Any:
+    extra: Any = {"low": low, "high": high, "whole": whole}
+    return Field(description=text, json_schema_extra=extra, **more)
+
+
+def _series(low: float, high: float, sizes: tuple[int, ...], text: str) -> Any:
+    extra: Any = {"low": low, "high": high, "whole": False, "sizes": list(sizes)}
+    return Field(default=None, description=text, json_schema_extra=extra)
+
+
+class Section(BaseModel):
+    """A table of the file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Maxwell(Section):
+    """Rate terms: one Maxwell element whose viscosity depends on deflection and rate."""
+
+    kv_Nm_rad: Quantity = _number(0, 1000, "Stiffness kv of the Maxwell element, eq. 3.3.")
+    A_Nms_rad: Quantity = _number(0, 1000, "Deflection gain A of the viscosity, eq. 3.4.")
+    m: Quantity = _number(0, 4, "Deflection exponent m of the viscosity, eq. 3.4.")
+    eps1_Nms_rad: Quantity = _number(1e-6, 1, "Viscosity offset eps1 at zero deflection, eq. 3.4.")
+    B: Quantity = _number(0, 1000, "Rate gain B of the viscosity, eq. 3.4.")
+    n: Quantity = _number(0, 1, "Rate exponent n of the viscosity, eq. 3.4.")
+    eps2: Quantity = _number(1e-6, 12, "Viscosity offset eps2 at zero rate, eq. 3.4.")
+
+
+class Elastomer(Section):
+    """Torque model of the rubber coupling, equations 3.1 to 3.11."""
+
+    k1_Nm_rad: Quantity = _number(0, 1000, "Linear stiffness k1, eq. 3.2.")
+    k3_Nm_rad3: Quantity = _number(0, 2500, "Cubic stiffness k3, eq. 3.2.")
+    alpha_Nm_rad: Quantity = _number(0, 1000, "Stop weight alpha, eq. 3.10.")
+    beta_1_rad: Quantity = _number(0, 1000, "Decay beta of the stop weight, eq. 3.10.")
+    omega_rad: Quantity = _number(1e-6, 0.1, "Spacing omega of the stop thresholds, eq. 3.11.")
+    stops: Quantity = _number(1, 32, "Number N of stop operators, eq. 3.9.", whole=True)
+    dead_zone_rad: Quantity | None = _number(
+        0,
+        MAX_DEAD_ZONE_RAD,
+        "Half-width of the dead zone, eq. 8.7/8.8; leave the key out where there is none.",
+        default=None,
+    )
+    maxwell: Maxwell | None = Field(
+        default=None, description="Rate terms; leave the table out where they are not identified."
+    )
+
+
+class Domain(Section):
+    """Where the parameters were identified; outside it the firmware says so and goes on."""
+
+    theta_max_rad: Quantity = _number(1e-3, 3.2, "Largest identified |deflection|.")
+    omega_max_rad_s: Quantity = _number(1e-3, 100, "Largest identified |deflection rate|.")
+    tau_full_scale_Nm: Quantity = _number(1e-3, 1000, "Full scale for errors in % of full scale.")
+
+
+class Limits(Section):
+    """Physical ranges of the ports; a value outside is an invalid input."""
+
+    theta_rad: Quantity = _number(1e-3, 3.2, "Largest plausible |deflection|.")
+    omega_rad_s: Quantity = _number(1e-2, 1000, "Largest plausible |deflection rate|.")
+    tau_Nm: Quantity = _number(1e-2, 2000, "Largest plausible |torque|.")
+
+
+class Timing(Section):
+    """Task rates."""
+
+    sense_rate_Hz: Quantity = _number(50, 10000, "Rate of the sensing task.")
+    control_rate_Hz: Quantity | None = _number(
+        10, 10000, "Rate of the control task; it divides the sensing task's.", default=None
+    )
+    control_release_s: Quantity | None = _number(
+        1e-4,
+        0.1,
+        "From the start of the control task to the release of its command; leave it out for a "
+        "whole period.",
+        default=None,
+    )
+
+
+class Velocity(Section):
+    """Velocity estimate shared by all that need a rate."""
+
+    bandwidth_Hz: Quantity = _number(2, 100, "Bandwidth of the tracking observer's triple pole.")
+
+
+class EncoderSide(Section):
+    """One encoder: how it is mounted, where its zero is, and what is known of its errors."""
+
+    direction: Quantity | None = _number(
+        -1,
+        1,
+        "1 where the count rises with the joint angle, -1 where it falls; 1 when left out.",
+        whole=True,
+        default=None,
+    )
+    zero_rad: Quantity | None = _number(
+        -math.pi,
+        math.pi,
+        "What a calibration found: corrected angle of the encoder, times direction, where the "
+        "joint stands at 0.  Left out, the encoder is not zeroed, and not usable until a "
+        "calibration sets it.",
+        default=None,
+    )
+    step_max_rad: Quantity | None = _number(
+        1e-4,
+        1.5,
+        "Largest believable |step| between two samples; left out, the joint's speed limit times "
+        "the period, 0.5 deg for noise, and one count.",
+        default=None,
+    )
+    held_max: Quantity | None = _number(
+        1,
+        10,
+        "Bad frames in a row that are bridged with the last good angle; 3 when left out.",
+        whole=True,
+        default=None,
+    )
+    orientation_rad: Quantity | None = _number(
+        -math.pi,
+        math.pi,
+        "Angle at which the encoder is mounted now, from a mark on its part; any fixed mark will "
+        "do.  0 when left out.",
+        default=None,
+    )
+    correction_rad: Series | None = _series(
+        -0.09,
+        0.09,
+        TABLE_SIZES,
+        "What is added to the raw angle, at 4, 8, 16, 32 or 64 equal steps of the encoder's turn "
+        "from count 0 on.",
+    )
+    correction_orientation_rad: Quantity | None = _number(
+        -math.pi,
+        math.pi,
+        "Angle at which the encoder was mounted when the correction was characterised; needed with "
+        "correction_rad, and must be orientation_rad.",
+        default=None,
+    )
+
+
+class Encoder(Section):
+    """Encoders on either side of the coupling."""
+
+    resolution_bits: Quantity = _number(8, 24, "Counts per turn, as a power of two.", whole=True)
+    motor: EncoderSide | None = Field(default=None, description="The one on the motor's side.")
+    load: EncoderSide | None = Field(default=None, description="The one on the load's side.")
+
+
+class Inverse(Section):
+    """Inverse of the elastomer model: which one turns a desired torque into a deflection."""
+
+    kind: Literal["exact", "published"] = Field(
+        description="exact: solves the discrete sensor itself; published: play operators of "
+        "chapter 4 with the disturbance observer that 'filter' names."
+    )
+    filter: Literal["none", "a", "a_normalised", "b", "b_normalised", "b_rounding"] = Field(
+        default="none",
+        description="Filter of the published inverse's disturbance observer; none leaves it out.",
+    )
+    kappa_rad: Quantity | None = _number(
+        0, 5, "Weight kappa of the play operators, eq. 4.9.", default=None
+    )
+    phi_1_rad: Quantity | None = _number(
+        0, 5, "Decay phi of the play operators' weight, eq. 4.9.", default=None
+    )
+    chi_rad: Quantity | None = _number(
+        1e-6, 1, "Spacing chi of the play operators, eq. 4.11.", default=None
+    )
+
+
+class Actuator(Section):
+    """Motor and cable drive, equations 5.1 and 5.2; torques at the motor shaft times the ratio."""
+
+    gear_ratio: Quantity = _number(1, 1000, "Gear ratio n from motor shaft to joint, eq. 5.2.")
+    J_kgm2: Quantity = _number(1e-4, 100, "Inertia J of motor and drive at the joint, eq. 5.2.")
+    fv_Nms_rad: Quantity = _number(0, 100, "Viscous friction fv at the joint, eq. 5.2.")
+    fc_Nm: Quantity = _number(0, 100, "Coulomb friction fc at the joint, eq. 5.2.")
+    coulomb_width_rad_s: Quantity = _number(
+        1e-3, 10, "Width of the smoothed Coulomb friction, tanh(omega/width)."
+    )
+    tau_c_s: Quantity = _number(1e-4, 1, "Lag tau_c of the motor's torque, eq. 5.1.")
+    u_max_Nm: Quantity = _number(1e-3, 100, "Largest |motor torque| at the motor shaft.")
+    omega_max_rad_s: Quantity = _number(1e-2, 1000, "Largest plausible |motor side's speed|.")
+    encoder_bits: Quantity = _number(
+        8, 32, "Counts per turn of the motor shaft, as a power of two.", whole=True
+    )
+
+
+class Joint(Section):
+    """The joint and what hangs on its load side."""
+
+    Jh_kgm2: Quantity = _number(1e-4, 100, "Inertia Jh of load side and limb, eq. 5.3.")
+    theta_min_rad: Quantity = _number(-6.4, 6.4, "Smallest angle of the joint's range of motion.")
+    theta_max_rad: Quantity = _number(-6.4, 6.4, "Largest angle of the joint's range of motion.")
+    omega_max_rad_s: Quantity = _number(1e-2, 1000, "Largest plausible |joint speed|.")
+    tau_human_max_Nm: Quantity = _number(1e-2, 1000, "Largest plausible |human torque|.")
+    motor_velocity_Hz: Quantity = _number(
+        2, 400, "Cut-off of the motor side's velocity filter (Butterworth, 4th order)."
+    )
+    load_velocity_Hz: Quantity = _number(
+        2, 400, "Cut-off of the load side's velocity filter (Butterworth, 4th order)."
+    )
+
+
+class Disturbance(Section):
+    """Disturbance observers, equations 5.5 and 5.10, and the extended-state human-torque one."""
+
+    drive_1_s: Quantity = _number(0, 200, "Bandwidth L of the drive's disturbance observer, 5.5.")
+    human_1_s: Quantity = _number(0, 50, "Bandwidth L of the human-torque observer, eq. 5.10.")
+    decay_s: Quantity = _number(0.01, 10, "Decay time of the human torque's rate.")
+    gain_theta: Quantity = _number(0, 1, "Innovation gain on the load angle.")
+    gain_omega_1_s: Quantity = _number(0, 1000, "Innovation gain on the load speed.")
+    gain_tau_Nm_rad: Quantity = _number(0, 1e5, "Innovation gain on the human torque.")
+    gain_rate_Nm_s_rad: Quantity = _number(0, 1e6, "Innovation gain on the human torque's rate.")
+
+
+class SlidingMode(Section):
+    """Sliding mode torque control, equations 5.12 to 5.22."""
+
+    lambda_1_s: Quantity = _number(0.1, 100, "Slope lambda of the sliding surface, eq. 5.12.")
+    phi_rad_s: Quantity = _number(1e-3, 100, "Width phi of the boundary layer, 5.22.")
+    fv_share: Quantity = _number(0, 1, "Uncertain share of the viscous friction, eq. 5.20.")
+    fc_share: Quantity = _number(0, 1, "Uncertain share of the Coulomb friction, eq. 5.20.")
+    J_unc_kgm2: Quantity = _number(0, 10, "Uncertain inertia, eq. 5.20.")
+    k1_unc_Nm_rad: Quantity = _number(0, 1000, "Uncertain torque per deflection, eq. 5.20.")
+    k3_unc_Nm_rad3: Quantity = _number(0, 2500, "Uncertain torque per deflection cubed, 5.20.")
+    eta_rad_s2: Quantity = _number(0, 100, "Reaching rate eta, eq. 5.20.")
+    setpoint_filter_Hz: Quantity | None = _number(
+        2,
+        400,
+        "Cut-off of the Butterworth filter (4th order) before the set-point's differentiation; "
+        "leave it out for an observer without delay.",
+        default=None,
+    )
+    setpoint_acceleration: Literal["zero", "model"] = Field(
+        description="Acceleration of the set-point: zero as printed, or from the model."
+    )
+
+
+class Impedance(Section):
+    """Impedance control: a PD law on the joint gives the desired torque."""
+
+    Kp_Nm_rad: Quantity = _number(0, 20, "Stiffness Kp.")
+    Kd_Nms_rad: Quantity = _number(0, 5, "Damping Kd.")
+
+
+class Safety(Section):
+    """Maxima of the limits Block; compiled in, no message can widen them."""
+
+    u_max_Nm: Quantity = _number(1e-3, 100, "Largest |motor command|, at the motor shaft.")
+    u_rate_Nm_s: Quantity = _number(1e-2, 1e4, "Fastest change of the motor command.")
+    tau_max_Nm: Quantity = _number(1e-2, 1000, "Interaction torque that trips.")
+    theta_max_rad: Quantity = _number(1e-3, 3.2, "Deflection that trips.")
+    rom_min_rad: Quantity = _number(-6.4, 6.4, "Joint angle below which nothing pushes further.")
+    rom_max_rad: Quantity = _number(-6.4, 6.4, "Joint angle above which nothing pushes further.")
+    rom_margin_rad: Quantity = _number(
+        1e-3, 3.2, "How far beyond the range of motion the joint may be before it trips."
+    )
+    omega_max_rad_s: Quantity = _number(1e-2, 100, "Joint or drive speed that trips.")
+    energy_J: Quantity = _number(1e-3, 1e4, "Energy given to the limb in the window that trips.")
+    energy_window_s: Quantity = _number(1e-2, 60, "Window of the energy limit.")
+
+
+class DeviceFile(Section):
+    """A device file, as written."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
+    name: str = Field(pattern=NAME_PATTERN, description="Lower case C identifier, prefix of the C.")
+    title: str = Field(min_length=1, description="One line for reports.")
+    axes: tuple[Annotated[str, Field(pattern=AXIS_PATTERN)], ...] = Field(
+        default=(),
+        max_length=MOST_AXES,
+        description="Axes of equal couplings, each with inputs and outputs of its own, such as "
+        "theta_flexion_rad; leave the key out for one axis without a name.",
+    )
+    elastomer: Elastomer
+    domain: Domain
+    limits: Limits
+    timing: Timing
+    velocity: Velocity
+    encoder: Encoder
+    inverse: Inverse | None = Field(default=None)
+    actuator: Actuator | None = Field(default=None)
+    joint: Joint | None = Field(default=None)
+    disturbance: Disturbance | None = Field(default=None)
+    sliding_mode: SlidingMode | None = Field(default=None)
+    impedance: Impedance | None = Field(default=None)
+    safety: Safety | None = Field(default=None)
+
+
+def quantities_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
+    """Every number of a section, with those of its sub-sections.
+
+    Parameters
+    ----------
+    section : BaseModel
+        The section.
+    prefix : str
+        Put before the keys.
+
+    Yields
+    ------
+    tuple of (str, Quantity)
+        Dotted key and number, in file order.
+    """
+    for key in type(section).model_fields:
+        value = getattr(section, key)
+        if isinstance(value, Quantity):
+            yield prefix + key, value
+        elif isinstance(value, BaseModel):
+            yield from quantities_of(value, f"{prefix}{key}.")
+
+
+def series_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Series]]:
+    """Every row of numbers of a section, with those of its sub-sections.
+
+    Parameters
+    ----------
+    section : BaseModel
+        The section.
+    prefix : str
+        Put before the keys.
+
+    Yields
+    ------
+    tuple of (str, Series)
+        Dotted key and row, in file order.
+    """
+    for key in type(section).model_fields:
+        value = getattr(section, key)
+        if isinstance(value, Series):
+            yield prefix + key, value
+        elif isinstance(value, Section):
+            yield from series_of(value, f"{prefix}{key}.")
+
+
+def models_of(annotation: Any) -> list[type[BaseModel]]:
+    """The models among an annotation and, for an optional one, its members.
+
+    Parameters
+    ----------
+    annotation : type
+        Of a field.
+
+    Returns
+    -------
+    list of type
+        The models, :class:`Quantity` and :class:`Series` included.
+    """
+    candidates = [annotation, *get_args(annotation)]
+    return [a for a in candidates if isinstance(a, type) and issubclass(a, BaseModel)]
+
+
+def section_at(names: Iterable[str]) -> type[BaseModel] | None:
+    """The section that a path of keys leads to.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Keys from the top.
+
+    Returns
+    -------
+    type or None
+        Its model; None where there is no such section.
+    """
+    model: type[BaseModel] = DeviceFile
+    for name in names:
+        field = model.model_fields.get(name)
+        found = [m for m in models_of(field.annotation) if issubclass(m, Section)] if field else []
+        if not found:
+            return None
+        model = found[0]
+    return model
+
+
+def field_facts(key: str) -> dict[str, Any]:
+    """What is known of a number of the file: ``low``, ``high``, ``whole``, ``text``.
+
+    Parameters
+    ----------
+    key : str
+        Dotted key, ``elastomer.maxwell.kv_Nm_rad``.
+
+    Returns
+    -------
+    dict
+        Its bounds, whether it is a whole number, and its description.
+    """
+    *sections, last = key.split(".")
+    model = section_at(sections)
+    assert model is not None, key
+    field = model.model_fields[last]
+    extra: Any = field.json_schema_extra
+    return {**extra, "text": field.description}

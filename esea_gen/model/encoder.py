@@ -1,0 +1,446 @@
+"""Encoder front end: raw counts in, joint angle and whether it can be trusted out.
+
+What the chip gives is a whole number, and a word that says whether the frame can be believed.  All
+that decides anything here is whole numbers below 2^24, which every number format holds exactly, so
+that all formats decide alike; a rounding error enters only where turns and counts become an angle.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntFlag
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Literal
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.block import (
+    Block,
+    Constant,
+    Flag,
+    Guard,
+    Labels,
+    Port,
+    Status,
+    Tunable,
+    clip,
+    flag_word,
+)
+from esea_gen.devices.fields import EncoderSide
+from esea_gen.errors import UserError
+from esea_gen.model.symbolic import equation
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+Side = Literal["motor", "load"]
+SIDES: tuple[Side, ...] = ("motor", "load")
+
+TURNS = 4  # either way: four turns and a count stay below 2^24 up to 21 bits
+SETTLED = 4  # frames that must agree before an angle is believed: 4 ms at 1 kHz
+HELD_MAX = 3  # bad frames bridged: at the elbow's fastest identified rate 3.2 mrad, 0.12 Nm
+# Room in the largest believable step for noise.  The data sheet of a Hall encoder of the same maker
+# (AS5046) has 0.06 deg RMS a sample, so 0.085 deg for a difference of two; this is six times that.
+NOISE_RAD = math.radians(0.5)
+
+
+class FrameError(IntFlag):
+    """Bits of the frame word; none set is a good frame.
+
+    The driver of the encoder's bus puts them together; the Block only asks whether the word is 0.
+    """
+
+    PARITY = 1
+    """The parity bit does not fit the frame."""
+    ERROR_FLAG = 2
+    """The chip set its error flag: a command or frame before this one was wrong."""
+    FIELD_WEAK = 4
+    """The magnet is too far away or gone."""
+    FIELD_STRONG = 8
+    """The magnet is too near."""
+    OVERFLOW = 16
+    """The chip's angle computation overflowed."""
+    NOT_READY = 32
+    """The chip has not finished its offset compensation."""
+    NO_ANSWER = 64
+    """Nothing came, or all bits are equal: a broken wire, no supply."""
+
+
+FRAME_ERROR_MAX = 127
+
+
+def _status() -> tuple[Flag, ...]:
+    return (
+        Flag("INPUT_INVALID", "count or frame word was NaN or outside its range", True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the encoder was started afresh", True),
+        Flag("FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True),
+        Flag("IMPLAUSIBLE_STEP", "the angle moved faster than the joint can; angle held", True),
+        Flag("HELD_TOO_LONG", "more bad frames in a row than may be bridged: not usable", True),
+        Flag("SETTLING", "too few frames that agree since the start: not usable"),
+        Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
+        Flag(
+            "REFERENCE_LOST",
+            "the angle jumped and stayed away, or left its range of turns: not usable until init",
+        ),
+    )
+
+
+def _snap(x: ca.SX, low: int, high: int) -> ca.SX:
+    # Nearest whole number of a few, as a chain of selects: a constant, with no rounding error in
+    # any format, so that the error analysis knows that counters do not drift.
+    value = ca.SX(low)
+    for k in range(low + 1, high + 1):
+        value = ca.if_else(x > k - 0.5, float(k), value)
+    return value
+
+
+def _fraction_of_turn(count: ca.SX, cells: int, full: int) -> ca.SX:
+    return count * (cells / full)  # a power of two: exact
+
+
+def correction(values: tuple[float, ...], count: ca.SX, bits: int) -> ca.SX:
+    """Periodic piecewise-linear interpolation of a correction table.
+
+    The value at a node and, cell by cell, the rise to the next one times the share of the cell that
+    the count has passed.  There is nothing to decide, the result is continuous, and it is the
+    table's own value at every node.
+
+    Parameters
+    ----------
+    values : tuple of float
+        N values in rad at equal steps of the turn, the first at count 0; N divides the counts.
+    count : casadi.SX
+        Raw count, whole.
+    bits : int
+        Counts per turn, as a power of two.
+
+    Returns
+    -------
+    casadi.SX
+        Correction in rad.
+
+    Notes
+    -----
+    Five operations a cell.  Between nodes, an error with n periods a turn and amplitude a is missed
+    by at most ``a (1 - cos(pi n / N))``: with 64 values and n = 4, 2 % of it.
+    """
+    n = len(values)
+    place = _fraction_of_turn(count, n, 1 << bits)
+    total = ca.SX(values[0])
+    for i, value in enumerate(values):
+        rise = values[(i + 1) % n] - value
+        if rise:
+            total = total + rise * clip(place - i, 0, 1)
+    return total
+
+
+def step_max_counts(device: DeviceData, side: Side) -> int:
+    """Largest believable step of the raw count between two samples.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Its ``[encoder.<side>]`` ``step_max_rad``, or the joint's speed limit (the deflection
+        rate's, where there is no joint), rate and resolution.
+    side : {"motor", "load"}
+        Which encoder.
+
+    Returns
+    -------
+    int
+        Counts.
+    """
+    own = _side(device, side).step_max_rad
+    count_rad = 2 * math.pi / (1 << int(device.file.encoder.resolution_bits.value))
+    if own is not None:
+        return max(1, math.floor(own.value / count_rad))
+    joint = device.file.joint
+    speed = (joint.omega_max_rad_s if joint else device.file.limits.omega_rad_s).value
+    return math.ceil((speed * device.period_s + NOISE_RAD) / count_rad) + 1
+
+
+def _side(device: DeviceData, side: Side) -> EncoderSide:
+    if side not in SIDES:
+        raise ValueError(f"side must be one of {SIDES}, got {side!r}")
+    own: EncoderSide | None = getattr(device.file.encoder, side)
+    return own or EncoderSide()
+
+
+def _middle(device: DeviceData) -> float:
+    # Of the range of motion: at the start the joint is taken to stand within half a turn of it.
+    joint = device.file.joint
+    if joint is None:
+        return 0.0
+    low, high = joint.theta_min_rad.value, joint.theta_max_rad.value
+    room = high - low + 2 * device.file.limits.theta_rad.value
+    if room >= 2 * math.pi:
+        raise UserError(
+            f"{device.origin}: the joint's range of motion, joint.theta_min_rad to theta_max_rad, "
+            f"with a deflection either way spans {room:g} rad, not below one turn "
+            f"({2 * math.pi:g} rad): at power-up an encoder cannot tell in which turn it stands.",
+            "Narrow the range of motion.",
+        )
+    return (low + high) / 2
+
+
+def encoder(device: DeviceData, side: Side) -> Block:
+    """Front end of one encoder.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Rate, resolution, joint and ``[encoder.<side>]``.
+    side : {"motor", "load"}
+        Which encoder.
+
+    Returns
+    -------
+    Block
+        ``encoder_<side>``: inputs ``count`` (raw whole number) and ``frame_error``
+        (:class:`FrameError`, 0 for a good frame); outputs ``theta_rad``, ``usable`` (1 or 0) and a
+        status word.  Tunables ``zero_rad`` and ``zeroed`` are set by a calibration, before init.
+
+    Raises
+    ------
+    UserError
+        When the largest believable step is so large that, bridging the bad frames allowed, the
+        direction of a step could not be told, or the joint's range spans a turn.
+
+    Notes
+    -----
+    Let c be the last good count and d = count - c, wrapped to half a turn either way.  A frame is
+    good when its word is 0 and |d| is at most the largest believable step times the frames since
+    the last good one.  It then becomes the reference, and the number of turns follows from the
+    wrap; else the angle is held.
+
+    At the start the turn is the one that puts the joint within half a turn of the middle of its
+    range of motion, and ``SETTLED`` frames in a row must agree; until then a frame that does not
+    replaces the reference.  More than ``held_max`` bad frames in a row are not bridged: the encoder
+    is not usable, and
+
+    * after frames that could not be read it starts again, from the absolute angle, as at power-up;
+    * a readable frame that is still implausible says that something slipped or that reference and
+      reading belong to different things: the reference is lost until init.
+    """
+    own = _side(device, side)
+    bits = int(device.file.encoder.resolution_bits.value)
+    full, count_rad = 1 << bits, 2 * math.pi / (1 << bits)
+    step_max = step_max_counts(device, side)
+    held_max = int(own.held_max.value) if own.held_max else HELD_MAX
+    sign = -1.0 if own.direction and own.direction.value < 0 else 1.0
+    table = own.correction_rad.values if own.correction_rad else ()
+    middle = _middle(device)
+    if step_max * (held_max + 1) >= full // 2:
+        raise UserError(
+            f"{device.origin}: encoder.{side}: the largest believable step, {step_max} counts "
+            f"({step_max * count_rad:.3g} rad), times {held_max + 1} (held_max + 1) reaches half a "
+            f"turn ({full // 2} counts): which way the joint went could not be told.",
+            f"Lower encoder.{side}.step_max_rad, held_max or the joint's speed limit, or raise the "
+            "sensing rate.",
+        )
+
+    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+        return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        started, settled = s.settled > 0.5, s.settled > SETTLED - 0.5
+        lost = s.lost > 0.5
+        flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
+        readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
+
+        raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")
+        up = label("wrapped_up", ca.logic_and(started, raw < -full / 2), "past the last count")
+        down = label("wrapped_down", ca.logic_and(started, raw > full / 2), "past count 0")
+        wrap = ca.if_else(up, 1.0, ca.if_else(down, -1.0, 0.0))
+        moved = label("step", raw + ca.if_else(up, full, ca.if_else(down, -full, 0.0)))
+        # Between whole numbers, so that no format can decide otherwise.
+        reach = ca.SX(step_max + 0.5)
+        for k in range(1, held_max + 1):
+            reach = ca.if_else(s.held > k - 0.5, step_max * (k + 1) + 0.5, reach)
+        label("reach", reach, "[reach] as far as the joint can have gone, in counts")
+        near = ca.fabs(moved) <= reach
+
+        # A frame that disagrees: before the encoder has settled it becomes the new reference.
+        odd = ca.logic_and(started, ca.logic_and(readable, ca.logic_not(near)))
+        odd = label("implausible", odd, "readable, but farther away than the joint can be")
+        start = label(
+            "start",
+            ca.logic_and(readable, ca.logic_or(ca.logic_not(started), ca.logic_not(near))),
+        )
+        start = ca.logic_and(start, ca.logic_not(settled))
+        good = ca.logic_and(readable, ca.logic_or(start, near))
+        good = label("good", ca.logic_and(good, ca.logic_not(lost)), "becomes the reference")
+
+        # The turn: nearest to the middle of the range at the start, then by the wraps.
+        ahead = middle + c.offset_rad - sign * count_rad * u.count
+        nearest = ahead * (sign / (2 * math.pi))
+        wanted = label("turn_wanted", ca.if_else(start, nearest, s.turn + wrap))
+        turn = ca.if_else(good, _snap(wanted, -TURNS, TURNS), s.turn)
+        label("turn", turn, "[turn] whole turns")
+        count = label("count_good", ca.if_else(good, u.count, s.count_last), "last good count")
+        away = ca.logic_and(good, ca.fabs(wanted) > TURNS + 0.5)
+
+        held = label(
+            "bad_in_a_row",
+            ca.if_else(good, 0.0, _snap(s.held + 1, 0, held_max + 1)),
+            "bad frames in a row",
+        )
+        late = label("late", held > held_max + 0.5, "more than may be bridged")
+        # Readable and implausible with nothing left to bridge: it slipped.  Unreadable: start anew.
+        slipped = ca.logic_and(ca.logic_and(settled, odd), late)
+        lost_now = label("reference_lost", ca.logic_or(lost, ca.logic_or(slipped, away)))
+        agreed = _snap(s.settled + 1, 1, SETTLED)
+        kept = ca.if_else(late, 0.0, s.settled)
+        settled_now = ca.if_else(good, ca.if_else(start, 1.0, agreed), kept)
+        label("agreeing", settled_now, "frames that agree")
+        settling = settled_now < SETTLED - 0.5
+        unzeroed = c.zeroed < 0.5
+
+        angle = (turn * full + count) * count_rad
+        if table:
+            angle = angle + label("correction_rad", correction(table, count, bits), "[table]")
+        theta = label("theta_rad", sign * angle - c.offset_rad, "[angle] of the joint")
+        doubts = [late, settling, unzeroed, lost_now]
+        usable = ca.logic_not(
+            ca.logic_or(ca.logic_or(doubts[0], doubts[1]), ca.logic_or(doubts[2], doubts[3]))
+        )
+        bad = [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
+        bad += [ca.logic_and(guard.inputs_ok, flagged), odd]
+        next_state = {
+            "count_last": count,
+            "turn": turn,
+            "held": held,
+            "settled": settled_now,
+            "lost": lost_now,
+        }
+        outputs = {
+            "theta_rad": clip(theta, -theta_max, theta_max),
+            "usable": usable,
+            "status": flag_word([*bad, *doubts]),
+        }
+        return next_state, outputs
+
+    largest = max((abs(v) for v in table), default=0.0)
+    # Every angle that turns, count, correction and zero can make, so that the clip never acts.
+    theta_max = math.ceil(2 * math.pi * (TURNS + 1) + math.pi + largest + 0.01)
+    return Block.define(
+        f"encoder_{side}",
+        f"Encoder front end, {side} side: count to joint angle",
+        period_s=device.period_s,
+        constants=_constants(device, side, bits, step_max, held_max),
+        tunables=_tunables(own),
+        coefficients=(
+            Port("offset_rad", -math.pi, math.pi, "angle of the encoder where the joint is at 0"),
+            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
+        ),
+        prepare=prepare,
+        state=(
+            Port("count_last", 0, full - 1, "count of the last good frame"),
+            Port("turn", -TURNS, TURNS, "whole turns of the encoder"),
+            Port("held", 0, held_max + 1, "bad frames in a row; stays at its end"),
+            Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
+            Port("lost", 0, 1, "1 once the reference is lost, until init"),
+        ),
+        inputs=(
+            Port("count", 0, full - 1, "raw count as the chip gives it, a whole number"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        ),
+        outputs=(
+            Port(
+                "theta_rad",
+                -theta_max,
+                theta_max,
+                f"joint angle, {side} side of the coupling; held, at first at count 0, while the "
+                "encoder is not usable",
+            ),
+            Port("usable", 0.0, 1.0, "1 when the angle can be used"),
+            Port("status", 0, 255, "what is known of this sample", flags=_status()),
+        ),
+        equations=_equations(bool(table)),
+        step=step,
+    )
+
+
+def _tunables(own: EncoderSide) -> tuple[Tunable, ...]:
+    zero = own.zero_rad
+    source = zero.source if zero else "no calibration"
+    status: Status = zero.status if zero else "assumed"
+    return (
+        Tunable(
+            "zero_rad",
+            zero.value if zero else 0.0,
+            -math.pi,
+            math.pi,
+            "corrected angle of the encoder, times direction, where the joint is at 0: set it, "
+            "then init; higher lowers the joint angle",
+            source,
+            status,
+        ),
+        Tunable(
+            "zeroed",
+            1.0 if zero else 0.0,
+            0.0,
+            1.0,
+            "1 says that zero_rad comes from a calibration; 0 keeps the encoder unusable",
+            source,
+            status,
+        ),
+    )
+
+
+def _constants(
+    device: DeviceData, side: Side, bits: int, step_max: int, held_max: int
+) -> tuple[Constant, ...]:
+    own, resolution = _side(device, side), device.file.encoder.resolution_bits
+    q = own.step_max_rad
+    by_speed = "speed limit times period, 0.5 deg of noise, one count"
+    held = own.held_max
+    return (
+        Constant("resolution_bits", bits, resolution.source, resolution.status),
+        Constant(
+            "step_max_counts",
+            step_max,
+            q.source if q else by_speed,
+            q.status if q else "derived",
+        ),
+        Constant(
+            "held_max",
+            held_max,
+            held.source if held else "3.2 mrad at the elbow's fastest identified rate",
+            held.status if held else "assumed",
+        ),
+    )
+
+
+def _equations(table: bool) -> tuple[Any, ...]:
+    n, c, d, f = sp.symbols("n c d F")
+    w, theta, zero, s, k = sp.symbols("w theta theta_0 sigma k")
+    wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
+    place, rise = sp.Symbol("x"), sp.Symbol("r_i")
+    i, size = sp.Symbol("i"), sp.Symbol("N")
+    out = [
+        equation("[wrap]", "w", wrap, "step, wrapped to half a turn; F counts a turn"),
+        equation(
+            "[reach]",
+            sp.Abs(w),
+            sp.Symbol("d_max") * (k + 1),
+            "largest believable step after k bad frames",
+        ),
+        equation(
+            "[angle]",
+            theta,
+            s * (2 * sp.pi * (n + c / f) + (sp.Symbol("e_c") if table else 0)) - zero,
+            "joint angle: n turns, count c, direction sigma, zero",
+        ),
+    ]
+    if table:
+        part = sp.Min(sp.Max(place - i, 0), 1)
+        total = sp.Symbol("e_0") + sp.Sum(rise * part, (i, 0, size - 1))
+        out.append(equation("[table]", "e_c", total, "correction: x = N c / F, rise r_i a cell"))
+    return tuple(out)
+
+
+__all__ = ["FrameError", "correction", "encoder", "step_max_counts"]

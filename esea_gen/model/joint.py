@@ -1,0 +1,93 @@
+"""Deflection of the coupling: motor-side angle less load-side angle."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.block import Block, Flag, Guard, Labels, Port, clip, flag_word, threshold
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
+from esea_gen.model.symbolic import equation
+
+
+def deflection(device: DeviceData) -> Block:
+    """Deflection from the two joint angles, and whether the torque made of it can be trusted.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Ranges of joint and coupling.
+
+    Returns
+    -------
+    Block
+        Inputs ``theta_motor_rad``, ``theta_load_rad`` and whether each encoder is usable; outputs
+        ``theta_rad``, ``sensing_ok`` (1 or 0) and a status word.
+
+    Raises
+    ------
+    UserError
+        When the device has no ``[joint]``.
+    """
+    joint = device.file.joint
+    if joint is None:
+        raise UserError(f"{device.origin}: section [joint] is missing.", "Add it.")
+    theta_lim = threshold(device.file.limits.theta_rad.value)
+    reach = max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value)) + theta_lim
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        theta = label("raw_rad", u.theta_motor_rad - u.theta_load_rad, "(5.4) deflection")
+        outside = label("outside", ca.fabs(theta) > theta_lim)
+        usable = ca.logic_and(u.motor_usable >= 0.5, u.load_usable >= 0.5)
+        ok = label("ok", ca.logic_and(ca.logic_and(usable, ca.logic_not(outside)), guard.inputs_ok))
+        word = flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(usable), outside])
+        outputs = {
+            "theta_rad": clip(theta, -theta_lim, theta_lim),
+            "sensing_ok": ca.if_else(ok, 1.0, 0.0),
+            "status": word,
+        }
+        return {}, outputs
+
+    motor, load = sp.symbols("theta_m theta_l")
+    angle = "joint angle, "
+    return Block.define(
+        "joint",
+        "Deflection from the joint encoders",
+        period_s=device.period_s,
+        state=(),
+        inputs=(
+            Port("theta_motor_rad", -reach, reach, angle + "motor side of the coupling"),
+            Port("theta_load_rad", -reach, reach, angle + "load side of the coupling"),
+            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            Port("load_usable", 0.0, 1.0, "1 when the load-side encoder is usable"),
+        ),
+        outputs=(
+            Port("theta_rad", -theta_lim, theta_lim, "deflection: motor side minus load side"),
+            Port("sensing_ok", 0.0, 1.0, "1 when the deflection, and what is made of it, holds"),
+            Port(
+                "status",
+                0,
+                7,
+                "what is known of this sample",
+                flags=(
+                    Flag("INPUT_INVALID", "an angle was NaN or outside its range", True),
+                    Flag("ENCODER_UNUSABLE", "an encoder says that its angle cannot be used", True),
+                    Flag(
+                        "DEFLECTION_OUTSIDE",
+                        "the deflection is beyond its physical range and was clipped",
+                        True,
+                        ("theta_rad",),
+                        theta_lim,
+                    ),
+                ),
+            ),
+        ),
+        equations=(equation("(5.4)", "delta", motor - load, "deflection"),),
+        step=step,
+    )
