@@ -1,0 +1,1 @@
+"""Controllers: sliding mode, reference, limits."""

@@ -1,0 +1,504 @@
+"""What predictive control starts from: a symbolic plant, a cost, and how to differentiate them.
+
+The plant's substep names its intermediate values (:meth:`Tape.let`).  Each named value depends on
+few others, so its partial derivatives, taken by CasADi, are few; those that are not constants are
+computed once a substep, and one small kernel carries every column of the sensitivity matrix over
+the same names.  That is forward differentiation, exact, without a Jacobian of the whole substep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from esea_gen.block import Constant, Equation, Port, PrepareFn, Tunable
+from esea_gen.errors import UserError
+
+INTERVALS = (2, 100)
+SUBSTEPS = (1, 50)
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """The grid of the prediction.
+
+    Parameters
+    ----------
+    intervals : int
+        Number of intervals, each with one constant input; 2 to 100.
+    interval_s : float
+        Length of an interval.
+    substeps : int
+        Integration steps in an interval; 1 to 50.
+    delay_s : float
+        From the measurement to the moment at which the command takes effect; the state is
+        predicted through it with the command in force.  0 for none.
+    """
+
+    intervals: int = 10
+    interval_s: float = 0.02
+    substeps: int = 4
+    delay_s: float = 0.001
+
+    def __post_init__(self) -> None:
+        for name, value, (low, high) in (
+            ("intervals", self.intervals, INTERVALS),
+            ("substeps", self.substeps, SUBSTEPS),
+        ):
+            if not low <= value <= high:
+                raise UserError(
+                    f"Predictive control: {name} is {value}; {low} to {high} are possible.",
+                    "Change it.",
+                )
+        if not 0 < self.interval_s <= 10:
+            raise UserError(
+                f"Predictive control: interval_s is {self.interval_s}; above 0 to 10 is possible.",
+                "Change it.",
+            )
+        if not 0 <= self.delay_s <= self.interval_s:
+            raise UserError(
+                f"Predictive control: delay_s is {self.delay_s}; 0 to the interval's "
+                f"{self.interval_s} s is possible.",
+                "Predict less far, or take longer intervals.",
+            )
+
+    @property
+    def substep_s(self) -> float:
+        """Length of a substep."""
+        return self.interval_s / self.substeps
+
+
+@dataclass(frozen=True)
+class Stops:
+    """Stop operators of the elastomer (3.5 to 3.11).
+
+    Parameters
+    ----------
+    r : tuple of float
+        Thresholds, rising.
+    p : tuple of float
+        Weights.
+    """
+
+    r: tuple[float, ...]
+    p: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.r) != len(self.p) or not self.r:
+            raise UserError(
+                f"Stop operators: {len(self.r)} thresholds and {len(self.p)} weights.",
+                "Give one weight for each threshold.",
+            )
+        if any(b <= a for a, b in zip((0.0, *self.r), self.r, strict=False)):
+            raise UserError(
+                f"Stop operators: the thresholds {self.r} do not rise from above 0.",
+                "Sort them.",
+            )
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A named value of a substep.
+
+    Parameters
+    ----------
+    symbol, value : casadi.SX
+        The name and what it stands for.
+    link : bool
+        Whether derivatives are chained over it.
+    slopes : list of (casadi.SX, casadi.SX), optional
+        Its partial derivatives where they are given.
+    """
+
+    symbol: ca.SX
+    value: ca.SX
+    link: bool
+    slopes: list[tuple[ca.SX, ca.SX]] | None
+
+
+class Tape:
+    """Names the intermediate values of a substep, in order."""
+
+    def __init__(self) -> None:
+        self.entries: list[Entry] = []
+        self.memory_at: int | None = None
+        self.memory_symbol: ca.SX | None = None
+
+    def let(self, name: str, value: Any) -> ca.SX:
+        """Name a value over which derivatives are chained.
+
+        Worth it for a value that several others depend on, or that depends on several others.
+
+        Parameters
+        ----------
+        name : str
+            For comments.
+        value : casadi.SX
+            Scalar expression of the arguments and of names given before.
+
+        Returns
+        -------
+        casadi.SX
+            The name.
+        """
+        return self._add(name, value, True, None)
+
+    def keep(
+        self, name: str, value: Any, slopes: Mapping[ca.SX, Callable[[ca.SX], Any]] | None = None
+    ) -> ca.SX:
+        """Name a value that is computed once, but is not a link in the chain of derivatives.
+
+        Parameters
+        ----------
+        name : str
+            For comments.
+        value : casadi.SX
+            As in :meth:`let`.
+        slopes : mapping, optional
+            Its partial derivatives, written with the value itself: ``{x: lambda y: 1 - y * y}``
+            for ``y = tanh(x)``, so that nothing is computed twice.  CasADi's when not given.
+
+        Returns
+        -------
+        casadi.SX
+            The name.
+        """
+        return self._add(name, value, False, slopes)
+
+    def power(self, name: str, base: Any, exponent: float) -> ca.SX:
+        """A power whose derivative costs a division, not a second power.
+
+        Parameters
+        ----------
+        name : str
+            For comments.
+        base : casadi.SX
+            Positive.
+        exponent : float
+            Constant.
+
+        Returns
+        -------
+        casadi.SX
+            The power.
+        """
+        b = self.keep(f"{name}_base", base)
+        return self.keep(name, b**exponent, {b: lambda y: exponent * y / b})
+
+    def _add(
+        self,
+        name: str,
+        value: Any,
+        link: bool,
+        slopes: Mapping[ca.SX, Callable[[ca.SX], Any]] | None,
+    ) -> ca.SX:
+        symbol = ca.SX.sym(name)
+        given = None if slopes is None else [(s, ca.SX(f(symbol))) for s, f in slopes.items()]
+        self.entries.append(Entry(symbol, ca.SX(value), link, given))
+        return symbol
+
+    def memory(self, deflection: ca.SX) -> ca.SX:
+        """Torque of the stop operators at a deflection; once in a substep.
+
+        Parameters
+        ----------
+        deflection : casadi.SX
+            The value that :meth:`let` named last.
+
+        Returns
+        -------
+        casadi.SX
+            The torque.
+
+        Raises
+        ------
+        ValueError
+            When it is called twice, or with anything but the last name.
+        """
+        if self.memory_at is not None:
+            raise ValueError("the memory is asked twice in one substep")
+        last = self.entries[-1] if self.entries else None
+        if last is None or not last.link or not ca.is_equal(last.symbol, deflection):
+            raise ValueError("the memory takes the value that 'let' named last")
+        self.memory_at = len(self.entries)
+        self.memory_symbol = ca.SX.sym("tau_memory")
+        return self.memory_symbol
+
+
+SubstepFn = Callable[
+    [Tape, float, SimpleNamespace, ca.SX, SimpleNamespace, SimpleNamespace], Mapping[str, Any]
+]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A plant, its cost, and the ports that feed them.
+
+    Parameters
+    ----------
+    states : tuple of str
+        States that are rolled out, beside the stop operators.
+    start : callable
+        ``start(inputs, tau_memory) -> states``: state at the measurement from guarded inputs.
+    substep : callable
+        ``substep(tape, h, x, u, p, w) -> next states``: one step of length h with input u,
+        parameters p (of :attr:`parameters`) and forecasts w.
+    error : callable
+        ``error(x, p, r) -> expressions``: what is to be 0 at the end of every interval, weights
+        included (the cost is the sum of squares); r holds the references.
+    effort : callable
+        ``effort(x, u, p) -> expressions``: the same at the start of every interval.
+    inputs : tuple of Port
+        Measured and wanted values; ``on_invalid`` numbers.
+    in_force : str
+        The input that holds the command in force until the new one takes effect.
+    references : mapping of str to (str, bool)
+        Reference to the input it is read from; True where that input has one value for each
+        interval's end (preview), False where one value holds for all.
+    forecasts : mapping of str to callable
+        Forecast to ``f(inputs, p, s) -> expression``, with the ``shape`` of time in the middle of
+        the interval.
+    shape : callable
+        ``shape(t_s) -> float``: what the forecasts take of the time since the measurement; a table
+        in the C.
+    parameters : tuple of str
+        Inputs and coefficients (by name) that the plant and the cost read as p.
+    u_max : float
+        Bound on the magnitude of the input.
+    enable : str
+        Input that is above 0.5 while the controller is to act; below, the command is 0 and the
+        plan empty.  Empty where it always acts.
+    u_name : str
+        Name of the output, with its unit.
+    stops : Stops, optional
+        The elastomer's memory; ``play`` and ``deflection`` go with it.
+    play : str
+        Input with the play states.
+    deflection : callable, optional
+        ``deflection(inputs) -> expression``: the memory's deflection at which they were taken.
+    constants, tunables, coefficients, prepare, equations
+        As in a Block.
+    """
+
+    states: tuple[str, ...]
+    start: Callable[[SimpleNamespace, Any], Mapping[str, Any]]
+    substep: SubstepFn
+    error: Callable[[SimpleNamespace, SimpleNamespace, SimpleNamespace], Sequence[Any]]
+    effort: Callable[[SimpleNamespace, Any, SimpleNamespace], Sequence[Any]]
+    inputs: tuple[Port, ...]
+    in_force: str
+    u_max: float
+    u_name: str = "u_Nm"
+    enable: str = ""
+    references: Mapping[str, tuple[str, bool]] = field(default_factory=dict)
+    forecasts: Mapping[str, Callable[[SimpleNamespace, SimpleNamespace, Any], Any]] = field(
+        default_factory=dict
+    )
+    shape: Callable[[float], float] = float
+    parameters: tuple[str, ...] = ()
+    stops: Stops | None = None
+    play: str = ""
+    deflection: Callable[[SimpleNamespace], Any] | None = None
+    constants: tuple[Constant, ...] = ()
+    tunables: tuple[Tunable, ...] = ()
+    coefficients: tuple[Port, ...] = ()
+    prepare: PrepareFn | None = None
+    equations: tuple[Equation, ...] = ()
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A substep split at the memory, with its derivative.
+
+    Parameters
+    ----------
+    before, after : casadi.Function
+        ``before(x, u, p, w) -> named values, deflection``;
+        ``after(x, u, p, w, named, tau, slope) -> next x, coefficients``, with the stiffness of the
+        free stop operators.
+    column, newest : casadi.Function
+        ``column(dx, coefficients, offset) -> next dx, d deflection`` for the inputs of earlier
+        intervals and, with the input's own seed, for the present one's; the sensitivity of the stop
+        operators' torque is the stiffness times that of the deflection, less the offset.
+    named : int
+        Number of values named before the memory.
+    coefficients : int
+        Number of derivatives that are not constants.
+    """
+
+    before: ca.Function
+    after: ca.Function
+    column: ca.Function
+    newest: ca.Function
+    named: int
+    coefficients: int
+
+
+def _scalars(names: Sequence[str]) -> tuple[ca.SX, SimpleNamespace]:
+    symbols = [ca.SX.sym(n) for n in names]
+    return ca.vertcat(*symbols) if symbols else ca.SX(0, 1), SimpleNamespace(
+        **dict(zip(names, symbols, strict=True))
+    )
+
+
+class _Coefficients:
+    # Derivatives that are not constants, each kept once.
+    def __init__(self) -> None:
+        self.values: list[ca.SX] = []
+        self.symbols: list[ca.SX] = []
+
+    def of(self, value: ca.SX) -> ca.SX:
+        if value.is_constant():
+            return value
+        for v, s in zip(self.values, self.symbols, strict=True):
+            if ca.is_equal(v, value, 100):
+                return s
+            if ca.is_equal(-v, value, 100) or ca.is_equal(v, -value, 100):
+                return -s
+        self.values.append(value)
+        self.symbols.append(ca.SX.sym(f"k{len(self.values)}"))
+        return self.symbols[-1]
+
+
+def linearise(model: Model, h: float, u_scale: float) -> Linearised:
+    """Split and differentiate a model's substep.
+
+    Parameters
+    ----------
+    model : Model
+        The plant.
+    h : float
+        Length of the substep.
+    u_scale : float
+        The sensitivities are to the input divided by this.
+
+    Returns
+    -------
+    Linearised
+        Its kernels.
+
+    Raises
+    ------
+    ValueError
+        For a substep that does not give every state, or asks the memory where there is none.
+    """
+    x_all, x = _scalars(model.states)
+    p_all, p = _scalars(model.parameters)
+    w_all, w = _scalars(tuple(model.forecasts))
+    u = ca.SX.sym("u")
+    tape = Tape()
+    result = dict(model.substep(tape, h, x, u, p, w))
+    if set(result) != set(model.states):
+        raise ValueError(f"the substep gives {sorted(result)}, the states are {model.states}")
+    if (tape.memory_at is not None) != (model.stops is not None):
+        raise ValueError("a substep asks the memory exactly when the model has stop operators")
+    cut = len(tape.entries) if tape.memory_at is None else tape.memory_at
+    tau = ca.SX.sym("tau") if tape.memory_symbol is None else tape.memory_symbol
+    nothing = ca.SX(0)
+    deflection = tape.entries[cut - 1].value if tape.memory_at is not None else nothing
+
+    first = [e.symbol for e in tape.entries[:cut]]
+    named = ca.SX.sym("named", len(first)) if first else ca.SX(0, 1)
+
+    def resolve(expressions: list[ca.SX], entries: list[Entry]) -> list[ca.SX]:
+        if not entries:
+            return expressions
+        symbols, values = [e.symbol for e in entries], [e.value for e in entries]
+        return list(ca.substitute_inplace(symbols, values, expressions)[1])
+
+    before_values = resolve([*first, deflection], tape.entries[:cut])
+    before = ca.Function(
+        "before",
+        [x_all, u, p_all, w_all],
+        [ca.densify(ca.vertcat(*before_values[:-1])), ca.densify(before_values[-1])],
+    )
+
+    held = _Coefficients()
+    d = {n: ca.SX.sym(f"d_{n}") for n in model.states}
+    slope, offset = ca.SX.sym("slope"), ca.SX.sym("offset")
+    partials = _Partials(tape, [*ca.vertsplit(x_all), u, tau])
+
+    def tangents(seed: float) -> tuple[list[ca.SX], ca.SX]:
+        moving: dict[str, Any] = {n: d[n] for n in model.states}
+        if seed:
+            moving["u"] = seed
+        d_deflection: Any = ca.SX(0)
+
+        def tangent(value: ca.SX) -> ca.SX:
+            out: Any = ca.SX(0)
+            by = partials.of(value)
+            if "tau_memory" in by:
+                # The memory's stiffness joins what else moves with the deflection.
+                by_tau, key = by.pop("tau_memory"), tape.entries[cut - 1].symbol.name()
+                by[key] = ca.simplify(by.get(key, ca.SX(0)) + by_tau * slope)
+                out = out - held.of(by_tau) * offset
+            for name, partial in by.items():
+                if name in moving:
+                    out = out + held.of(partial) * moving[name]
+            return ca.SX(out)
+
+        for i, entry in enumerate(tape.entries):
+            if entry.link:
+                moving[entry.symbol.name()] = tangent(entry.value)
+            if tape.memory_at is not None and i == cut - 1:
+                d_deflection = moving[entry.symbol.name()]
+        return [tangent(ca.SX(result[n])) for n in model.states], ca.SX(d_deflection)
+
+    newest_next, newest_d = tangents(u_scale)
+    column_next, column_d = tangents(0.0)
+    k_all = ca.vertcat(*held.symbols) if held.symbols else ca.SX(0, 1)
+    d_all = ca.vertcat(*[d[n] for n in model.states])
+
+    values = resolve([ca.SX(result[n]) for n in model.states] + held.values, tape.entries[cut:])
+    # What was named before the memory comes from where the first half has put it.
+    values = [ca.substitute(v, ca.vertcat(*first), named) for v in values] if first else values
+    n = len(model.states)
+    after = ca.Function(
+        "after",
+        [x_all, u, p_all, w_all, named, tau, slope],
+        ca.cse(
+            [ca.densify(ca.vertcat(*values[:n])), ca.densify(ca.vertcat(*values[n:], ca.SX(0, 1)))]
+        ),
+    )
+    kernels = []
+    for name, following, d_delta in (
+        ("column", column_next, column_d),
+        ("newest", newest_next, newest_d),
+    ):
+        outputs = ca.cse([ca.densify(ca.vertcat(*following)), ca.densify(d_delta)])
+        kernels.append(ca.Function(name, [d_all, k_all, offset], outputs))
+    return Linearised(before, after, kernels[0], kernels[1], len(first), len(held.values))
+
+
+class _Partials:
+    # Partial derivatives by the links of a tape, through what is only kept.
+    def __init__(self, tape: Tape, roots: Sequence[ca.SX]) -> None:
+        self.kept: dict[str, dict[str, ca.SX]] = {}
+        self.symbols = {s.name(): s for s in roots}
+        names = [s.name() for s in roots] + [e.symbol.name() for e in tape.entries]
+        if len(names) != len(set(names)):
+            raise ValueError(f"a substep names a value twice: {names}")
+        for e in tape.entries:
+            if not e.link:
+                self.kept[e.symbol.name()] = self._flat(e.value, e.slopes)
+            self.symbols[e.symbol.name()] = e.symbol
+
+    def of(self, value: ca.SX) -> dict[str, ca.SX]:
+        found = self._flat(value, None)
+        return {k: v for k, v in found.items() if not (v.is_constant() and v.is_zero())}
+
+    def _flat(self, value: ca.SX, slopes: list[tuple[ca.SX, ca.SX]] | None) -> dict[str, ca.SX]:
+        if slopes is None:
+            slopes = [(s, ca.jacobian(value, s)) for s in ca.symvar(value)]
+        total: dict[str, ca.SX] = {}
+        for symbol, partial in slopes:
+            name = symbol.name()
+            if name not in self.symbols or partial.nnz() == 0:
+                continue  # parameters and forecasts do not move
+            for key, inner in self.kept.get(name, {name: ca.SX(1)}).items():
+                total[key] = total.get(key, ca.SX(0)) + ca.densify(partial) * inner
+        return {k: ca.simplify(v) for k, v in total.items()}

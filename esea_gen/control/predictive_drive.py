@@ -1,0 +1,331 @@
+"""The predictive torque and impedance controller of a device (thesis chapter 5)."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.block import Constant, Port, Tunable
+from esea_gen.control.horizon import Horizon, Model, Stops, Tape
+from esea_gen.control.predictive import predictive_program
+from esea_gen.emit.program import Program
+from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
+from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.observe import drive_of
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+# |x|^n becomes (x^2 + eps^2)^(n/2): the derivative of |x|^0.77 is infinite at 0.  At this rate the
+# term is a twentieth of eps2, and at this angle a millionth of eps1.
+SMOOTH_RAD_S = 1e-4
+SMOOTH_RAD = 1e-4
+
+Q_BEST, R_BEST = 300.0, 1.0
+Q_PRINTED, R_PRINTED = 35.0, 1.0
+
+
+def drive_model(
+    device: DeviceData, horizon: Horizon, *, preview: bool = False, impedance: bool = False
+) -> Model:
+    """Plant (5.1 to 5.3), elastomer and cost of a device.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive; with or without rate terms and dead zone.
+    horizon : Horizon
+        Grid of the prediction.
+    preview : bool
+        Whether wanted torque (and path) come for the end of each interval or as one value.
+    impedance : bool
+        Whether the cost holds the impedance law, one layer: with e = tau_e - tau_d
+        + Kp (theta_l - theta_d) + Kd (omega_l - omega_d).
+
+    Returns
+    -------
+    Model
+        For :func:`esea_gen.control.predictive.predictive_program`.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive.
+
+    Notes
+    -----
+    A substep of length h: the motor's lag exactly (5.1); half a kick by motor, coupling and person;
+    friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
+    sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
+    with the new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
+    """
+    f, drive = device.file, drive_of(device)
+    a, joint, e = drive.actuator, drive.joint, f.elastomer
+    n, inertia = a.gear_ratio.value, a.J_kgm2.value
+    fv, fc, width = a.fv_Nms_rad.value, a.fc_Nm.value, a.coulomb_width_rad_s.value
+    tau_c, u_max = a.tau_c_s.value, drive.u_Nm
+    numbers = {c.name: c.value for c in device.constants("elastomer")}
+    r, weights = stop_grid(numbers, int(e.stops.value))
+    stops = Stops(tuple(map(float, r)), tuple(float(w) for w in weights))
+    dead = numbers.get("dead_zone_rad", 0.0)
+    fade = drive.disturbance.decay_s.value
+    k1, k3 = numbers["k1_Nm_rad"], numbers["k3_Nm_rad3"]
+
+    def beyond(delta: Any) -> Any:
+        return to_casadi(BEYOND, {THETA: delta, DEAD_ZONE: dead}) if dead else delta
+
+    def spring(d: Any) -> Any:
+        return d * (k1 + k3 * d * d)
+
+    def start(u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
+        tau_r = u.tau_rate_Nm if e.maxwell else 0.0
+        angle = {"theta_l": u.theta_l_rad} if impedance else {}
+        return angle | {
+            "delta": u.delta_rad,
+            "omega_m": u.omega_l_rad_s + u.omega_rad_s,
+            "omega_l": u.omega_l_rad_s,
+            "u_a": u.u_a_Nm,
+            **({"tau_r": tau_r} if e.maxwell else {}),
+            "tau_e": spring(beyond(u.delta_rad)) + tau_r + tau_memory,
+        }
+
+    def substep(
+        t: Tape, h: float, x: SimpleNamespace, u: Any, p: SimpleNamespace, w: SimpleNamespace
+    ) -> dict[str, Any]:
+        keep = math.exp(-h / tau_c)
+        mean = (1 - keep) * tau_c / h
+        half = 0.5 * h
+        push = t.let("push", half * (n / inertia * (u + mean * (x.u_a - u)) + p.d4_rad_s2))
+        omega_1 = t.let("omega_1", x.omega_m + push - half / inertia * x.tau_e)
+        pull = half * p.load_1_kgm2
+        load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
+        sig = t.keep(
+            "sig", ca.tanh(omega_1 * (1 / width)), {omega_1: lambda y: (1 - y * y) * (1 / width)}
+        )
+        slope = 1 + half / inertia * (fv + fc / width * (1 - sig * sig))
+        omega_2 = t.let("omega_2", omega_1 - h / inertia * (fv * omega_1 + fc * sig) / slope)
+        moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
+        delta = t.let("delta_next", x.delta + moved)
+        stretch = t.let("stretch", beyond(delta)) if dead else delta
+        tau_memory = t.memory(stretch)
+        tau_r: Any = 0.0
+        if e.maxwell:
+            m = {c.name: c.value for c in device.constants("elastomer.maxwell")}
+            last = beyond(x.delta) if dead else x.delta
+            change = stretch - last if dead else moved
+            rate = change * (1 / h)
+            middle = last + 0.5 * change
+            by_angle = t.power("by_angle", middle**2 + SMOOTH_RAD**2, m["m"] / 2)
+            by_rate = t.power("by_rate", rate**2 + SMOOTH_RAD_S**2, m["n"] / 2)
+            gain = m["A_Nms_rad"] * by_angle + m["eps1_Nms_rad"]
+            drag = m["B"] * by_rate + m["eps2"]
+            ratio = t.keep("ratio", h * m["kv_Nm_rad"] * drag / gain)
+            series = t.keep("series", 1 + ratio * (0.5 + ratio * (1 / 6)))
+            decay = t.keep("decay", 1 / (1 + ratio * series))
+            share = t.keep("share", m["kv_Nm_rad"] * series * decay)
+            tau_r = t.let("tau_r_next", x.tau_r * decay + change * share)
+        tau_e = t.let("tau_e_next", spring(stretch) + tau_r + tau_memory)
+        angle = {"theta_l": x.theta_l + h * load_1} if impedance else {}
+        return angle | {
+            "delta": delta,
+            "omega_m": omega_2 + push - half / inertia * tau_e,
+            "omega_l": load_1 + pull * (tau_e + w.tau_h),
+            "u_a": u + keep * (x.u_a - u),
+            **({"tau_r": tau_r} if e.maxwell else {}),
+            "tau_e": tau_e,
+        }
+
+    def error(x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
+        e_tau = x.tau_e - ref.tau_d
+        if impedance:
+            e_tau = (
+                e_tau
+                + p.Kp_Nm_rad * (x.theta_l - ref.theta_d)
+                + p.Kd_Nms_rad * (x.omega_l - ref.omega_d)
+            )
+        return [p.root_q * e_tau]
+
+    def effort(x: SimpleNamespace, u: Any, p: SimpleNamespace) -> list[Any]:
+        return [p.root_r * (u - x.u_a)]
+
+    def human(u: SimpleNamespace, p: SimpleNamespace, reach_s: Any) -> Any:
+        return u.tau_h_Nm + u.tau_h_rate_Nm_s * reach_s
+
+    def reach(t: float) -> float:
+        # The extended-state observer's own model: the rate decays, the torque settles.
+        return fade * (1 - math.exp(-t / fade))
+
+    many = horizon.intervals if preview else 1
+    turn = drive.theta_high_rad
+    wanted = [Port("tau_d_Nm", -drive.tau_Nm, drive.tau_Nm, "wanted torque on the load", many)]
+    references = {"tau_d": ("tau_d_Nm", preview)}
+    if impedance:
+        low = drive.theta_low_rad
+        wanted += [
+            Port("theta_d_rad", low, turn, "wanted angle of the joint", many),
+            Port("omega_d_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "its rate", many),
+        ]
+        references |= {"theta_d": ("theta_d_rad", preview), "omega_d": ("omega_d_rad_s", preview)}
+    memory_range = 2 * drive.delta_rad
+    tau_rate = Port("tau_rate_Nm", -drive.tau_Nm, drive.tau_Nm, "sensor: Maxwell element's torque")
+    inputs = (
+        Port("delta_rad", -drive.delta_rad, drive.delta_rad, "deflection"),
+        Port("omega_rad_s", -drive.rate_rad_s, drive.rate_rad_s, "deflection's rate"),
+        *(
+            (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
+            if impedance
+            else ()
+        ),
+        Port("omega_l_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "load side's rate"),
+        Port("u_a_Nm", -u_max, u_max, "motor torque now, at the shaft", equation="(5.1)"),
+        Port("u_in_force_Nm", -u_max, u_max, "command until the new one takes effect"),
+        *((tau_rate,) if e.maxwell else ()),
+        Port(
+            "play_rad",
+            -memory_range,
+            memory_range,
+            "sensor: play states of the stop operators",
+            len(stops.r),
+            "(3.5-3.7)",
+        ),
+        Port("d4_rad_s2", -drive.d4_rad_s2, drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
+        Port("tau_h_Nm", -drive.tau_h_Nm, drive.tau_h_Nm, "torque of the person"),
+        Port("tau_h_rate_Nm_s", -1e4, 1e4, "its rate; decays over the horizon"),
+        Port("mode", 0, 2, "0 off: the command is 0"),
+        *wanted,
+    )
+    tunables = [
+        Tunable("Q", Q_BEST, 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
+        Tunable("R", R_BEST, 1e-4, 1e4, "weight of the motor torque's rate", "thesis"),
+        Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
+    ]
+    coefficients = [
+        Port("root_q", 0.0, 1e3, "root of Q"),
+        Port("root_r", 0.0, 1e6, "root of R over the motor's lag"),
+        Port("load_1_kgm2", 0.0, 1e4, "1 / Jh, 0 when held fast"),
+    ]
+    if impedance:
+        section = drive.impedance
+        for name, q, most in (
+            ("Kp_Nm_rad", section.Kp_Nm_rad, 20.0),
+            ("Kd_Nms_rad", section.Kd_Nms_rad, 5.0),
+        ):
+            meaning = "stiffness to the path" if name == "Kp_Nm_rad" else "damping to the path"
+            tunables.append(Tunable(name, q.value, 0.0, most, meaning, q.source, q.status))
+            coefficients.append(Port(name, 0.0, most, meaning))
+
+    def prepare(c: SimpleNamespace) -> dict[str, Any]:
+        out = {
+            "root_q": ca.sqrt(c.Q),
+            "root_r": ca.sqrt(c.R) / tau_c,
+            "load_1_kgm2": c.load_free * (1 / joint.Jh_kgm2.value),
+        }
+        if impedance:
+            out |= {"Kp_Nm_rad": c.Kp_Nm_rad, "Kd_Nms_rad": c.Kd_Nms_rad}
+        return out
+
+    return Model(
+        states=(
+            *(("theta_l",) if impedance else ()),
+            *("delta", "omega_m", "omega_l", "u_a"),
+            *(("tau_r",) if e.maxwell else ()),
+            "tau_e",
+        ),
+        start=start,
+        substep=substep,
+        error=error,
+        effort=effort,
+        inputs=inputs,
+        in_force="u_in_force_Nm",
+        enable="mode",
+        u_max=u_max,
+        references=references,
+        forecasts={"tau_h": human},
+        shape=reach,
+        parameters=("d4_rad_s2", *(c.name for c in coefficients)),
+        stops=stops,
+        play="play_rad",
+        deflection=lambda u: beyond(u.delta_rad),
+        constants=(
+            *device.constants("actuator"),
+            *device.constants("joint"),
+            *device.constants("elastomer"),
+            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
+        ),
+        tunables=tuple(tunables),
+        coefficients=tuple(coefficients),
+        prepare=prepare,
+        equations=_equations(impedance),
+    )
+
+
+def predictive_controller(
+    device: DeviceData,
+    *,
+    horizon: Horizon | None = None,
+    preview: bool = False,
+    impedance: bool = False,
+    period_s: float | None = None,
+    cap: int | None = None,
+) -> Program:
+    """The predictive controller of a device as a Program.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+    horizon : Horizon, optional
+        Grid of the prediction; 10 intervals of 20 ms with 4 substeps, and the control task's
+        release as computing delay, when not given.
+    preview, impedance : bool
+        As in :func:`drive_model`.
+    period_s : float, optional
+        Period of the control task; the device's when not given.
+    cap : int, optional
+        Cap on the QP's iterations.
+
+    Returns
+    -------
+    Program
+        Input ports as :func:`drive_model` says; outputs ``u_Nm``, ``residual`` and ``status``.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive, or a number of the horizon is outside its range.
+    """
+    drive = drive_of(device)
+    period = drive.control_period_s if period_s is None else period_s
+    if horizon is None:
+        release = device.file.timing.control_release_s
+        horizon = Horizon(delay_s=period if release is None else release.value)
+    return predictive_program(
+        drive_model(device, horizon, preview=preview, impedance=impedance),
+        horizon,
+        period_s=period,
+        title="Predictive impedance control" if impedance else "Predictive torque control",
+        cap=cap,
+    )
+
+
+def _equations(impedance: bool) -> tuple[Any, ...]:
+    n, u, ua, tau_c, om, tau_e, j, d4 = sp.symbols("n u_c u_a tau_c omega_m tau_e J d_4")
+    fv, fc, jh, tau_h, tau_d = sp.symbols("f_v f_c J_h tau_h tau_d")
+    q, r, e = sp.symbols("Q R e")
+    w = sp.Symbol("omega_w")
+    friction = fv * om + fc * sp.tanh(om / w)
+    error: sp.Expr = tau_e - tau_d
+    if impedance:
+        kp, kd, th, thd, ol, od = sp.symbols("K_p K_d theta_l theta_d omega_l omega_d")
+        error = error + kp * (th - thd) + kd * (ol - od)
+    return (
+        equation("(5.1)", "u_a'", (u - ua) / tau_c, "lag of the motor"),
+        equation("(5.2)", "omega_m'", (n * ua - friction - tau_e) / j + d4, "motor side"),
+        equation("(5.3)", "omega_l'", (tau_e + tau_h) / jh, "load side"),
+        equation("(5.24)" if impedance else "[error]", "e", error, "what the cost weighs"),
+        equation("[cost]", "c_k", q * e**2 + r * ((u - ua) / tau_c) ** 2, "summed over k"),
+    )

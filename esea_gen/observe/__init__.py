@@ -1,0 +1,112 @@
+"""Observers: rates, disturbance of the drive, torque of the person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from esea_gen.block import f32_inside, threshold
+from esea_gen.errors import UserError
+
+if TYPE_CHECKING:
+    from esea_gen.devices.fields import Actuator, Disturbance, Impedance, Joint, SlidingMode
+    from esea_gen.devices.file import DeviceData
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Numbers of a device with a drive, and the ranges that its ports share.
+
+    Parameters
+    ----------
+    actuator, joint, disturbance, sliding_mode, impedance : Section
+        Sections of the device file, none missing.
+    control_period_s : float
+        Period of the control task.
+    theta_low_rad, theta_high_rad : float
+        Range of a joint angle, on either side of the coupling.
+    delta_rad : float
+        Largest plausible |deflection|.
+    omega_rad_s : float
+        Largest plausible |speed| of either side.
+    rate_rad_s : float
+        Largest plausible |deflection rate|.
+    tau_Nm : float
+        Largest plausible |interaction torque|.
+    tau_h_Nm : float
+        Largest plausible |torque of the person|.
+    u_Nm : float
+        Largest |motor torque|, at the motor shaft.
+    d4_rad_s2 : float
+        Largest |disturbance| of the drive: the acceleration that the whole motor torque gives, for
+        more than that no command could make up.
+    """
+
+    actuator: Actuator
+    joint: Joint
+    disturbance: Disturbance
+    sliding_mode: SlidingMode
+    impedance: Impedance
+    control_period_s: float
+    theta_low_rad: float
+    theta_high_rad: float
+    delta_rad: float
+    omega_rad_s: float
+    rate_rad_s: float
+    tau_Nm: float
+    tau_h_Nm: float
+    u_Nm: float
+    d4_rad_s2: float
+
+
+def drive_of(device: DeviceData) -> Drive:
+    """The drive of a device.
+
+    Parameters
+    ----------
+    device : DeviceData
+        The device.
+
+    Returns
+    -------
+    Drive
+        Its numbers and ranges; thresholds are float32 numbers.
+
+    Raises
+    ------
+    UserError
+        When the device file has no drive, or lacks one of its sections.
+    """
+    f = device.file
+    a, j, d, s, i = f.actuator, f.joint, f.disturbance, f.sliding_mode, f.impedance
+    rate = f.timing.control_rate_Hz
+    if a is None or j is None or d is None or s is None or i is None or rate is None:
+        raise UserError(
+            f"{device.origin}: the device has no drive: torque control needs the sections "
+            "actuator, joint, disturbance, sliding_mode and impedance, and "
+            "timing.control_rate_Hz.",
+            'Write extends = "elbow_drive" and give what differs.',
+        )
+    # The coupling turns the motor side beyond the joint's own range; a deflection fits in as well,
+    # so that its rate can go through the same filter.
+    delta = f.limits.theta_rad.value
+    low, high = f32_inside(
+        min(j.theta_min_rad.value, 0.0) - delta, max(j.theta_max_rad.value, 0.0) + delta
+    )
+    return Drive(
+        actuator=a,
+        joint=j,
+        disturbance=d,
+        sliding_mode=s,
+        impedance=i,
+        control_period_s=1.0 / rate.value,
+        theta_low_rad=low,
+        theta_high_rad=high,
+        delta_rad=threshold(delta),
+        omega_rad_s=threshold(max(a.omega_max_rad_s.value, j.omega_max_rad_s.value)),
+        rate_rad_s=threshold(f.limits.omega_rad_s.value),
+        tau_Nm=threshold(f.limits.tau_Nm.value),
+        tau_h_Nm=threshold(j.tau_human_max_Nm.value),
+        u_Nm=threshold(a.u_max_Nm.value),
+        d4_rad_s2=threshold(a.gear_ratio.value * a.u_max_Nm.value / a.J_kgm2.value),
+    )

@@ -1,0 +1,303 @@
+"""Disturbance of the drive: what its model does not explain of the motor side's motion (5.5)."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.block import Block, Flag, Guard, Labels, Port, Tunable, clip, flag_word
+from esea_gen.errors import UserError
+from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.observe import drive_of
+from esea_gen.observe.rates import cutoff_range, filter_delay_s
+
+if TYPE_CHECKING:
+    from esea_gen.devices.fields import Quantity
+    from esea_gen.devices.file import DeviceData
+
+J, N, FV, FC, WIDTH = sp.symbols("J n f_v f_c w_c", positive=True)
+U_A, OMEGA_M, TAU_E, D4 = sp.symbols("u_a omega_m tau_e d_4", real=True)
+SIG = sp.tanh(OMEGA_M / WIDTH)
+# (5.2) without its disturbance, and with it: the sliding mode controller solves the same line.
+MODEL_ACCELERATION = (N * U_A - FV * OMEGA_M - FC * SIG - TAU_E) / J
+ACCELERATION = MODEL_ACCELERATION + D4
+
+# Largest product of an observer's bandwidth and its velocity filter's delay.
+DELAY_SHARE = 0.5
+
+
+def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
+    """Largest bandwidth that the velocity filter allows a disturbance observer.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Rate.
+    cutoff : Quantity
+        Default cut-off of the velocity filter, Hz.
+
+    Returns
+    -------
+    float
+        Bandwidth, rad/s.
+
+    Notes
+    -----
+    A controller that takes the estimate off its command closes a loop through the filter F.  With
+    Q = L/(s + L) and a motor A that follows its command, the estimate obeys
+    ``d (1 - Q A (1 - F)) = Q F d_true``: stable whatever A's phase while |Q (1 - F)| < 1.  That
+    gain is below L T at every frequency, T being the largest of ``|1 - F| / omega``, which is the
+    filter's delay at rest.  L T = 1/2 leaves a gain margin of two, at the lowest cut-off that may
+    be tuned.
+    """
+    low, _ = cutoff_range(device, cutoff)
+    return DELAY_SHARE / filter_delay_s(low)
+
+
+def bandwidth_tunable(
+    device: DeviceData, bandwidth: Quantity, cutoff: Quantity, key: str, cutoff_key: str
+) -> Tunable:
+    """Tunable bandwidth of a disturbance observer, within what its velocity filter allows.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Rate.
+    bandwidth, cutoff : Quantity
+        Defaults of the observer, rad/s, and of the velocity filter, Hz.
+    key, cutoff_key : str
+        Their keys in the device file, for messages.
+
+    Returns
+    -------
+    Tunable
+        ``bandwidth_1_s``.
+
+    Raises
+    ------
+    UserError
+        When the default is above :func:`bandwidth_limit_1_s`.
+    """
+    limit = bandwidth_limit_1_s(device, cutoff)
+    if bandwidth.value > limit:
+        low, _ = cutoff_range(device, cutoff)
+        need = cutoff.value * bandwidth.value / limit
+        raise UserError(
+            f"{device.origin}: {key} = {bandwidth.value:g} 1/s is above its limit {limit:.3g} 1/s: "
+            f"the velocity filter, whose cut-off {cutoff_key} = {cutoff.value:g} Hz may be tuned "
+            f"down to {low:g} Hz, delays too much for a faster observer.",
+            f"Lower it to {math.floor(100 * limit) / 100:g} or raise {cutoff_key} to "
+            f"{math.ceil(10 * need) / 10:g} Hz.",
+        )
+    return Tunable(
+        "bandwidth_1_s",
+        bandwidth.value,
+        0.0,
+        limit,
+        "bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it",
+        bandwidth.source,
+        bandwidth.status,
+    )
+
+
+def share_of(bandwidth_1_s: Any, h: float) -> Any:
+    """Share of the difference that a first-order lag takes up in one step.
+
+    Parameters
+    ----------
+    bandwidth_1_s : casadi.SX
+        Bandwidth L.
+    h : float
+        Period, seconds.
+
+    Returns
+    -------
+    casadi.SX
+        ``1 - exp(-L h)``: the sampled lag then has the pole of (5.5) for every L.
+    """
+    return 1 - ca.exp(-h * bandwidth_1_s)
+
+
+def drive_observer(device: DeviceData) -> Block:
+    """Disturbance of the drive in momentum form, without an acceleration signal (5.5).
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+
+    Returns
+    -------
+    Block
+        Inputs ``u_Nm`` (the command that the motor holds from this tick on), ``omega_motor_rad_s``
+        and ``tau_Nm``; outputs the disturbance ``d4_rad_s2``, the motor's torque ``u_a_Nm`` by the
+        model of its lag (5.1), and a status word.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive, or the bandwidth is above what the velocity filter allows.
+
+    Notes
+    -----
+    ``d4 = L (omega_m - integral(a_model + d4))`` has the state z = omega_m - d4/L.  Kept here is d4
+    itself, which has the same values: from one sample to the next
+
+        d4 += (1 - exp(-L h)) ((omega_m(k) - omega_m(k-1))/h - a_model - d4)
+
+    A difference of two near rates is exact, so rounding stays that of d4, not of the speed; and
+    with L = 0 the estimate rests instead of drifting.  a_model is the mean over the step: friction
+    and coupling torque of both its ends, and the motor's torque averaged exactly.
+    """
+    drive = drive_of(device)
+    a = drive.actuator
+    h = device.period_s
+    d_lim, u_lim, tau_lim, omega_lim = (
+        drive.d4_rad_s2,
+        drive.u_Nm,
+        drive.tau_Nm,
+        drive.omega_rad_s,
+    )
+    tau_c = a.tau_c_s.value
+    decay = math.exp(-h / tau_c)
+    # Mean of the lag over a step: u + (u_a - u) (1 - exp(-h/tau_c)) tau_c/h.
+    mean = (1 - decay) * tau_c / h
+    numbers = {
+        J: a.J_kgm2.value,
+        N: a.gear_ratio.value,
+        FV: a.fv_Nms_rad.value,
+        FC: a.fc_Nm.value,
+        WIDTH: a.coulomb_width_rad_s.value,
+    }
+    # Every part of (5.2) at its largest; the port's range only, nothing is clipped there.
+    reach = (
+        (numbers[N] * u_lim + numbers[FV] * omega_lim + numbers[FC] + tau_lim) / numbers[J] * 1.001
+    )
+
+    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+        share = share_of(t.bandwidth_1_s, h)
+        return {"share": share, "keep": 1 - share}
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        ok = guard.inputs_ok
+        ready = label("ready", ca.logic_and(ok, s.primed), "two valid samples in a row")
+        values = numbers | {OMEGA_M: u.omega_motor_rad_s, TAU_E: u.tau_Nm}
+        passive = label(
+            "passive_rad_s2",
+            to_casadi(MODEL_ACCELERATION.subs(U_A, 0), values),
+            "(5.2) without motor and disturbance",
+        )
+        driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * mean
+        drive_part = numbers[N] / numbers[J] * driven
+        model = label(
+            "model_rad_s2",
+            drive_part + 0.5 * (passive + s.passive_rad_s2),
+            "(5.2) mean of the model over the step",
+        )
+        seen = (u.omega_motor_rad_s - s.omega_last_rad_s) * (1 / h)
+        moved = s.d4_rad_s2 * c.keep + c.share * (seen - model)
+        d4 = label(
+            "d4_rad_s2",
+            ca.if_else(ready, clip(moved, -d_lim, d_lim), s.d4_rad_s2),
+            "(5.5) disturbance",
+        )
+        u_a = label(
+            "u_a_Nm",
+            s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * decay,
+            "(5.1) the motor's torque, exact for a held command",
+        )
+        next_state = {
+            "primed": ok,
+            "omega_last_rad_s": u.omega_motor_rad_s,
+            "passive_rad_s2": passive,
+            "u_held_Nm": u.u_Nm,
+            "u_a_Nm": u_a,
+            "d4_rad_s2": d4,
+        }
+        outputs = {
+            "d4_rad_s2": d4,
+            "u_a_Nm": u_a,
+            "status": flag_word(
+                [
+                    ca.logic_not(ok),
+                    ca.logic_not(guard.state_ok),
+                    ca.logic_and(ready, ca.fabs(moved) > d_lim),
+                ]
+            ),
+        }
+        return next_state, outputs
+
+    flags = (
+        Flag("INPUT_INVALID", "an input was NaN or outside its range; d4 is held", True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
+        Flag("CLIPPED", "the estimate was clipped at its range", True, ("d4_rad_s2",), d_lim),
+    )
+    d_p, h_s, bandwidth = sp.Symbol("d_4,k-1"), sp.Symbol("h"), sp.Symbol("L")
+    rise = (sp.Symbol("omega_m,k") - sp.Symbol("omega_m,k-1")) / h_s
+    return Block.define(
+        "drive_observer",
+        "Disturbance of the drive, and the motor's torque behind its lag",
+        period_s=h,
+        constants=device.constants("actuator"),
+        tunables=(
+            bandwidth_tunable(
+                device,
+                drive.disturbance.drive_1_s,
+                drive.joint.motor_velocity_Hz,
+                "disturbance.drive_1_s",
+                "joint.motor_velocity_Hz",
+            ),
+        ),
+        coefficients=(
+            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
+            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
+        ),
+        prepare=prepare,
+        state=(
+            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            Port("omega_last_rad_s", -omega_lim, omega_lim, "motor side's rate, last step"),
+            Port("passive_rad_s2", -reach, reach, "friction and coupling, last step"),
+            Port("u_held_Nm", -u_lim, u_lim, "command that the motor holds"),
+            Port("u_a_Nm", -u_lim, u_lim, "motor torque", equation="(5.1)"),
+            Port("d4_rad_s2", -d_lim, d_lim, "disturbance", equation="(5.5)"),
+        ),
+        inputs=(
+            Port(
+                "u_Nm",
+                -u_lim,
+                u_lim,
+                "command that the motor holds from this tick on, at the motor shaft",
+                on_invalid=0.0,
+            ),
+            Port(
+                "omega_motor_rad_s",
+                -omega_lim,
+                omega_lim,
+                "motor side's rate",
+                on_invalid="omega_last_rad_s",
+            ),
+            Port("tau_Nm", -tau_lim, tau_lim, "interaction torque on the load", on_invalid=0.0),
+        ),
+        outputs=(
+            Port("d4_rad_s2", -d_lim, d_lim, "disturbance of the drive", equation="(5.5)"),
+            Port("u_a_Nm", -u_lim, u_lim, "motor torque by the model of its lag", equation="(5.1)"),
+            Port("status", 0, 7, "what is known of this estimate", flags=flags),
+        ),
+        equations=(
+            equation("(5.1)", "tau_c u_a'", sp.Symbol("u_c") - U_A, "lag of the motor's torque"),
+            equation("(5.2)", "a_model", MODEL_ACCELERATION, "motion of the motor side"),
+            equation(
+                "(5.5)",
+                "d_4,k",
+                d_p + (1 - sp.exp(-bandwidth * h_s)) * (rise - sp.Symbol("a_model") - d_p),
+                "disturbance: a lag of bandwidth L behind what the model leaves unexplained",
+            ),
+        ),
+        step=step,
+    )
