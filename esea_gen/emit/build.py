@@ -13,8 +13,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from esea_gen.device import Device, shipped_devices
-from esea_gen.emit.formats import FORMATS
+from esea_gen.device import Device
+from esea_gen.devices.file import shipped_devices
+from esea_gen.emit.fixed.values import LoweringError
+from esea_gen.emit.formats import ALL_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer, content_hash, versions
 from esea_gen.errors import UserError
 
@@ -38,20 +40,43 @@ class Bundle:
 
 
 @cache
-def device_hash(device: Device) -> str:
+def device_hash(device: Device, real: str = "") -> str:
     """Content hash of a device: device file, emitted text and versions.
 
     Parameters
     ----------
     device : Device
         The device.
+    real : str
+        A number format outside the default ones: its text is covered too.
 
     Returns
     -------
     str
         16 hexadecimal digits.
     """
-    return content_hash(device.system, device.digest, device.title)
+    formats = dict.fromkeys([*FORMATS, real] if real else FORMATS)
+    return content_hash(
+        device.system, device.digest, device.title, [ALL_FORMATS[name] for name in formats]
+    )
+
+
+def format_hash(device: Device, real: str) -> str:
+    """Content hash that the files of a number format carry.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        Number format.
+
+    Returns
+    -------
+    str
+        The device's own for the default formats; else one that covers this format's text too.
+    """
+    return device_hash(device) if real in FORMATS else device_hash(device, real)
 
 
 def build_command(device: Device) -> str:
@@ -91,15 +116,20 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
     UserError
         For an unknown number format.
     """
-    digest = device_hash(device)
     bundles = []
     for real in reals:
-        if real not in FORMATS:
+        if real not in ALL_FORMATS:
             raise UserError(
-                f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}."
+                f"Unknown number format '{real}'.", f"Choose from {', '.join(ALL_FORMATS)}."
             )
         command = f"{build_command(device)} --real {real}"
-        files = Renderer(device.system, FORMATS[real], digest, command, device.title).files()
+        try:
+            digest = format_hash(device, real)
+            files = Renderer(
+                device.system, ALL_FORMATS[real], digest, command, device.title
+            ).files()
+        except LoweringError as error:
+            raise UserError(f"{device.origin}: {error}", "--real f32 has no such limit.") from None
         bundles.append(Bundle(real, files | _manifest(device, digest, real, command, files)))
     return bundles
 

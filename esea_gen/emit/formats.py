@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class Format:
     Parameters
     ----------
     name : str
-        ``f64`` or ``f32``.
+        ``f64``, ``f32`` or ``q31``.
     c_type : str
         C type of a real number.
     dtype : numpy dtype
@@ -44,7 +45,7 @@ class Format:
 
     name: str
     c_type: str
-    dtype: np.dtype[np.floating]
+    dtype: np.dtype[Any]
     epsilon: float
     needs_libm: bool
 
@@ -164,6 +165,9 @@ FORMATS = {
     "f64": Format("f64", "double", np.dtype(np.float64), 2.0**-53, True),
     "f32": Format("f32", "float", np.dtype(np.float32), 2.0**-24, False),
 }
+# Whole numbers, each with a format of its own: printed from a range plan (emit/fixed), not here.
+Q31 = Format("q31", "int32_t", np.dtype(np.int32), 2.0**-31, False)
+ALL_FORMATS = FORMATS | {"q31": Q31}
 
 
 @dataclass(frozen=True)
@@ -208,14 +212,40 @@ class PrintedKernel:
 
 
 @dataclass(frozen=True)
-class _StatusWord:
-    flags: tuple[tuple[int, int], ...]  # condition's node, bit
-    parts: frozenset[int]  # nodes that nothing else needs
+class StatusWord:
+    """A status word found in a kernel.
+
+    Parameters
+    ----------
+    flags : tuple of (int, int)
+        Node of the condition, and its bit.
+    parts : frozenset of int
+        Nodes that nothing else needs.
+    """
+
+    flags: tuple[tuple[int, int], ...]
+    parts: frozenset[int]
 
 
-def _status_words(
+def status_words(
     kernel: Kernel, words: Sequence[int], uses: Sequence[int]
-) -> dict[int, _StatusWord]:
+) -> dict[int, StatusWord]:
+    """Find the status words that ``flag_word`` built.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Where.
+    words : sequence of int
+        Results that are status words.
+    uses : sequence of int
+        How often each node is used as an operand.
+
+    Returns
+    -------
+    dict of int to StatusWord
+        By the node of the word.
+    """
     # A sum of (condition ? power of two : 0), each power once, as flag_word builds it.
     found = {}
     for word in words:
@@ -239,7 +269,7 @@ def _status_words(
             parts.add(i)
         else:
             if len({k for _, k in flags}) == len(flags) > 0:
-                found[root] = _StatusWord(tuple(flags), frozenset(parts - {root}))
+                found[root] = StatusWord(tuple(flags), frozenset(parts - {root}))
     return found
 
 
@@ -275,7 +305,7 @@ def print_kernel(
         for a in n.args:
             uses[a] += 1
     wanted = {i for r in kernel.results for i in r}
-    bits = {} if fmt.name == "f64" else _status_words(kernel, words, uses)
+    bits = {} if fmt.name == "f64" else status_words(kernel, words, uses)
     parts = {i for word in bits.values() for i in word.parts}
     atoms: list[str] = []
     statements: list[Statement] = []

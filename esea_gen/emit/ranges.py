@@ -6,7 +6,10 @@ Every value of a kernel carries the interval of its exact value and an error mod
 
 pushed through operation by operation (the standard model of floating-point arithmetic, with a
 term for underflow).  A comparison whose operands carry no error, or whose outcome follows from the
-intervals, is decided alike in all formats; any other is listed as an assumption.
+intervals, is decided alike in all formats; so is the comparison with zero of a sum of two exact
+numbers, which no rounding turns into zero nor past it.  Any other is listed as an assumption.
+
+Sums, products and choices of whole numbers below the format's largest (2^24 in f32) are exact.
 
 References
 ----------
@@ -17,13 +20,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise, product
 
 import casadi as ca
 import numpy as np
 
-from esea_gen.block import Array, Block
+from esea_gen.block import Array, Block, Port
 from esea_gen.emit.elementary import ACCURACY_ULP, EXPONENT_FRACTION_BITS, exponent_q27
 from esea_gen.emit.formats import Format
 from esea_gen.emit.walker import Kernel, Node, fuse_selects, walk
@@ -36,9 +40,9 @@ class RangeError(Exception):
     """A range or an error grew without limit."""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Value:
-    """Range and error of one value.
+    """Range and error of one value; never changed once made.
 
     Parameters
     ----------
@@ -48,6 +52,15 @@ class Value:
         Error model: ``|computed - exact| <= a + r |exact|``.
     computed_low, computed_high : float
         Interval of the computed value.
+    whole : bool
+        The exact value is a whole number that the format holds, and the computed one is it.
+
+    Attributes
+    ----------
+    magnitude : float
+        Largest |exact value|.
+    error : float
+        Largest |computed - exact|.
     """
 
     low: float
@@ -56,21 +69,17 @@ class Value:
     r: float = 0.0
     computed_low: float = -math.inf
     computed_high: float = math.inf
+    whole: bool = False
+    magnitude: float = field(init=False)
+    error: float = field(init=False)
 
     def __post_init__(self) -> None:
-        e = self.error
-        object.__setattr__(self, "computed_low", max(self.computed_low, self.low - e))
-        object.__setattr__(self, "computed_high", min(self.computed_high, self.high + e))
-
-    @property
-    def magnitude(self) -> float:
-        """Largest |exact value|."""
-        return max(abs(self.low), abs(self.high))
-
-    @property
-    def error(self) -> float:
-        """Largest |computed - exact|."""
-        return self.a + self.r * self.magnitude
+        # Made some 10^6 times in a bound: written for speed.
+        low, high = self.low, self.high
+        self.magnitude = m = max(high, -low)
+        self.error = e = self.a + self.r * m
+        self.computed_low = max(self.computed_low, low - e)
+        self.computed_high = min(self.computed_high, high + e)
 
     @property
     def exact(self) -> bool:
@@ -107,6 +116,8 @@ class _Arithmetic:
         self.u = fmt.epsilon
         self.tiny = float(np.finfo(fmt.dtype).smallest_subnormal)
         self.fmt = fmt
+        self.most = 1 / self.u  # all whole numbers up to here are numbers of the format
+        self._constants: dict[float, Value] = {}
 
     def elementary(self, name: str) -> float:
         # Relative error of a function: one unit in the last place is at most 2 u relative.
@@ -118,11 +129,22 @@ class _Arithmetic:
         return Value(low, high, a * (1 + u) + self.tiny, r * (1 + u) + u)
 
     def const(self, c: float) -> Value:
-        stored = float(self.fmt.dtype.type(c))
-        return Value(c, c, abs(stored - c), 0.0, stored, stored)
+        known = self._constants.get(c)
+        if known is None:
+            stored = float(self.fmt.dtype.type(c))
+            whole = c == math.floor(c) and abs(c) <= self.most
+            known = Value(c, c, abs(stored - c), 0.0, stored, stored, whole)
+            self._constants[c] = known
+        return known
+
+    def kept_whole(self, low: float, high: float, *operands: Value) -> bool:
+        # Whether a whole result of whole operands is a number of the format, so without rounding.
+        return all(x.whole for x in operands) and max(high, -low) <= self.most
 
     def add(self, x: Value, y: Value) -> Value:
         low, high = x.low + y.low, x.high + y.high
+        if self.kept_whole(low, high, x, y):
+            return Value(low, high, whole=True)
         absolute = self.rounded(low, high, x.error + y.error, 0.0)
         if (x.low >= 0 and y.low >= 0) or (x.high <= 0 and y.high <= 0):
             # Nothing cancels: the relative errors do not grow.  Keep that form unless the absolute
@@ -133,17 +155,19 @@ class _Arithmetic:
         return absolute
 
     def neg(self, x: Value) -> Value:
-        return Value(-x.high, -x.low, x.a, x.r, -x.computed_high, -x.computed_low)
+        return Value(-x.high, -x.low, x.a, x.r, -x.computed_high, -x.computed_low, x.whole)
 
     def mul(self, x: Value, y: Value) -> Value:
         corners = [p * q for p in (x.low, x.high) for q in (y.low, y.high)]
+        if self.kept_whole(min(corners), max(corners), x, y):
+            return Value(min(corners), max(corners), whole=True)
         a = x.magnitude * y.a * (1 + x.r) + y.magnitude * x.a * (1 + y.r) + x.a * y.a
         return self.rounded(min(corners), max(corners), a, x.r + y.r + x.r * y.r)
 
     def sq(self, x: Value) -> Value:
         full = self.mul(x, x)
         low = 0.0 if x.low <= 0 <= x.high else min(x.low**2, x.high**2)
-        return Value(low, x.magnitude**2, full.a, full.r)
+        return Value(low, x.magnitude**2, full.a, full.r, whole=full.whole)
 
     def div(self, x: Value, y: Value) -> Value:
         if y.low <= 0 <= y.high:
@@ -159,7 +183,13 @@ class _Arithmetic:
 
     def fabs(self, x: Value) -> Value:
         low = 0.0 if x.low <= 0 <= x.high else min(abs(x.low), abs(x.high))
-        return Value(low, x.magnitude, x.a, x.r)
+        return Value(low, x.magnitude, x.a, x.r, whole=x.whole)
+
+    def sign(self, x: Value) -> Value:
+        low, high = (float((e > 0) - (e < 0)) for e in (x.low, x.high))
+        # A sign that rounding may turn is wrong by as much as 2.
+        turns = min(x.low, x.computed_low) <= 0 <= max(x.high, x.computed_high) and not x.exact
+        return Value(low, high, 2.0, 0.0) if turns else Value(low, high, whole=True)
 
     def extreme(self, x: Value, y: Value, pick: str) -> Value:
         f = min if pick == "fmin" else max
@@ -170,6 +200,7 @@ class _Arithmetic:
             *_either(x, y, max(abs(low), abs(high))),
             f(x.computed_low, y.computed_low),
             f(x.computed_high, y.computed_high),
+            x.whole and y.whole,
         )
 
     def hull(self, x: Value, y: Value) -> Value:
@@ -180,6 +211,7 @@ class _Arithmetic:
             *_either(x, y, max(abs(low), abs(high))),
             min(x.computed_low, y.computed_low),
             max(x.computed_high, y.computed_high),
+            x.whole and y.whole,
         )
 
     def pow(self, x: Value, c: float) -> Value:
@@ -188,6 +220,9 @@ class _Arithmetic:
         top = x.high * (1 + x.r) + x.a
         # For c < 1 the root's slope is unbounded at zero, but (X + a)^c - X^c <= a^c.
         a = c * top ** (c - 1) * x.a if c >= 1 else x.a**c
+        bottom = x.low * (1 - x.r) - x.a
+        if c < 1 and bottom > 0:  # away from zero the slope at the lower end bounds it
+            a = min(a, c * bottom ** (c - 1) * x.a)
         r = math.expm1(c * math.log1p(x.r))
         if c < 1 and x.r < 1:
             r = -math.expm1(c * math.log1p(-x.r))  # then the lower side errs more
@@ -215,11 +250,16 @@ class _Arithmetic:
         return self.rounded(f(x.low), f(x.high), slope * e, 0.0, self.elementary(name))
 
 
+@cache
+def _arithmetic_of(fmt: Format) -> _Arithmetic:
+    return _Arithmetic(fmt)
+
+
 def _decide(op: str, x: Value, y: Value) -> Value | None:
     # True or false in exact and in computed arithmetic alike, from the intervals; else None.
     high, low = max(x.high, x.computed_high), min(x.low, x.computed_low)
     other_low, other_high = min(y.low, y.computed_low), max(y.high, y.computed_high)
-    yes, no = Value(1, 1), Value(0, 0)
+    yes, no = Value(1, 1, whole=True), Value(0, 0, whole=True)
     if op == "le":
         return yes if high <= other_low else no if low > other_high else None
     if op == "lt":
@@ -262,11 +302,10 @@ def analyse(
     if facts is None:
         kernel = fuse_selects(kernel)
     known = facts or {}
-    arithmetic = _Arithmetic(fmt)
+    arithmetic = _arithmetic_of(fmt)
     values: list[Value] = []
-    assumptions = []
-    unknown = Value(0, 1)
-    numeric = _needed(kernel, [r for k, r in enumerate(kernel.results) if k not in flag_results])
+    turned = []
+    unknown = Value(0, 1, whole=True)
     for i, n in enumerate(kernel.nodes):
         v = [values[k] for k in n.args]
         if n.op == "const":
@@ -275,22 +314,42 @@ def analyse(
             result = arguments[n.source[0]][n.source[1]]
         elif n.op in ("lt", "le", "eq", "ne"):
             decided = _decide(n.op, v[0], v[1])
-            if decided is None and i in numeric and not (v[0].exact and v[1].exact):
-                assumptions.append(f"{kernel.name}: v{i} = {n.op}")
+            alike = v[0].exact and v[1].exact
+            if decided is None and not alike and not _is_sign(kernel, n, values):
+                turned.append(i)
             result = decided or unknown
         elif n.op == "not":
-            result = Value(1 - v[0].high, 1 - v[0].low) if _settled(v[0]) else unknown
+            settled = _settled(v[0])
+            result = Value(1 - v[0].high, 1 - v[0].low, whole=True) if settled else unknown
         elif n.op in ("and", "or"):
             result = _logic(n.op, v[0], v[1])
         else:
             result = _operation(arithmetic, kernel, n, v)
         if i in known:
             low, high = known[i]
-            result = Value(max(result.low, low), min(result.high, high), result.a, result.r)
+            low, high = max(result.low, low), min(result.high, high)
+            result = Value(low, high, result.a, result.r, whole=result.whole)
         if not math.isfinite(result.error) or not math.isfinite(result.magnitude):
             raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite range")
         values.append(result)
+    assumptions = []
+    if turned:
+        numbers = [r for k, r in enumerate(kernel.results) if k not in flag_results]
+        numeric = _needed(kernel, numbers)
+        assumptions = [
+            f"{kernel.name}: v{i} = {kernel.nodes[i].op}" for i in turned if i in numeric
+        ]
     return Analysis(tuple(tuple(values[i] for i in r) for r in kernel.results), tuple(assumptions))
+
+
+def _is_sign(kernel: Kernel, comparison: Node, values: Sequence[Value]) -> bool:
+    # A sum of two exact numbers against zero.  Rounding keeps its sign, and, as there are
+    # subnormal numbers, makes it zero only where it is.
+    for a, b in (comparison.args, comparison.args[::-1]):
+        summed, other = kernel.nodes[a], kernel.nodes[b]
+        if other.op == "const" and other.value == 0 and summed.op in ("add", "sub"):
+            return all(values[k].exact for k in summed.args)
+    return False
 
 
 def _needed(kernel: Kernel, results: Sequence[Sequence[int]]) -> set[int]:
@@ -309,10 +368,10 @@ def _logic(op: str, x: Value, y: Value) -> Value:
     strong = 0.0 if op == "and" else 1.0
     for p in (x, y):
         if _settled(p) and p.low == strong:
-            return Value(strong, strong)
+            return Value(strong, strong, whole=True)
     if _settled(x) and _settled(y):
-        return Value(1 - strong, 1 - strong)
-    return Value(0, 1)
+        return Value(1 - strong, 1 - strong, whole=True)
+    return Value(0, 1, whole=True)
 
 
 def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[Value]) -> Value:
@@ -322,10 +381,11 @@ def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[Value])
         return arithmetic.add(v[0], arithmetic.neg(v[1]))
     if n.op in ("mul", "div"):
         return getattr(arithmetic, n.op)(*v)  # type: ignore[no-any-return]
-    if n.op in ("neg", "sq", "fabs"):
+    if n.op in ("neg", "sq", "fabs", "sign"):
         return getattr(arithmetic, n.op)(v[0])  # type: ignore[no-any-return]
     if n.op == "twice":
-        return Value(2 * v[0].low, 2 * v[0].high, 2 * v[0].a, v[0].r)
+        whole = arithmetic.kept_whole(2 * v[0].low, 2 * v[0].high, v[0])
+        return Value(2 * v[0].low, 2 * v[0].high, 2 * v[0].a, v[0].r, whole=whole)
     if n.op == "inv":
         return arithmetic.div(Value(1, 1), v[0])
     if n.op in ("fmin", "fmax"):
@@ -338,7 +398,7 @@ def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[Value])
     if n.op in ("exp", "log", "sqrt", "tanh"):
         return arithmetic.monotone(v[0], n.op)
     if n.op in ("if_else_zero", "select"):
-        other = v[2] if n.op == "select" else Value(0, 0)
+        other = v[2] if n.op == "select" else Value(0, 0, whole=True)
         if _settled(v[0]):
             return v[1] if v[0].low else other
         return arithmetic.hull(v[1], other)
@@ -354,13 +414,14 @@ class Bound:
     format : str
         Number format.
     steps : float
-        Number of steps it holds for: ``inf`` when the Block forgets its errors.
+        Number of steps it holds for: ``inf`` when the Block forgets its errors; 1 for what one
+        step adds, from the same memory.
     outputs, states : dict of str to float
         Largest |error| per port.
     method : str
-        ``fixed point`` or ``linear``.
+        ``fixed point``, ``linear`` or ``one step``.
     assumptions : tuple of str
-        Decisions taken as equal.
+        Decisions taken as equal; inputs taken as whole numbers.
     """
 
     format: str
@@ -382,6 +443,125 @@ def _coefficients(block: Block, fmt: Format) -> list[list[Value]]:
         [Value(x, x, v.error) for x, v in zip(c, d, strict=True)]
         for c, d in zip(prepared, derived, strict=True)
     ]
+
+
+def counts(port: Port) -> bool:
+    """Whether a port counts: a mode, a number of frames, a stamp.
+
+    Parameters
+    ----------
+    port : Port
+        Input or state.
+
+    Returns
+    -------
+    bool
+        True without a unit, with whole ends more than one apart and a whole initial value, all
+        below 2^24.  An input of that kind is given whole numbers; a state of that kind is one where
+        the analysis finds that every step makes it one.
+    """
+    values = (port.low, port.high, port.init)
+    return (
+        port.unit == "1"
+        and port.high - port.low > 1
+        and all(x == math.floor(x) and abs(x) < 2.0**24 for x in values)
+    )
+
+
+class _Step:
+    """One step of a Block under the error analysis, over its ranges.
+
+    Parameters
+    ----------
+    block, fmt, ranges
+        As :func:`block_bound`.
+    room : float
+        Share of each range that inputs and states may lie beyond it: the guard's own comparisons
+        then stay undecided, and what follows an invalid input or a corrupt state counts as well.
+    """
+
+    def __init__(
+        self,
+        block: Block,
+        fmt: Format,
+        ranges: Mapping[str, tuple[float, float]] | None,
+        room: float = 0.0,
+    ) -> None:
+        self.block, self.fmt = block, fmt
+        self.kernel, self.facts = _with_facts(block)
+        self.coefficients = _coefficients(block, fmt)
+        self.limits = limits_of(block, ranges or {})
+        self.boxes = boxes_of(
+            block,
+            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()},
+        )
+        self.zero = [[0.0] * p.size for p in block.state]
+        self.whole = {f"u_{p.name}" for p in block.inputs if counts(p)}
+        self.whole |= {f"s_{p.name}" for p in block.state if counts(p)}
+        # The states are whole if, all of them taken as whole, one step leaves them whole; drop
+        # those that it does not, until none is dropped.
+        while True:
+            after = self(self.zero).results
+            lost = {
+                f"s_{p.name}"
+                for p, r in zip(block.state, after, strict=False)
+                if f"s_{p.name}" in self.whole and not all(v.whole for v in r)
+            }
+            if not lost:
+                break
+            self.whole -= lost
+        self.assumptions = tuple(
+            f"{block.name}: {p.name} is a whole number"
+            for p in block.inputs
+            if f"u_{p.name}" in self.whole
+        )
+
+    def __call__(self, errors: Errors, kernel: Kernel | None = None) -> Analysis:
+        """Errors of the results of one step from errors of the states, the worst of all boxes."""
+        parts = []
+        for box in self.boxes:
+            state = [
+                [self._state(box, f"s_{p.name}", x) for x in e]
+                for p, e in zip(self.block.state, errors, strict=True)
+            ]
+            inputs = [[self._input(box, f"u_{p.name}")] * p.size for p in self.block.inputs]
+            arguments = [*self.coefficients, *state, *inputs]
+            flags = self.block.flag_results if kernel is None else ()
+            parts.append(analyse(kernel or self.kernel, self.fmt, arguments, flags, self.facts))
+        return _worst(parts)
+
+    def _input(self, box: Mapping[str, tuple[float, float]], name: str) -> Value:
+        low, high = box[name]
+        return Value(low, high, whole=name in self.whole)
+
+    def _state(self, box: Mapping[str, tuple[float, float]], name: str, error: float) -> Value:
+        return Value(*box[name], error, 0.0, *box[name], name in self.whole and error == 0)
+
+    def state_errors(self, result: Analysis) -> Errors:
+        """Errors of the states: both the exact and the computed one lie in the port's range."""
+        out = []
+        for p, r in zip(self.block.state, result.results, strict=False):
+            low, high = self.limits[f"s_{p.name}"]
+            out.append([min(v.error, high - low) for v in r])
+        return out
+
+    def bound(
+        self, final: Analysis, states: Errors, steps: float, method: str, *extra: str
+    ) -> Bound:
+        """The errors as a Bound."""
+        outputs = final.results[len(self.block.state) :]
+        return Bound(
+            self.fmt.name,
+            steps,
+            {
+                p.name: float(max(v.error for v in r))
+                for p, r in zip(self.block.outputs, outputs, strict=True)
+                if not p.flags
+            },
+            {p.name: float(max(e)) for p, e in zip(self.block.state, states, strict=True)},
+            method,
+            final.assumptions + self.assumptions + extra,
+        )
 
 
 def block_bound(
@@ -412,60 +592,106 @@ def block_bound(
     Raises
     ------
     RangeError
-        When neither way gives a finite bound.
+        When neither way gives a finite bound; :func:`step_bound` may still.
     """
-    kernel, facts = _with_facts(block)
-    coefficients = _coefficients(block, fmt)
-    limits = _limits(block, ranges or {})
-    boxes = _boxes(block, limits)
-
-    def once(errors: list[list[float]]) -> Analysis:
-        parts = []
-        for box in boxes:
-            state = [
-                [Value(*box[f"s_{p.name}"], x, 0.0, *box[f"s_{p.name}"]) for x in e]
-                for p, e in zip(block.state, errors, strict=True)
-            ]
-            inputs = [[Value(*box[f"u_{p.name}"])] * p.size for p in block.inputs]
-            arguments = [*coefficients, *state, *inputs]
-            parts.append(analyse(kernel, fmt, arguments, block.flag_results, facts))
-        return _worst(parts)
-
-    def state_errors(result: Analysis) -> list[list[float]]:
-        # Both the exact and the computed state lie in the port's range.
-        out = []
-        for p, r in zip(block.state, result.results, strict=False):
-            low, high = limits[f"s_{p.name}"]
-            out.append([min(v.error, high - low) for v in r])
-        return out
-
-    zero = [[0.0] * p.size for p in block.state]
+    once = _Step(block, fmt, ranges)
+    limits = once.limits
     method, extra = "fixed point", tuple[str, ...]()
-    solved = _fixed_point(once, state_errors, zero)
+    solved = fixed_point(once, once.state_errors, once.zero)
     # At the ends of the states' own ranges it says nothing.
     idle = solved is not None and any(
         max(e) > 0.25 * (limits[f"s_{p.name}"][1] - limits[f"s_{p.name}"][0])
         for p, e in zip(block.state, solved, strict=True)
     )
-    if (solved is None or idle) and _is_linear(kernel, len(block.coefficients)):
-        solved, idle = _linear_bound(block, state_errors(once(zero))), False
+    if (solved is None or idle) and is_linear(once.kernel, len(block.coefficients)):
+        solved, idle = linear_bound(block, once.state_errors(once(once.zero))), False
         method, extra = "linear", (f"{block.name}: no clip of a state acts",)
     if solved is None or idle:
         raise RangeError(f"{block.name}: not stable, rounding errors may grow without limit")
-    final = once(solved)
-    outputs = final.results[len(block.state) :]
-    return Bound(
-        fmt.name,
-        math.inf,
-        {
-            p.name: float(max(v.error for v in r))
-            for p, r in zip(block.outputs, outputs, strict=True)
-            if not p.flags
-        },
-        {p.name: max(e) for p, e in zip(block.state, solved, strict=True)},
-        method,
-        final.assumptions + extra,
-    )
+    return once.bound(once(solved), solved, math.inf, method, *extra)
+
+
+# A little beyond the ports' ranges, so that the guard's own comparisons stay undecided.
+BEYOND = 1e-6
+
+
+def step_bound(
+    block: Block, fmt: Format, ranges: Mapping[str, tuple[float, float]] | None = None
+) -> Bound:
+    """Derive the error that one step of a Block adds, from the same memory.
+
+    For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
+    adds its rounding errors up.
+
+    Parameters
+    ----------
+    block, fmt, ranges
+        As :func:`block_bound`.
+
+    Returns
+    -------
+    Bound
+        With ``steps`` 1: of the outputs, and of the states after the step.  It holds for corrupt
+        states and invalid inputs too.
+
+    Raises
+    ------
+    RangeError
+        When a value of the step has no finite range.
+    """
+    once = _Step(block, fmt, ranges, BEYOND)
+    final = once(once.zero)
+    return once.bound(final, once.state_errors(final), 1, "one step")
+
+
+def node_errors(block: Block, fmt: Format) -> tuple[Kernel, list[float]]:
+    """Largest |error| of every value of a step, from the same memory.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    fmt : Format
+        Number format.
+
+    Returns
+    -------
+    kernel : Kernel
+        The step, its selects fused.
+    errors : list of float
+        Per node, given that all decisions before it are the same.
+    """
+    once = _Step(block, fmt, None, BEYOND)
+    kernel = once.kernel
+    everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
+    return kernel, [v.error for v in once(once.zero, everything).results[0]]
+
+
+def whole_nodes(block: Block, kernel: Kernel, fmt: Format) -> frozenset[int]:
+    """Values of a step that are whole numbers, as long as what counts is given whole numbers.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    kernel : Kernel
+        Its step.
+    fmt : Format
+        Number format.
+
+    Returns
+    -------
+    frozenset of int
+        Nodes of ``kernel``; empty when the analysis finds no finite range for one.
+    """
+    everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
+    try:
+        once = _Step(block, fmt, None, BEYOND)
+        once.facts = {}
+        (values,) = once(once.zero, fuse_selects(everything)).results
+    except RangeError:
+        return frozenset()
+    return frozenset(i for i, v in enumerate(values) if v.whole)
 
 
 def _with_facts(block: Block) -> tuple[Kernel, dict[int, tuple[float, float]]]:
@@ -479,9 +705,28 @@ def _with_facts(block: Block) -> tuple[Kernel, dict[int, tuple[float, float]]]:
     return Kernel(labelled.name, labelled.nodes, labelled.results[:count]), facts
 
 
-def _limits(
+def limits_of(
     block: Block, ranges: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
+    """Ranges of a Block's states (``s_...``) and inputs (``u_...``).
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    ranges : mapping of str to (low, high)
+        Ranges to use instead of the ports'.
+
+    Returns
+    -------
+    dict of str to (low, high)
+        By name.
+
+    Raises
+    ------
+    ValueError
+        For a name that is no state or input.
+    """
     own = {f"s_{p.name}": (p.low, p.high) for p in block.state}
     own |= {f"u_{p.name}": (p.low, p.high) for p in block.inputs}
     unknown = sorted(set(ranges) - set(own))
@@ -490,9 +735,23 @@ def _limits(
     return own | dict(ranges)
 
 
-def _boxes(
+def boxes_of(
     block: Block, limits: Mapping[str, tuple[float, float]]
 ) -> list[dict[str, tuple[float, float]]]:
+    """Cut the ranges where the Block says: one box for every choice of pieces.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    limits : mapping of str to (low, high)
+        From :func:`limits_of`.
+
+    Returns
+    -------
+    list of dict
+        Ranges by name, one dict a box.
+    """
     axes = []
     for name, cuts in block.split.items():
         low, high = limits[name]
@@ -508,7 +767,12 @@ def _worst(parts: Sequence[Analysis]) -> Analysis:
     for values in zip(*(p.results for p in parts), strict=True):
         results.append(
             tuple(
-                Value(min(v.low for v in e), max(v.high for v in e), max(v.error for v in e))
+                Value(
+                    min(v.low for v in e),
+                    max(v.high for v in e),
+                    max(v.error for v in e),
+                    whole=all(v.whole for v in e),
+                )
                 for e in zip(*values, strict=True)
             )
         )
@@ -518,9 +782,26 @@ def _worst(parts: Sequence[Analysis]) -> Analysis:
 Errors = list[list[float]]
 
 
-def _fixed_point(
+def fixed_point(
     once: Callable[[Errors], Analysis], state_errors: Callable[[Analysis], Errors], zero: Errors
 ) -> Errors | None:
+    """Find errors of the states that one step does not make larger.
+
+    Parameters
+    ----------
+    once : callable
+        Errors of the results of one step from errors of the states.
+    state_errors : callable
+        Errors of the next states from these.
+    zero : list of list of float
+        No error, per state and element.
+
+    Returns
+    -------
+    list of list of float or None
+        An inductive bound per state and element; None when none is found.
+    """
+
     def image(errors: Errors) -> Errors:
         return state_errors(once(errors))
 
@@ -560,8 +841,21 @@ def _fixed_point(
     return errors
 
 
-def _is_linear(kernel: Kernel, coefficients: int) -> bool:
-    # Whether states and inputs enter only linearly, up to clips and selections.
+def is_linear(kernel: Kernel, coefficients: int) -> bool:
+    """Whether states and inputs enter a step only linearly, up to clips and selections.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        The step.
+    coefficients : int
+        Number of its first arguments that are coefficients.
+
+    Returns
+    -------
+    bool
+        True for a linear step.
+    """
     varies: list[bool] = []
     for n in kernel.nodes:
         moving = [varies[k] for k in n.args]
@@ -578,7 +872,21 @@ def _is_linear(kernel: Kernel, coefficients: int) -> bool:
     return True
 
 
-def _linear_bound(block: Block, local: Errors) -> Errors | None:
+def linear_bound(block: Block, local: Errors) -> Errors | None:
+    """Sum one step's own errors through the powers of a linear Block's state matrix.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    local : list of list of float
+        Errors that one step adds, per state and element.
+
+    Returns
+    -------
+    list of list of float or None
+        Bound for any number of steps; None when the matrix varies or is not stable.
+    """
     state = block.step.sx_in()
     n_c = len(block.coefficients)
     symbols = ca.veccat(*state[n_c : n_c + len(block.state)])
@@ -620,4 +928,15 @@ def _linear_bound(block: Block, local: Errors) -> Errors | None:
     return [list(map(float, 1.000001 * part)) for part in np.split(total, sizes)]
 
 
-__all__ = ["Analysis", "Bound", "RangeError", "Value", "analyse", "block_bound"]
+__all__ = [
+    "Analysis",
+    "Bound",
+    "RangeError",
+    "Value",
+    "analyse",
+    "block_bound",
+    "counts",
+    "node_errors",
+    "step_bound",
+    "whole_nodes",
+]

@@ -8,7 +8,7 @@ import math
 import re
 import tempfile
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -19,8 +19,13 @@ import jinja2
 
 from esea_gen.block import Block, Port
 from esea_gen.emit.elementary import source_paths
-from esea_gen.emit.formats import FORMATS, Format, PrintedKernel, print_kernel
+from esea_gen.emit.fixed.functions import source_files
+from esea_gen.emit.fixed.naming import Naming
+from esea_gen.emit.fixed.render import print_lowered
+from esea_gen.emit.fixed.search import plan_block
+from esea_gen.emit.formats import FORMATS, Q31, Format, PrintedKernel, print_kernel
 from esea_gen.emit.walker import Kernel, prune, walk
+from esea_gen.errors import UserError
 from esea_gen.system import External, Latch, Signal, System
 
 
@@ -95,6 +100,8 @@ class EmittedBlock:
         The other kernels.
     stores : tuple of tuple of str
         Per statement of the step, the state that it completes.
+    template : str
+        What renders it.
     """
 
     block: Block
@@ -102,6 +109,7 @@ class EmittedBlock:
     init: PrintedKernel
     step: PrintedKernel
     stores: tuple[tuple[str, ...], ...]  # per statement of the step, the state that it completes
+    template: str = "device/esea_block.c.j2"
 
 
 def block_kernels(block: Block) -> dict[str, Kernel]:
@@ -158,6 +166,12 @@ def emit_block(block: Block, fmt: Format) -> EmittedBlock:
     EmittedBlock
         For the templates.
     """
+    emit = getattr(block, "emit", None)
+    if emit is not None:  # a Program prints itself
+        program: EmittedBlock = emit(fmt)
+        return program
+    if fmt is Q31:
+        return _emit_fixed(block)
     coefficients = [("coeffs", block.coefficients)]
     init = print_kernel(fmt.passes(walk(block.init)), fmt, _access(coefficients), {})
     prepare = None
@@ -175,7 +189,22 @@ def emit_block(block: Block, fmt: Format) -> EmittedBlock:
     return EmittedBlock(block, prepare, init, step, early_stores(block, step))
 
 
-def early_stores(block: Block, step: PrintedKernel) -> tuple[tuple[str, ...], ...]:
+def _emit_fixed(block: Block) -> EmittedBlock:
+    plan = plan_block(block)
+    step = print_lowered(plan.step)
+    names = {f.port.name: f.name for f in plan.fields["state"]}
+    return EmittedBlock(
+        block,
+        print_lowered(plan.prepare) if plan.prepare else None,
+        print_lowered(plan.init),
+        step,
+        early_stores(block, step, names),
+    )
+
+
+def early_stores(
+    block: Block, step: PrintedKernel, names: Mapping[str, str] | None = None
+) -> tuple[tuple[str, ...], ...]:
     """Where in a step each state can be stored: as soon as the old one is read and the new known.
 
     Stored at the end, every new state would stay alive until there; with ten stop operators and
@@ -187,6 +216,8 @@ def early_stores(block: Block, step: PrintedKernel) -> tuple[tuple[str, ...], ..
         The Block.
     step : PrintedKernel
         Its step.
+    names : mapping of str to str, optional
+        C field by state port, where it is not the port's name.
 
     Returns
     -------
@@ -199,7 +230,9 @@ def early_stores(block: Block, step: PrintedKernel) -> tuple[tuple[str, ...], ..
     after: list[list[str]] = [[] for _ in range(count)]
     for p, atoms in zip(block.state, step.results, strict=False):
         for i, atom in enumerate(atoms):
-            place = f"state->{p.name}" + ("" if p.size == 1 else f"[{i}]")
+            place = f"state->{(names or {}).get(p.name, p.name)}" + (
+                "" if p.size == 1 else f"[{i}]"
+            )
             waits = [defined[w] for w in re.findall(r"[A-Za-z_]\w*", atom) if w in defined]
             waits.append(read.get(place, 0))
             after[max(waits)].append(f"{place} = {atom};")
@@ -224,7 +257,12 @@ def _prune_with(
     return prune(kernel), kept
 
 
-def content_hash(system: System, device_digest: str, title: str) -> str:
+def content_hash(
+    system: System,
+    device_digest: str,
+    title: str,
+    formats: Iterable[Format] = tuple(FORMATS.values()),
+) -> str:
     """The hash that runs through device, C, firmware, log and report.
 
     It covers the device file's content, the text of every emitted C file in every number format,
@@ -238,6 +276,8 @@ def content_hash(system: System, device_digest: str, title: str) -> str:
         Hash of the device file's content.
     title : str
         The device's title.
+    formats : iterable of Format
+        Number formats whose text it covers.
 
     Returns
     -------
@@ -254,7 +294,7 @@ def content_hash(system: System, device_digest: str, title: str) -> str:
     for path in sorted((template_folder() / "dialect").glob("*.j2")):
         put(path.name)
         put(path.read_text(encoding="utf-8"))
-    for fmt in FORMATS.values():
+    for fmt in formats:
         # A file carries the hash, so it is taken as it is without one.
         for name, text in sorted(Renderer(system, fmt, "", "", title).files().items()):
             put(name)
@@ -291,11 +331,9 @@ def reference_c(system: System) -> dict[str, str]:
         f"{stem}.c", {"with_header": True, "prefix": f"{stem}_", "casadi_int": "int"}
     )
     for block in system.kinds:
-        for verb, function in (
-            ("prepare", block.prepare),
-            ("init", block.init),
-            ("step", block.step),
-        ):
+        # A Program has no step in one piece; its kernels stand for it.
+        steps = getattr(block, "kernels", None) or {"step": block.step}
+        for verb, function in {"prepare": block.prepare, "init": block.init, **steps}.items():
             if verb == "prepare" and not block.tunables:
                 continue
             renamed = _rename(function, f"{stem}_{block.name}_{verb}")
@@ -420,6 +458,7 @@ class Renderer:
         self.fmt = fmt
         self.prefix = f"esea_{system.name}"
         self.emitted = {b.name: emit_block(b, fmt) for b in system.kinds}
+        self.naming = Naming(system, fixed=fmt is Q31)
         self.env = environment()
         self.env.globals |= {
             "fmt": fmt,
@@ -430,30 +469,81 @@ class Renderer:
             "content_hash": digest,
             "command": command,
             "field": self.field,
-            "port_text": port_text,
+            "cname": self.naming.field,
+            "xname": self.naming.external,
+            "lname": self.naming.latch,
+            "literal": self.literal,
+            "port_text": self.port_text,
             "feed": self.feed,
             "versions": versions(),
         }
 
-    def field(self, port: Any) -> str:
+    def field(self, port: Any, block: Block, group: str) -> str:
         """C declaration of a port as a struct field.
 
         Parameters
         ----------
         port : Port or Tunable
             What the field holds.
+        block : Block
+            Its Block.
+        group : str
+            Struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
 
         Returns
         -------
         str
             The declaration.
         """
+        name = self.naming.field(block, group, port)
         if getattr(port, "flags", ()):
-            return f"uint32_t {port.name};"
+            return f"uint32_t {name};"
         size = getattr(port, "size", 1)
-        return f"{self.fmt.c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
+        return f"{self.fmt.c_type} {name}{'' if size == 1 else f'[{size}]'};"
 
-    def feed(self, instance: str, port: Port) -> str:
+    def literal(self, block: Block, group: str, port: Any, value: float) -> str:
+        """C literal of a port's value.
+
+        Parameters
+        ----------
+        block : Block
+            Its Block.
+        group : str
+            Struct.
+        port : Port or Tunable
+            What it is a value of.
+        value : float
+            In the port's unit.
+
+        Returns
+        -------
+        str
+            The literal; a raw number in q31.
+        """
+        if self.fmt is not Q31:
+            return self.fmt.literal(value)
+        return str(plan_block(block).field(group, port.name).raw(value))
+
+    def port_text(self, port: Any, block: Block | None = None, group: str = "") -> str:
+        """What a header says of a port.
+
+        Parameters
+        ----------
+        port : Port or Tunable
+            The port.
+        block : Block, optional
+            Its Block: then a q31 header says its raw numbers too.
+        group : str
+            Struct.
+
+        Returns
+        -------
+        str
+            One line.
+        """
+        return port_text(port) + self.naming.text(block, group, port)
+
+    def feed(self, instance: str, port: Port, at: str) -> str:
         """C expression of what feeds an input port.
 
         Parameters
@@ -462,6 +552,8 @@ class Renderer:
             Instance that reads.
         port : Port
             Its input port.
+        at : str
+            Index of the element in brackets, or empty.
 
         Returns
         -------
@@ -469,11 +561,18 @@ class Renderer:
             The expression.
         """
         source = self.system.feed(Signal(instance, port.name))
+        sink = self.system.blocks[instance], port
         if isinstance(source, External):
-            return f"in->{source.name}"
-        if isinstance(source, Latch):
-            return f"state->{self.system.task_of(instance).name}_held.{source.name}"
-        return f"{source.instance}_out.{source.port}"
+            text, made = f"in->{self.naming.external(source)}", None
+        elif isinstance(source, Latch):
+            held = f"state->{self.system.task_of(instance).name}_held"
+            text, made = f"{held}.{self.naming.latch(source)}", source.source
+        else:
+            block = self.system.blocks[source.instance]
+            made_port = next(p for p in block.outputs if p.name == source.port)
+            text = f"{source.instance}_out.{self.naming.field(block, 'out', made_port)}"
+            made = source
+        return self.naming.convert(f"{text}{at}", made, *sink)
 
     def render(self, template: str, **context: Any) -> str:
         """One file from one template, named by its path.
@@ -505,15 +604,44 @@ class Renderer:
             f"{p}.h": self.render("device/esea_device.h.j2"),
             f"{p}.c": self.render("device/esea_device.c.j2"),
             f"{p}_real.h": self.render("device/esea_real.h.j2"),
-            "main.c": self.render("device/main.c.j2", example=example_stream(self.system)),
+            "main.c": self.render("device/main.c.j2", example=self.example()),
         }
         for name, emitted in self.emitted.items():
-            out[f"{p}_{name}.c"] = self.render("device/esea_block.c.j2", e=emitted)
+            out[f"{p}_{name}.c"] = self.render(emitted.template, e=emitted)
         if self.fmt.name == "f64":
             out |= reference_c(self.system)
         else:
-            out |= {path.name: path.read_text() for path in source_paths()}
+            sources = source_files() if self.fmt is Q31 else source_paths()
+            out |= {path.name: path.read_text() for path in sources}
         return out
+
+    def example(self) -> dict[str, Any]:
+        """The example program's stream; in q31 with raw numbers.
+
+        Returns
+        -------
+        dict
+            As :func:`example_stream`; in q31 ``scale`` turns a count into a raw input, and the
+            samples and the tolerance are raw.
+        """
+        example = example_stream(self.system)
+        if self.fmt is not Q31:
+            return example
+        source, result = example["input"], example["output"]
+        fraction = self.naming.external_field(source).fraction
+        if fraction < example["shift"]:
+            raise UserError(
+                f"{self.system.name}: the example's input cannot be exact in q31 (lattice "
+                f"2^-{example['shift']}, format 2^-{fraction}).",
+                "Narrow the range of the first input.",
+            )
+        made = self.naming.external_field(result)
+        return example | {
+            "scale": 1 << (fraction - example["shift"]),
+            "samples": [ExampleSample(x.step, made.raw(x.expected)) for x in example["samples"]],
+            # Ten times what single precision gets: half a percent of a percent of the range.
+            "tolerance": made.raw(5e-5 * result.port.high),
+        }
 
 
 def port_text(port: Any) -> str:

@@ -1,0 +1,385 @@
+"""Worst-case error of a lowered kernel against exact arithmetic, and of a Block for all time.
+
+Every value carries the interval of its exact value and a bound on |computed - exact|, pushed
+through operation by operation; what an operation adds itself is what the lowering recorded.  All
+boxes of a Block's split ranges go through at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.emit.fixed.elementary import EXPONENT_ERROR
+from esea_gen.emit.fixed.values import ZERO, LoweredKernel, Value
+from esea_gen.emit.ranges import RangeError
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Span:
+    """Interval of the exact value and error model, one entry a box.
+
+    Parameters
+    ----------
+    low, high : ndarray
+        Interval, shape (boxes,).
+    a, r : ndarray
+        ``|computed - exact| <= a + r |exact|``, shape (boxes,).
+    held : bool
+        Whether the computed value, too, lies in the interval: an input or state that has passed
+        its port's check.
+    """
+
+    low: Array
+    high: Array
+    a: Array
+    r: Array
+    held: bool = False
+
+    @property
+    def magnitude(self) -> Array:
+        """Largest |exact value|."""
+        return np.maximum(np.abs(self.low), np.abs(self.high))
+
+    @property
+    def error(self) -> Array:
+        """Largest |computed - exact|."""
+        return np.asarray(self.a + self.r * self.magnitude)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the computed value is the exact one in every box."""
+        return not np.any(self.a) and not np.any(self.r)
+
+
+def span(low: float, high: float, error: float, boxes: int) -> Span:
+    """The same interval and error in every box.
+
+    Parameters
+    ----------
+    low, high, error : float
+        Interval and absolute error.
+    boxes : int
+        Number of boxes.
+
+    Returns
+    -------
+    Span
+        Constant over the boxes.
+    """
+    return Span(np.full(boxes, low), np.full(boxes, high), np.full(boxes, error), np.zeros(boxes))
+
+
+def _corners(x: Span, y: Span, function: Any) -> tuple[Array, Array]:
+    values = np.stack([function(p, q) for p in (x.low, x.high) for q in (y.low, y.high)])
+    return values.min(axis=0), values.max(axis=0)
+
+
+def _add(x: Span, y: Span) -> Span:
+    low, high = x.low + y.low, x.high + y.high
+    total = x.error + y.error
+    # Where nothing cancels the relative errors do not grow: that form, unless it is far worse.
+    alike = ((x.low >= 0) & (y.low >= 0)) | ((x.high <= 0) & (y.high <= 0))
+    a, r = x.a + y.a, np.maximum(x.r, y.r)
+    relative = alike & (a + r * np.maximum(np.abs(low), np.abs(high)) <= 2 * total)
+    return Span(low, high, np.where(relative, a, total), np.where(relative, r, 0.0))
+
+
+def _neg(x: Span) -> Span:
+    return Span(-x.high, -x.low, x.a, x.r)
+
+
+def _mul(x: Span, y: Span, same: bool) -> Span:
+    low, high = _corners(x, y, np.multiply)
+    if same:
+        low = np.where((x.low <= 0) & (x.high >= 0), 0.0, low)
+    a = x.magnitude * y.a * (1 + x.r) + y.magnitude * x.a * (1 + y.r) + x.a * y.a
+    return Span(low, high, a, x.r + y.r + x.r * y.r)
+
+
+def _div(x: Span, y: Span) -> Span:
+    if np.any((y.low <= 0) & (y.high >= 0)):
+        raise RangeError("division by a range that holds zero")
+    floor = np.minimum(np.abs(y.low), np.abs(y.high))
+    k = y.r + y.a / floor
+    if np.any(k >= 1):
+        raise RangeError("division by a value whose error is as large as itself")
+    low, high = _corners(x, y, np.divide)
+    return Span(low, high, x.a / (floor * (1 - k)), (x.r + k) / (1 - k))
+
+
+def _pow(x: Span, c: float) -> Span:
+    low, high = np.maximum(x.low, 0.0), np.maximum(x.high, 0.0)
+    top = high * (1 + x.r) + x.a
+    if c < 0:
+        below = low * (1 - x.r) - x.a
+        if np.any(below <= 0):
+            raise RangeError("a negative power of a range that reaches zero")
+        a, r = -c * below ** (c - 1) * x.a, np.expm1(c * np.log1p(-x.r))
+        ends = high**c, low**c
+    else:
+        if c >= 1:
+            a, r = c * top ** (c - 1) * x.a, np.expm1(c * np.log1p(x.r))
+        else:
+            # The slope is unbounded at zero, but (X + e)^c - X^c <= e^c.
+            below = low * (1 - x.r) - x.a
+            safe = np.where(below > 0, below, 1.0)
+            a = np.where(below > 0, np.minimum(x.a**c, c * safe ** (c - 1) * x.a), x.a**c)
+            r = -np.expm1(c * np.log1p(-np.minimum(x.r, 0.5)))
+        ends = low**c, high**c
+    # The exponent is off by half of 2^-27.  Where x stays away from 0 that is a relative error;
+    # else x^c |ln x| is bounded: it rises up to x = exp(-1/c) and falls from there to 1.
+    off = EXPONENT_ERROR * 1.001
+    floor = np.where(low > 0, low, 1.0)
+    logs = np.maximum(np.abs(np.log(floor)), np.abs(np.log(np.maximum(top, 1e-300))))
+    relative = np.where(low > 0, np.expm1(off * logs), np.inf)
+    peak = np.clip(top, 1e-300, math.exp(-1 / abs(c)))
+    beyond = np.where(top > 1, top ** abs(c) * np.log(np.maximum(top, 1.0)), 0.0)
+    tilt = off * np.maximum(beyond, peak ** abs(c) * np.abs(np.log(peak)))
+    use = (low > 0) & ((c < 0) | (relative * ends[1] <= 8 * tilt))
+    return Span(*ends, a + np.where(use, 0.0, tilt), r + np.where(use, relative, 0.0))
+
+
+def _monotone(x: Span, name: str) -> Span:
+    e, zero = x.error, np.zeros_like(x.low)
+    if name == "exp":
+        return Span(np.exp(x.low), np.exp(x.high), zero, np.expm1(e))
+    if name == "tanh":
+        return Span(np.tanh(x.low), np.tanh(x.high), e, zero)
+    if name == "sqrt":
+        low, high = np.maximum(x.low, 0.0), np.maximum(x.high, 0.0)
+        # |sqrt(x + a) - sqrt(x)| <= sqrt(a), and a / sqrt(x) away from zero.
+        root = np.sqrt(x.a)
+        safe = np.where(low > 0, low, 1.0)
+        a = np.where(low > 0, np.minimum(root, x.a / np.sqrt(safe)), root)
+        return Span(
+            np.sqrt(low), np.sqrt(high), a, -np.expm1(0.5 * np.log1p(-np.minimum(x.r, 0.5)))
+        )
+    if np.any(x.low - e <= 0):
+        raise RangeError("log of a range that reaches zero")
+    return Span(np.log(x.low), np.log(x.high), -np.log1p(-e / x.low), zero)
+
+
+def _either(x: Span, y: Span, low: Array, high: Array) -> Span:
+    # One of two values: |error| <= max_i (a_i + r_i |z|).
+    magnitude = np.maximum(np.abs(low), np.abs(high))
+    mine, other = (x.a <= y.a) & (x.r <= y.r), (y.a <= x.a) & (y.r <= x.r)
+    flat = np.maximum(x.a + x.r * magnitude, y.a + y.r * magnitude)
+    a = np.where(mine, y.a, np.where(other, x.a, flat))
+    return Span(low, high, a, np.where(mine, y.r, np.where(other, x.r, 0.0)))
+
+
+def _decide(op: str, x: Span, y: Span) -> tuple[Array, Array]:
+    # Interval of the truth value, from what both exact and computed arithmetic can see.
+    xe, ye = (0.0 if v.held else v.error for v in (x, y))
+    xl, xh = x.low - xe, x.high + xe
+    yl, yh = y.low - ye, y.high + ye
+    yes, no = {
+        "le": (xh <= yl, xl > yh),
+        "lt": (xh < yl, xl >= yh),
+        "eq": (np.zeros_like(xl, bool), (xh < yl) | (xl > yh)),
+        "ne": ((xh < yl) | (xl > yh), np.zeros_like(xl, bool)),
+    }[op]
+    return np.where(yes, 1.0, 0.0), np.where(no, 0.0, 1.0)
+
+
+def _select(c: Span, x: Span, y: Span) -> Span:
+    first, second = c.low == 1, c.high == 0
+    both = _either(x, y, np.minimum(x.low, y.low), np.maximum(x.high, y.high))
+
+    def pick(p: Array, q: Array, else_: Array) -> Array:
+        return np.where(first, p, np.where(second, q, else_))
+
+    return Span(
+        pick(x.low, y.low, both.low),
+        pick(x.high, y.high, both.high),
+        pick(x.a, y.a, both.a),
+        pick(x.r, y.r, both.r),
+    )
+
+
+def _extreme(op: str, x: Span, y: Span) -> Span:
+    f = np.minimum if op == "fmin" else np.maximum
+    both = _either(x, y, f(x.low, y.low), f(x.high, y.high))
+    # Where one side wins in exact and in computed arithmetic alike, its error alone counts.
+    room = x.error + y.error
+    if op == "fmin":
+        mine, other = y.low - x.high >= room, x.low - y.high >= room
+    else:
+        mine, other = x.low - y.high >= room, y.low - x.high >= room
+    return Span(
+        both.low,
+        both.high,
+        np.where(mine, x.a, np.where(other, y.a, both.a)),
+        np.where(mine, x.r, np.where(other, y.r, both.r)),
+    )
+
+
+def _operation(op: str, v: list[Span], same: bool, exponent: float) -> Span:
+    zero = np.zeros_like(v[0].low)
+    if op == "add":
+        return _add(v[0], v[1])
+    if op == "sub":
+        return _add(v[0], _neg(v[1]))
+    if op in ("mul", "sq"):
+        return _mul(v[0], v[-1], same)
+    if op == "div":
+        return _div(v[0], v[1])
+    if op == "neg":
+        return _neg(v[0])
+    if op == "twice":
+        return Span(2 * v[0].low, 2 * v[0].high, 2 * v[0].a, v[0].r)
+    if op == "fabs":
+        crosses = (v[0].low <= 0) & (v[0].high >= 0)
+        low = np.where(crosses, 0.0, np.minimum(np.abs(v[0].low), np.abs(v[0].high)))
+        return Span(low, v[0].magnitude, v[0].a, v[0].r)
+    if op in ("fmin", "fmax"):
+        return _extreme(op, v[0], v[1])
+    if op == "pow":
+        return _pow(v[0], exponent)
+    if op in ("exp", "log", "sqrt", "tanh"):
+        return _monotone(v[0], op)
+    if op == "sign":
+        e = v[0].error
+        sure = (v[0].low > e) | (v[0].high < -e) | (e == 0)
+        return Span(np.sign(v[0].low), np.sign(v[0].high), np.where(sure, 0.0, 2.0), zero)
+    if op == "select":
+        return _select(*v)
+    if op == "if_else_zero":
+        return _select(v[0], v[1], Span(zero, zero, zero, zero))
+    raise RangeError(f"no error rule for '{op}'")
+
+
+def _relative(x: Span) -> Span:
+    # Away from zero a small absolute error is carried as a relative one: products and quotients
+    # of wide intervals then keep it small, where an absolute one would meet the other's largest.
+    least = np.minimum(np.abs(x.low), np.abs(x.high))
+    away = (x.low > 0) | (x.high < 0)
+    share = x.a / np.where(away, least, 1.0)
+    use = away & (share <= np.maximum(8 * x.r, 2.0**-30))
+    return Span(x.low, x.high, np.where(use, 0.0, x.a), np.where(use, x.r + share, x.r), x.held)
+
+
+def _logic(op: str, v: list[Span]) -> Span:
+    zero = np.zeros_like(v[0].low)
+    sure = [np.asarray((x.low > 0) | (x.high < 0), dtype=np.float64) for x in v]
+    maybe = [np.asarray((x.low != 0) | (x.high != 0), dtype=np.float64) for x in v]
+    if op == "not":
+        low: Array = np.asarray(1.0 - maybe[0], dtype=np.float64)
+        return Span(low, np.asarray(1.0 - sure[0], dtype=np.float64), zero, zero)
+    if op == "and":
+        return Span(np.minimum(*sure), np.minimum(*maybe), zero, zero)
+    return Span(np.maximum(*sure), np.maximum(*maybe), zero, zero)
+
+
+def _needed(lowered: LoweredKernel, flag_results: Sequence[int]) -> set[int]:
+    kernel = lowered.kernel
+    needed = {i for k, r in enumerate(kernel.results) if k not in flag_results for i in r}
+    for i in range(len(kernel.nodes) - 1, -1, -1):
+        if i in needed:
+            needed.update(kernel.nodes[i].args)
+    return needed
+
+
+def analyse(
+    lowered: LoweredKernel,
+    arguments: Sequence[Sequence[Span]],
+    flag_results: Sequence[int] = (),
+    facts: Mapping[int, tuple[float, float]] | None = None,
+    boxes: int = 1,
+) -> tuple[list[list[Span]], tuple[str, ...], list[Span]]:
+    """Push ranges and errors through a lowered kernel.
+
+    Parameters
+    ----------
+    lowered : LoweredKernel
+        The kernel.
+    arguments : sequence of sequence of Span
+        Per argument and element.
+    flag_results : sequence of int
+        Results that are status words: a decision that only they use is no assumption.
+    facts : mapping, optional
+        Ranges of nodes that follow from algebra.
+    boxes : int
+        Number of boxes.
+
+    Returns
+    -------
+    results : list of list of Span
+        Per result and element, in the port's format.
+    assumptions : tuple of str
+        Decisions that rounding could turn: taken as equal.
+    values : list of Span
+        Per node.
+
+    Raises
+    ------
+    RangeError
+        For a division by a range holding zero and the like.
+    """
+    kernel = lowered.kernel
+    numeric = _needed(lowered, flag_results)
+    values: list[Span] = []
+    assumptions = []
+    nothing = span(0.0, 0.0, 0.0, boxes)
+    for i, n in enumerate(kernel.nodes):
+        own = lowered.values[i]
+        if n.op == "const":
+            values.append(span(n.value, n.value, 0.0, boxes))
+            continue
+        if n.op == "input":
+            values.append(arguments[n.source[0]][n.source[1]])
+            continue
+        if own is None:  # a part of a status word
+            values.append(nothing)
+            continue
+        v = [_operand(values, k, own, p) for p, k in enumerate(n.args)]
+        if n.op in ("lt", "le", "eq", "ne"):
+            low, high = _decide(n.op, v[0], v[1])
+            open_ = bool(np.any(low != high))
+            if open_ and i in numeric and not (v[0].exact and v[1].exact and own.local == 0):
+                assumptions.append(f"{kernel.name}: v{i} = {n.op}")
+            values.append(Span(low, high, np.zeros(boxes), np.zeros(boxes)))
+            continue
+        if n.op in ("and", "or", "not"):
+            values.append(_logic(n.op, v))
+            continue
+        exponent = kernel.nodes[n.args[1]].value if n.op == "pow" else 0.0
+        result = _operation(n.op, v, n.op == "sq" or n.args[0] == n.args[-1], exponent)
+        if facts and i in facts:
+            low = np.maximum(result.low, facts[i][0])
+            high = np.minimum(result.high, facts[i][1])
+            result = Span(low, high, result.a, result.r)
+        result = Span(
+            result.low,
+            result.high,
+            result.a * (1 + own.relative) + own.local,
+            result.r * (1 + own.relative) + own.relative,
+        )
+        result = _relative(result)
+        if not np.all(np.isfinite(result.error)):
+            raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite error")
+        values.append(result)
+    results = [
+        [
+            Span(values[i].low, values[i].high, values[i].a + c, values[i].r)
+            for i, c in zip(r, conversion, strict=True)
+        ]
+        for r, conversion in zip(kernel.results, lowered.conversions, strict=True)
+    ]
+    return results, tuple(assumptions), values
+
+
+def _operand(values: list[Span], k: int, own: Value, position: int) -> Span:
+    if k == ZERO:
+        raise RangeError("a select's missing arm is no operand")
+    stored = own.constants.get(position, 0.0)
+    v = values[k]
+    return Span(v.low, v.high, v.a + stored, v.r) if stored else v

@@ -1,0 +1,301 @@
+"""Proven error of a planned Block: one step's, and for all time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from esea_gen.block import Block
+from esea_gen.emit.fixed.bound import Array, Span, analyse, span
+from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
+from esea_gen.emit.ranges import (
+    BEYOND,
+    Analysis,
+    Bound,
+    RangeError,
+    boxes_of,
+    fixed_point,
+    is_linear,
+    limits_of,
+    linear_bound,
+)
+from esea_gen.emit.ranges import Value as FloatValue
+
+
+def _exact_coefficients(block: Block) -> list[Array]:
+    return list(block.simulator().coefficients.values())
+
+
+def _point(value: float, error: float, boxes: int) -> Span:
+    # A number that is not 0 errs relatively: what it multiplies may be cut by a clip afterwards.
+    if value == 0:
+        return span(value, value, error, boxes)
+    whole = span(value, value, 0.0, boxes)
+    return Span(whole.low, whole.high, whole.a, np.full(boxes, error / abs(value)))
+
+
+Errors = list[list[float]]
+
+
+class Propagation:
+    """One step's errors of a planned Block, from errors of its states.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block, at its default tunables.
+    ranges : mapping
+        Ranges of states and inputs that replace their ports'.
+    input_errors : mapping of str to float
+        Largest error of an input; 0 for those not named.
+    room : float
+        Share of each range that inputs and states may lie beyond it: the guard's own comparisons
+        then stay undecided, and what follows an invalid input or a corrupt state counts as well.
+    """
+
+    def __init__(
+        self,
+        plan: BlockPlan,
+        ranges: Mapping[str, tuple[float, float]],
+        input_errors: Mapping[str, float],
+        room: float = 0.0,
+    ) -> None:
+        self.plan, self.block = plan, plan.block
+        self.limits = limits_of(self.block, ranges)
+        self.boxes = boxes_of(
+            self.block,
+            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()},
+        )
+        self.count = len(self.boxes)
+        self.coefficients = [
+            [
+                _point(float(x), abs(r * f.lsb - float(x)), self.count)
+                for x, r in zip(exact, raw, strict=True)
+            ]
+            for exact, raw, f in zip(
+                _exact_coefficients(self.block),
+                coefficients_raw(plan),
+                plan.fields["coeffs"],
+                strict=True,
+            )
+        ]
+        self.inputs = [
+            [self._held(f"u_{p.name}", input_errors.get(p.name, 0.0))] * p.size
+            for p in self.block.inputs
+        ]
+
+    @property
+    def zero(self) -> Errors:
+        """No error in any state."""
+        return [[0.0] * p.size for p in self.block.state]
+
+    def _held(self, name: str, error: float) -> Span:
+        low, high = (np.array([box[name][end] for box in self.boxes]) for end in (0, 1))
+        return Span(low, high, np.full(self.count, error), np.zeros(self.count), True)
+
+    def once(self, errors: Errors) -> Analysis:
+        """Errors of all results.
+
+        Parameters
+        ----------
+        errors : list of list of float
+            Of the states, per port and element.
+
+        Returns
+        -------
+        Analysis
+            Worst of all boxes.
+        """
+        results, assumptions, _ = self._analysed(errors)
+        return Analysis(
+            tuple(
+                tuple(
+                    FloatValue(float(v.low.min()), float(v.high.max()), float(v.error.max()))
+                    for v in r
+                )
+                for r in results
+            ),
+            assumptions,
+        )
+
+    def _analysed(self, errors: Errors) -> tuple[list[list[Span]], tuple[str, ...], list[Span]]:
+        state = [
+            [self._held(f"s_{p.name}", x) for x in e]
+            for p, e in zip(self.block.state, errors, strict=True)
+        ]
+        return analyse(
+            self.plan.step,
+            [*self.coefficients, *state, *self.inputs],
+            self.block.flag_results,
+            self.plan.facts,
+            self.count,
+        )
+
+    def node_errors(self, errors: Errors) -> list[float]:
+        """Largest |error| of every value of the step, the decisions before it being the same.
+
+        Parameters
+        ----------
+        errors : list of list of float
+            Of the states, per port and element.
+
+        Returns
+        -------
+        list of float
+            Per node; worst of all boxes.
+        """
+        return [float(v.error.max()) for v in self._analysed(errors)[2]]
+
+    def state_errors(self, result: Analysis) -> Errors:
+        """Errors of the next states: at most their range, for exact and computed both lie in it.
+
+        Parameters
+        ----------
+        result : Analysis
+            From :meth:`once`.
+
+        Returns
+        -------
+        list of list of float
+            Per port and element.
+        """
+        out = []
+        for p, r in zip(self.block.state, result.results, strict=False):
+            low, high = self.limits[f"s_{p.name}"]
+            out.append([min(v.error, high - low) for v in r])
+        return out
+
+    def outputs(self, result: Analysis) -> dict[str, float]:
+        """Errors of the outputs that are numbers.
+
+        Parameters
+        ----------
+        result : Analysis
+            From :meth:`once`.
+
+        Returns
+        -------
+        dict of str to float
+            Per output.
+        """
+        return {
+            p.name: float(max(v.error for v in r))
+            for p, r in zip(
+                self.block.outputs, result.results[len(self.block.state) :], strict=True
+            )
+            if not p.flags
+        }
+
+
+def block_bound(
+    plan: BlockPlan,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    input_errors: Mapping[str, float] | None = None,
+) -> Bound:
+    """Worst-case error of a Block in q31 against exact arithmetic, for any number of steps.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block, at its default tunables.
+    ranges : mapping, optional
+        ``{"u_theta_rad": (low, high), ...}``: inputs and states that stay inside these ranges
+        instead of their ports'.
+    input_errors : mapping of str to float, optional
+        Largest error of an input; 0 for those not named.
+
+    Returns
+    -------
+    Bound
+        Per output and state.
+
+    Raises
+    ------
+    RangeError
+        When no finite bound can be derived.
+    """
+    block = plan.block
+    step = Propagation(plan, ranges or {}, input_errors or {})
+    method, extra = "fixed point", tuple[str, ...]()
+    solved = fixed_point(step.once, step.state_errors, step.zero)
+    idle = solved is not None and any(
+        max(e) > 0.25 * (step.limits[f"s_{p.name}"][1] - step.limits[f"s_{p.name}"][0])
+        for p, e in zip(block.state, solved, strict=True)
+    )
+    if (solved is None or idle) and is_linear(plan.step.kernel, len(block.coefficients)):
+        solved, idle = linear_bound(block, step.state_errors(step.once(step.zero))), False
+        method, extra = "linear", (f"{block.name}: no clip of a state acts",)
+    if solved is None or idle:
+        raise RangeError(f"{block.name}: not stable, rounding errors may grow without limit")
+    final = step.once(solved)
+    return Bound(
+        "q31",
+        math.inf,
+        step.outputs(final),
+        {p.name: max(e) for p, e in zip(block.state, solved, strict=True)},
+        method,
+        final.assumptions + extra,
+    )
+
+
+def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None = None) -> Bound:
+    """Worst-case error that one step adds, from the same memory.
+
+    For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
+    adds its rounding errors up.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block, at its default tunables.
+    ranges : mapping, optional
+        As :func:`block_bound`.
+
+    Returns
+    -------
+    Bound
+        With ``steps`` 1: of the outputs, and of the states after the step.  It holds for corrupt
+        states and invalid inputs too.
+
+    Raises
+    ------
+    RangeError
+        When a value of the step has no finite error.
+    """
+    step = Propagation(plan, ranges or {}, {}, BEYOND)
+    final = step.once(step.zero)
+    states = step.state_errors(final)
+    return Bound(
+        "q31",
+        1,
+        step.outputs(final),
+        {p.name: max(e) for p, e in zip(plan.block.state, states, strict=True)},
+        "one step",
+        final.assumptions,
+    )
+
+
+def any_bound(plan: BlockPlan) -> Bound:
+    """The bound for all time where the Block forgets its errors, else the one for a step.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block, at its default tunables.
+
+    Returns
+    -------
+    Bound
+        ``steps`` says which.
+
+    Raises
+    ------
+    RangeError
+        When a value of the step has no finite error.
+    """
+    try:
+        return block_bound(plan)
+    except RangeError:
+        return step_bound(plan)

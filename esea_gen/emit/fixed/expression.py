@@ -1,0 +1,749 @@
+"""Whole-number expressions of the q31 format: typed, with a proven range, printable, executable.
+
+An expression knows the C type it is computed in and the interval of whole numbers it can have.  The
+builders refuse one that could overflow its type, so that a kernel that could be built cannot
+overflow.  The same tree is printed as C and evaluated by the reference executor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.emit.fixed import functions
+
+INT32 = (-(2**31), 2**31 - 1)
+INT64 = (-(2**63), 2**63 - 1)
+UINT32 = (0, 2**32 - 1)
+C_TYPES = {1: "int", 32: "int32_t", 64: "int64_t", -32: "uint32_t"}
+LIMITS = {1: (0, 1), 32: INT32, 64: INT64, -32: UINT32}
+_COMPARE = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+
+
+class OverflowProofError(Exception):
+    """An expression whose interval does not fit the type that it is computed in."""
+
+
+@dataclass(frozen=True)
+class Expr:
+    """One whole-number expression.
+
+    Parameters
+    ----------
+    op : str
+        What it does.
+    args : tuple of Expr
+        Operands.
+    bits : int
+        Type: 1 (``int``, 0 or 1), 32, 64, or -32 (``uint32_t``).
+    low, high : int
+        Interval of its value.
+    data : tuple of int
+        Numbers that belong to the operation: a shift, a literal's value.
+    name : str
+        Of a reference: the C name; of a read: the place in memory.
+    """
+
+    op: str
+    args: tuple[Expr, ...]
+    bits: int
+    low: int
+    high: int
+    data: tuple[int, ...] = ()
+    name: str = ""
+
+
+def _make(
+    op: str, args: tuple[Expr, ...], bits: int, low: int, high: int, data: tuple[int, ...] = ()
+) -> Expr:
+    least, most = LIMITS[bits]
+    if low < least or high > most:
+        raise OverflowProofError(f"{op}: [{low}, {high}] does not fit {C_TYPES[bits]}")
+    return Expr(op, args, bits, low, high, data)
+
+
+def read(place: str, bits: int, low: int, high: int) -> Expr:
+    """A value read from memory.
+
+    Parameters
+    ----------
+    place : str
+        C expression.
+    bits : int
+        Type.
+    low, high : int
+        Interval.
+
+    Returns
+    -------
+    Expr
+        The read.
+    """
+    return Expr("read", (), bits, low, high, (), place)
+
+
+def reference(name: str, value: Expr) -> Expr:
+    """A value that has a name.
+
+    Parameters
+    ----------
+    name : str
+        C name.
+    value : Expr
+        What it holds.
+
+    Returns
+    -------
+    Expr
+        The reference.
+    """
+    return Expr("ref", (), value.bits, value.low, value.high, (), name)
+
+
+def literal(value: int, bits: int = 32) -> Expr:
+    """A whole number.
+
+    Parameters
+    ----------
+    value : int
+        The number.
+    bits : int
+        Type.
+
+    Returns
+    -------
+    Expr
+        The literal.
+    """
+    return _make("literal", (), bits, value, value, (value,))
+
+
+def cast(x: Expr, bits: int) -> Expr:
+    """The same number in another type.
+
+    Parameters
+    ----------
+    x : Expr
+        The number; its interval must fit.
+    bits : int
+        Type.
+
+    Returns
+    -------
+    Expr
+        The number.
+    """
+    if x.bits == bits:
+        return x
+    if x.op == "literal":
+        return literal(x.data[0], bits)
+    return _make("cast", (x,), bits, x.low, x.high)
+
+
+def add(x: Expr, y: Expr, bits: int) -> Expr:
+    """Sum.
+
+    Parameters
+    ----------
+    x, y : Expr
+        Terms.
+    bits : int
+        Type that it is computed in.
+
+    Returns
+    -------
+    Expr
+        The sum.
+    """
+    args = cast(x, bits), cast(y, bits)
+    return _make("add", args, bits, x.low + y.low, x.high + y.high)
+
+
+def sub(x: Expr, y: Expr, bits: int) -> Expr:
+    """Difference.
+
+    Parameters
+    ----------
+    x, y : Expr
+        Terms.
+    bits : int
+        Type that it is computed in.
+
+    Returns
+    -------
+    Expr
+        The difference.
+    """
+    args = cast(x, bits), cast(y, bits)
+    return _make("sub", args, bits, x.low - y.high, x.high - y.low)
+
+
+def neg(x: Expr) -> Expr:
+    """Negative.
+
+    Parameters
+    ----------
+    x : Expr
+        A number.
+
+    Returns
+    -------
+    Expr
+        Its negative.
+    """
+    return _make("neg", (x,), x.bits, -x.high, -x.low)
+
+
+def absolute(x: Expr) -> Expr:
+    """Magnitude.
+
+    Parameters
+    ----------
+    x : Expr
+        A number.
+
+    Returns
+    -------
+    Expr
+        Its magnitude.
+    """
+    most = max(abs(x.low), abs(x.high))
+    _make("abs", (x,), x.bits, -most, most)  # its negative is computed
+    low = 0 if x.low <= 0 <= x.high else min(abs(x.low), abs(x.high))
+    return _make("abs", (x,), x.bits, low, most)
+
+
+def scale(x: Expr, shift: int, bits: int) -> Expr:
+    """``x 2**shift``, exact.
+
+    Parameters
+    ----------
+    x : Expr
+        A number.
+    shift : int
+        Bits, not negative.
+    bits : int
+        Type that it is computed in.
+
+    Returns
+    -------
+    Expr
+        The product; ``x`` itself for no shift.
+    """
+    if shift == 0:
+        return cast(x, bits)
+    if x.op == "literal":
+        return literal(x.data[0] << shift, bits)
+    if shift > bits - 2:
+        raise OverflowProofError(f"scale by 2^{shift} in {C_TYPES[bits]}")
+    return _make("scale", (cast(x, bits),), bits, x.low << shift, x.high << shift, (shift,))
+
+
+def _rounded(value: int, shift: int) -> int:
+    return (value + (1 << (shift - 1))) >> shift
+
+
+def round_shift(x: Expr, shift: int, bits: int = 0) -> Expr:
+    """``x / 2**shift`` rounded, half a unit upwards.
+
+    Parameters
+    ----------
+    x : Expr
+        A number.
+    shift : int
+        Bits, not negative.
+    bits : int
+        Type of the result; that of ``x`` when not given.
+
+    Returns
+    -------
+    Expr
+        The quotient.
+    """
+    bits = bits or x.bits
+    if shift == 0:
+        return cast(x, bits)
+    if shift > x.bits - 1 - (x.bits == 64):
+        x = cast(x, 64)
+        if shift > 62:
+            raise OverflowProofError(f"shift by {shift}")
+    if x.bits == 64:
+        if x.high + (1 << (shift - 1)) > INT64[1]:
+            raise OverflowProofError(f"no room to round {x.high}")
+        low, high = _rounded(x.low, shift), _rounded(x.high, shift)
+    else:
+        # As the C computes it: the interval is a unit wider than the exact one.
+        low, high = x.low >> shift, (x.high >> shift) + 1
+    return cast(_make("round", (x,), x.bits, low, high, (shift,)), bits)
+
+
+def _corners(x: Expr, y: Expr) -> tuple[int, int]:
+    products = [p * q for p in (x.low, x.high) for q in (y.low, y.high)]
+    if x == y:
+        return (0 if x.low <= 0 <= x.high else min(products)), max(products)
+    return min(products), max(products)
+
+
+def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
+    """``x y / 2**shift`` rounded, half a unit upwards.
+
+    Parameters
+    ----------
+    x, y : Expr
+        Factors.
+    shift : int
+        Bits: up to 62 for two of 32 bits, 1 to 94 when one has 64, 33 to 126 but not 64 when both.
+    bits : int
+        Type of the result.
+
+    Returns
+    -------
+    Expr
+        The product.
+    """
+    if x.bits < y.bits:
+        x, y = y, x
+    low, high = _corners(x, y)
+    if (x.bits, y.bits) == (32, 32):
+        if not 0 <= shift <= 62:
+            raise OverflowProofError(f"product shifted by {shift}")
+        if shift:
+            if bits == 32:
+                # An analyser multiplies intervals without knowing that x is y.
+                return _make(
+                    "mul", (x, y), 32, _rounded(low, shift), _rounded(high, shift), (shift,)
+                )
+            return round_shift(_make("wide_mul", (x, y), 64, low, high), shift, bits)
+        return cast(_make("wide_mul", (x, y), 64, low, high), bits)
+    # As the C computes it, from two or three partial products: the high one, a unit to either
+    # side, in steps of 2^unit, and where that is above 1 the rest below a step.
+    edge = 32 if y.bits == 32 else 64
+    if not (1 if y.bits == 32 else 33) <= shift <= edge + 62 or shift == 64 == edge:
+        raise OverflowProofError(f"64-bit product shifted by {shift}")
+    if y.bits == 64 and max(abs(v) for v in (x.low, x.high, y.low, y.high)) >= 2**62:
+        raise OverflowProofError("64-bit factor above 2^62")
+    least = 0 if x.low >= 0 and y.low >= 0 else -INT64[1]
+    bottom, top = max((low >> edge) - 2, least), (high >> edge) + 3
+    if shift <= edge:
+        low, high = bottom << (edge - shift), (top + 1) << (edge - shift)
+    else:
+        if max(abs(bottom), abs(top)) > INT64[1] >> 1:
+            raise OverflowProofError("no room to round a 64-bit product")
+        low, high = max(_rounded(low, shift) - 1, least), _rounded(high, shift) + 1
+    return cast(_make("mul64", (x, y), 64, low, high, (shift,)), bits)
+
+
+def minimum(x: Expr, y: Expr, bits: int) -> Expr:
+    """The smaller.
+
+    Parameters
+    ----------
+    x, y : Expr
+        Numbers.
+    bits : int
+        Type.
+
+    Returns
+    -------
+    Expr
+        One of them.
+    """
+    args = cast(x, bits), cast(y, bits)
+    return _make("min", args, bits, min(x.low, y.low), min(x.high, y.high))
+
+
+def maximum(x: Expr, y: Expr, bits: int) -> Expr:
+    """The larger.
+
+    Parameters
+    ----------
+    x, y : Expr
+        Numbers.
+    bits : int
+        Type.
+
+    Returns
+    -------
+    Expr
+        One of them.
+    """
+    args = cast(x, bits), cast(y, bits)
+    return _make("max", args, bits, max(x.low, y.low), max(x.high, y.high))
+
+
+def clamp(x: Expr, low: int, high: int) -> Expr:
+    """Cut a number to an interval, where its own is wider.
+
+    Parameters
+    ----------
+    x : Expr
+        A number.
+    low, high : int
+        The interval.
+
+    Returns
+    -------
+    Expr
+        ``x`` itself when it lies inside.
+    """
+    if x.high > high:
+        x = minimum(x, literal(high, x.bits), x.bits)
+    if x.low < low:
+        x = maximum(x, literal(low, x.bits), x.bits)
+    return x
+
+
+def choose(condition: Expr, x: Expr, y: Expr, bits: int) -> Expr:
+    """One of two numbers.
+
+    Parameters
+    ----------
+    condition : Expr
+        0 or 1.
+    x, y : Expr
+        Value if 1, if 0.
+    bits : int
+        Type.
+
+    Returns
+    -------
+    Expr
+        The number.
+    """
+    args = condition, cast(x, bits), cast(y, bits)
+    return _make("choose", args, bits, min(x.low, y.low), max(x.high, y.high))
+
+
+def compare(op: str, x: Expr, y: Expr) -> Expr:
+    """Whether a relation holds.
+
+    Parameters
+    ----------
+    op : str
+        ``lt``, ``le``, ``eq`` or ``ne``.
+    x, y : Expr
+        Numbers.
+
+    Returns
+    -------
+    Expr
+        0 or 1; a literal when the intervals decide.
+    """
+    always = {
+        "lt": x.high < y.low,
+        "le": x.high <= y.low,
+        "eq": x.low == x.high == y.low == y.high,
+        "ne": x.high < y.low or y.high < x.low,
+    }[op]
+    never = {
+        "lt": x.low >= y.high,
+        "le": x.low > y.high,
+        "eq": x.high < y.low or y.high < x.low,
+        "ne": x.low == x.high == y.low == y.high,
+    }[op]
+    if always or never:
+        return literal(int(always), 1)
+    bits = max(x.bits, y.bits, 32)
+    return Expr(op, (cast(x, bits), cast(y, bits)), 1, 0, 1)
+
+
+def logic(op: str, *args: Expr) -> Expr:
+    """``and``, ``or``, ``not``.
+
+    Parameters
+    ----------
+    op : str
+        Which.
+    *args : Expr
+        0 or 1 each.
+
+    Returns
+    -------
+    Expr
+        0 or 1; simplified where an operand is a literal.
+    """
+    fixed = [a.data[0] if a.op == "literal" else None for a in args]
+    if op == "not":
+        return literal(1 - fixed[0], 1) if fixed[0] is not None else Expr("not", args, 1, 0, 1)
+    strong = 0 if op == "and" else 1
+    if strong in fixed:
+        return literal(strong, 1)
+    rest = [a for a, f in zip(args, fixed, strict=True) if f is None]
+    if not rest:
+        return literal(1 - strong, 1)
+    return rest[0] if len(rest) == 1 else Expr(op, tuple(rest), 1, 0, 1)
+
+
+def truth(x: Expr) -> Expr:
+    """Whether a number is not zero.
+
+    Parameters
+    ----------
+    x : Expr
+        A number.
+
+    Returns
+    -------
+    Expr
+        0 or 1.
+    """
+    return x if x.bits == 1 else compare("ne", x, literal(0, x.bits))
+
+
+def call(name: str, args: tuple[Expr, ...], bits: int, low: int, high: int, *data: int) -> Expr:
+    """A call of a function of ``esea_q31.c``.
+
+    Parameters
+    ----------
+    name : str
+        ``divide``, ``pow``, ``exp``, ``log``, ``sqrt`` or ``tanh``.
+    args : tuple of Expr
+        Numbers that vary.
+    bits : int
+        Type of the result.
+    low, high : int
+        Its interval.
+    *data : int
+        Numbers that do not vary.
+
+    Returns
+    -------
+    Expr
+        The call.
+    """
+    return _make(name, args, bits, low, high, data)
+
+
+def flags(bits: tuple[tuple[Expr, int], ...]) -> Expr:
+    """A status word.
+
+    Parameters
+    ----------
+    bits : tuple of (Expr, int)
+        Conditions and their bits.
+
+    Returns
+    -------
+    Expr
+        ``uint32_t``.
+    """
+    args = tuple(c for c, _ in bits)
+    numbers = tuple(k for _, k in bits)
+    return _make("flags", args, -32, 0, sum(1 << k for k in numbers), numbers)
+
+
+# -- as C ------------------------------------------------------------------------------------------
+
+
+def _literal_text(value: int, bits: int) -> str:
+    if bits == 64:
+        return f"INT64_C({value})" if value > INT64[0] else "INT64_MIN"
+    if bits == -32:
+        return f"{value}u"
+    if value == INT32[0]:
+        return "INT32_MIN"
+    return f"({value})" if value < 0 else str(value)
+
+
+def c_text(x: Expr) -> str:
+    """The expression as C, bracketed so that it can stand anywhere.
+
+    Parameters
+    ----------
+    x : Expr
+        The expression.
+
+    Returns
+    -------
+    str
+        C text.
+    """
+    if x.op in ("read", "ref"):
+        return x.name
+    if x.op == "literal":
+        return _literal_text(x.data[0], x.bits)
+    text = bare_text(x)
+    return text if text.endswith(")") and text.startswith("esea_") else f"({text})"
+
+
+def bare_text(x: Expr) -> str:
+    """The expression as C, without brackets round it.
+
+    Parameters
+    ----------
+    x : Expr
+        The expression.
+
+    Returns
+    -------
+    str
+        C text.
+    """
+    if x.op in ("read", "ref", "literal"):
+        return c_text(x)
+    a = [c_text(y) for y in x.args]
+    width = "q63" if x.bits == 64 else "q31"
+    if x.op in _COMPARE:
+        return f"{a[0]} {_COMPARE[x.op]} {a[1]}"
+    if x.op in ("min", "max", "abs"):
+        return f"esea_{width}_{x.op}({', '.join(bare_text(y) for y in x.args)})"
+    if x.op == "round":
+        return f"esea_{width}_round({bare_text(x.args[0])}, {x.data[0]})"
+    if x.op == "mul64":
+        name = "esea_q63_mul" if x.args[1].bits == 64 else "esea_q63_mul_q31"
+        return f"{name}({bare_text(x.args[0])}, {bare_text(x.args[1])}, {x.data[0]})"
+    if x.op == "mul":
+        return f"esea_q31_mul({bare_text(x.args[0])}, {bare_text(x.args[1])}, {x.data[0]})"
+    if x.op == "flags":
+        parts = (f"((uint32_t){t} << {k})" for t, k in zip(a, x.data, strict=True))
+        return " | ".join(parts)
+    simple: dict[str, Callable[[], str]] = {
+        "cast": lambda: f"({C_TYPES[x.bits]}){a[0]}",
+        "add": lambda: f"{a[0]} + {a[1]}",
+        "sub": lambda: f"{a[0]} - {a[1]}",
+        "neg": lambda: f"-{a[0]}",
+        "sign": lambda: f"({a[0]} > 0) - ({a[0]} < 0)",
+        "scale": lambda: f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}",
+        "wide_mul": lambda: f"(int64_t){a[0]} * {a[1]}",
+        "choose": lambda: f"{a[0]} ? {a[1]} : {a[2]}",
+        "not": lambda: f"!{a[0]}",
+        "and": lambda: " && ".join(a),
+        "or": lambda: " || ".join(a),
+    }
+    if x.op in simple:
+        return simple[x.op]()
+    name, extra = _function(x)
+    return f"{name}({', '.join([*(bare_text(y) for y in x.args), *extra])})"
+
+
+def _function(x: Expr) -> tuple[str, list[str]]:
+    wide = x.args[0].bits == 64
+    d = x.data
+    if x.op == "divide":
+        return "esea_q63_divide", [str(d[0]), _literal_text(d[1], 64), _literal_text(d[2], 64)]
+    if x.op == "pow":
+        name = "esea_q63_pow" if wide or x.bits == 64 else "esea_q31_pow"
+        bits = 64 if name == "esea_q63_pow" else 32
+        return name, [str(d[0]), f"INT32_C({d[1]})", str(d[2]), _literal_text(d[3], bits)]
+    if x.op == "exp":
+        return "esea_q63_exp", [str(d[0]), str(d[1]), _literal_text(d[2], 64)]
+    if x.op == "log":
+        return "esea_q63_log", [str(d[0]), str(d[1])]
+    if x.op == "sqrt":
+        return "esea_q31_sqrt", [str(d[0])]
+    if x.op == "tanh":
+        return "esea_q31_tanh", [str(d[0])]
+    raise KeyError(x.op)
+
+
+# -- as Python -------------------------------------------------------------------------------------
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def _each(function: Callable[..., int], *arrays: Array) -> Array:
+    return np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays))
+
+
+def _pick(condition: Array, x: Array, y: Array) -> Array:
+    return np.asarray(np.where(condition, x, y))
+
+
+_RULES: dict[str, Callable[..., Array]] = {
+    "cast": lambda d, x: x,
+    "add": lambda d, x, y: x + y,
+    "sub": lambda d, x, y: x - y,
+    "neg": lambda d, x: -x,
+    "abs": lambda d, x: np.abs(x),
+    "scale": lambda d, x: x << d[0],
+    "round": lambda d, x: (x + (1 << (d[0] - 1))) >> d[0],
+    "mul": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
+    "mul64": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
+    "wide_mul": lambda d, x, y: x * y,
+    "min": lambda d, x, y: _pick(y < x, y, x),
+    "max": lambda d, x, y: _pick(y > x, y, x),
+    "lt": lambda d, x, y: (x < y).astype(object) * 1,
+    "le": lambda d, x, y: (x <= y).astype(object) * 1,
+    "eq": lambda d, x, y: (x == y).astype(object) * 1,
+    "ne": lambda d, x, y: (x != y).astype(object) * 1,
+    "sign": lambda d, x: (x > 0).astype(object) * 1 - (x < 0).astype(object) * 1,
+    "not": lambda d, x: 1 - x,
+    "and": lambda d, x, y: x * y,
+    "or": lambda d, x, y: (x + y > 0).astype(object) * 1,
+    "divide": lambda d, x, y: _each(lambda n, v: functions.divide(n, v, *d), x, y),
+    "pow": lambda d, x: _each(lambda v: functions.power(v, *d), x),
+    "exp": lambda d, x: _each(lambda v: functions.exponential(v, *d), x),
+    "log": lambda d, x: _each(lambda v: functions.logarithm(v, *d), x),
+    "sqrt": lambda d, x: _each(lambda v: functions.root(v, *d), x),
+    "tanh": lambda d, x: _each(lambda v: functions.tangent(v, *d), x),
+}
+
+
+def names(x: Expr) -> set[str]:
+    """What an expression reads and refers to.
+
+    Parameters
+    ----------
+    x : Expr
+        The expression.
+
+    Returns
+    -------
+    set of str
+        Places and C names.
+    """
+    return {x.name} if x.op in ("read", "ref") else {n for a in x.args for n in names(a)}
+
+
+def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:
+    """Value of an expression over many argument sets at once.
+
+    Parameters
+    ----------
+    x : Expr
+        The expression.
+    values : mapping of str to ndarray
+        Of every read and reference in it, by name: Python integers, shape (count,).
+    count : int
+        Number of argument sets.
+
+    Returns
+    -------
+    ndarray
+        Python integers, shape (count,).
+
+    Raises
+    ------
+    OverflowProofError
+        For a value outside the expression's proven interval.
+    """
+    if x.op in ("read", "ref"):
+        return values[x.name]
+    if x.op == "literal":
+        return np.full(count, x.data[0], dtype=object)
+    if x.op == "choose":
+        # An arm is evaluated where it is taken alone, as in C: its interval may hold only there.
+        taken = evaluate(x.args[0], values, count) != 0
+        result = np.empty(count, dtype=object)
+        for arm, rows in ((x.args[1], taken), (x.args[2], ~taken)):
+            part = {n: values[n][rows] for n in names(arm)}
+            result[rows] = evaluate(arm, part, int(rows.sum()))
+        return _checked(x, result)
+    args = [evaluate(a, values, count) for a in x.args]
+    if x.op == "flags":
+        word = np.zeros(count, dtype=object)
+        for a, k in zip(args, x.data, strict=True):
+            word = word + a * (1 << k)
+        result = word
+    else:
+        result = _RULES[x.op](x.data, *args)
+    return _checked(x, result)
+
+
+def _checked(x: Expr, result: Array) -> Array:
+    if len(result) and not (x.low <= min(result) and max(result) <= x.high):
+        raise OverflowProofError(f"{x.op} left its proven interval [{x.low}, {x.high}]")
+    return result

@@ -1,0 +1,260 @@
+"""Lower a kernel to whole numbers: one format a value, from its range; every rounding recorded.
+
+A value ``v`` is held as the whole number nearest to ``v 2**f``; ``f`` is the largest that its range
+leaves room for, but no more than its operands can fill.  The range is that of the *computed* value
+over every bit pattern of the inputs and states, so that nothing can overflow, corrupt or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from fractions import Fraction
+
+from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.elementary import Elementary
+from esea_gen.emit.fixed.expression import Expr, OverflowProofError
+from esea_gen.emit.fixed.values import (
+    COMPARES,
+    LoweredKernel,
+    LoweringError,
+    Source,
+    Step,
+    Target,
+    Value,
+    local_name,
+)
+from esea_gen.emit.walker import Kernel, Node
+
+
+class Lowering(Elementary):
+    """The walk over a kernel."""
+
+    def _lower(self, i: int) -> Value | None:
+        n = self.kernel.nodes[i]
+        if i in self.words:
+            bits = tuple((self._condition(c), k) for c, k in self.words[i].flags)
+            return Value(ex.flags(bits), 0)
+        if n.op == "const" or i in self.parts:
+            return None
+        if n.op == "input":
+            s = self.source(*n.source)
+            return Value(ex.read(s.place, 32, s.low, s.high), s.fraction)
+        if n.op in ("and", "or", "not"):
+            return Value(ex.logic(n.op, *(self._condition(a) for a in n.args)), 0)
+        if n.op in COMPARES:
+            return self._comparison(i, n)
+        if n.op in ("add", "sub"):
+            return self._sum(i, n)
+        if n.op in ("mul", "sq"):
+            return self._product(i, n)
+        if n.op == "twice":
+            return self._shifted(n.args[0], Fraction(2))
+        if n.op == "neg":
+            return self._shifted(n.args[0], Fraction(-1))
+        if n.op == "div":
+            c = self._constant(n.args[1])
+            if c is not None:
+                return self._by_constant(i, n, c)
+            return self._quotient(i, n)
+        if n.op == "inv":
+            raise self._fail(i, "1 / x reached the lowering", "This is a fault of the generator.")
+        if n.op == "fabs":
+            return self._magnitude(i, n)
+        if n.op in ("fmin", "fmax"):
+            return self._extreme(i, n)
+        if n.op in ("select", "if_else_zero"):
+            return self._select(i, n)
+        if n.op == "sign":
+            v = self._value(n.args[0])
+            return Value(Expr("sign", (v.expr,), 32, -1, 1), 0)
+        if n.op in ("pow", "exp", "log", "sqrt", "tanh"):
+            return self._function(i, n)
+        raise self._fail(i, "there is no rule for it", "Express it with the walker's operations.")
+
+    def run(self, targets: Sequence[Sequence[Target]]) -> LoweredKernel:
+        """Lower every node, then convert the results.
+
+        Parameters
+        ----------
+        targets : sequence of sequence of Target
+            Per result and element.
+
+        Returns
+        -------
+        LoweredKernel
+            The whole-number kernel.
+        """
+        self._cap(targets)
+        for i in range(len(self.kernel.nodes)):
+            self.values.append(self._named(i, self._lower(i)))
+        saturations: list[str] = []
+        results, errors = [], []
+        for r, t in zip(self.kernel.results, targets, strict=True):
+            pairs = [self._convert(i, x, saturations) for i, x in zip(r, t, strict=True)]
+            results.append(tuple(p[0] for p in pairs))
+            errors.append(tuple(p[1] for p in pairs))
+        return LoweredKernel(
+            self.kernel,
+            _needed(self.steps, results),
+            tuple(self.values),
+            tuple(results),
+            tuple(errors),
+            tuple(saturations),
+        )
+
+    def _cap(self, targets: Sequence[Sequence[Target]]) -> None:
+        # A state that is only chosen or clipped passes through unrounded: nothing on its way is
+        # finer than its port, so that it comes back as the very number that it was.
+        for r, t in zip(self.kernel.results, targets, strict=True):
+            for i, target in zip(r, t, strict=True):
+                self.caps[i] = min(target.fraction, self.caps.get(i, target.fraction))
+        for i in range(len(self.kernel.nodes) - 1, -1, -1):
+            n = self.kernel.nodes[i]
+            if i in self.caps and n.op in ("fmin", "fmax", "select", "if_else_zero"):
+                for a in n.args[n.op in ("select", "if_else_zero") :]:
+                    self.caps[a] = min(self.caps[i], self.caps.get(a, self.caps[i]))
+
+    def _named(self, i: int, v: Value | None) -> Value | None:
+        if v is None or v.expr.op in ("ref", "literal"):
+            return v
+        label = self.labels.get(i)
+        boolean = v.expr.bits == 1
+        if boolean and self.uses[i] == 1 and label is None:
+            return v
+        n = self.kernel.nodes[i]
+        if n.op == "input":
+            name, comment = self.source(*n.source).name, ""
+        else:
+            name, comment = label or (f"v{i}", "")
+        if not boolean and i not in self.words:
+            name = local_name(name, v.fraction)
+        while name in self.names:
+            name += "_"
+        self.names.add(name)
+        self.steps.append(Step(name, v.expr, comment, i))
+        return Value(ex.reference(name, v.expr), v.fraction, v.local, v.relative, v.constants)
+
+    def _convert(self, i: int, target: Target, saturations: list[str]) -> tuple[Expr, float]:
+        v = self.values[i]
+        if target.word:
+            if v is None or v.expr.bits != -32:
+                raise LoweringError(
+                    f"block {self.block}: status word {target.port} is not built by flag_word"
+                )
+            return v.expr, 0.0
+        try:
+            e, rounding, constant = self.align(i, target.fraction, 32)
+        except OverflowProofError:
+            e, rounding, constant = self.align(i, target.fraction, 64)
+            saturations.append(target.port)
+        if (target.low, target.high) != ex.INT32:
+            # Cut whether needed or not: what reads it is promised this range.
+            saturations.append(target.port)
+            e = ex.minimum(e, ex.literal(target.high, e.bits), e.bits)
+            e = ex.maximum(e, ex.literal(target.low, e.bits), e.bits)
+        return ex.cast(ex.clamp(e, *ex.INT32), 32), rounding + constant
+
+
+def _needed(steps: Sequence[Step], results: Sequence[Sequence[Expr]]) -> tuple[Step, ...]:
+    wanted = {n for r in results for e in r for n in names_in(e)}
+    kept = []
+    for s in reversed(steps):
+        if s.name in wanted:
+            kept.append(s)
+            wanted |= names_in(s.expr)
+    return tuple(reversed(kept))
+
+
+def names_in(e: Expr) -> set[str]:
+    """Names that an expression refers to.
+
+    Parameters
+    ----------
+    e : Expr
+        The expression.
+
+    Returns
+    -------
+    set of str
+        C names.
+    """
+    if e.op == "ref":
+        return {e.name}
+    return {n for a in e.args for n in names_in(a)}
+
+
+def rewrite(kernel: Kernel) -> Kernel:
+    """Write 1/x as the quotient that it is.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Fused.
+
+    Returns
+    -------
+    Kernel
+        The same values; nodes may have moved.
+    """
+    nodes: list[Node] = []
+    place: list[int] = []
+
+    def add(node: Node) -> int:
+        nodes.append(node)
+        return len(nodes) - 1
+
+    for n in kernel.nodes:
+        args = tuple(place[a] for a in n.args)
+        if n.op == "inv":
+            one = add(Node("const", value=1.0))
+            place.append(add(Node("div", (one, *args))))
+        else:
+            place.append(add(Node(n.op, args, n.value, n.source)))
+    results = tuple(tuple(place[i] for i in r) for r in kernel.results)
+    return Kernel(kernel.name, tuple(nodes), results)
+
+
+def lower(
+    kernel: Kernel,
+    source: Callable[[int, int], Source],
+    targets: Sequence[Sequence[Target]],
+    *,
+    labels: Mapping[int, tuple[str, str]] | None = None,
+    facts: Mapping[int, tuple[float, float]] | None = None,
+    wide: Collection[int] = (),
+    words: Sequence[int] = (),
+    block: str = "",
+) -> LoweredKernel:
+    """Lower a kernel to whole numbers.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Fused, and rewritten by :func:`rewrite`.
+    source : callable
+        ``source(argument, element)`` gives what an input is.
+    targets : sequence of sequence of Target
+        Per result and element.
+    labels : mapping, optional
+        Name and comment of nodes.
+    facts : mapping, optional
+        Ranges of nodes that follow from algebra.
+    wide : collection of int
+        Nodes held in 64 bits.
+    words : sequence of int
+        Results that are status words.
+    block : str
+        For messages.
+
+    Returns
+    -------
+    LoweredKernel
+        The whole-number kernel.
+
+    Raises
+    ------
+    LoweringError
+        For what cannot be lowered.
+    """
+    lowering = Lowering(kernel, source, labels or {}, facts or {}, wide, words, block)
+    return lowering.run(targets)

@@ -1,0 +1,478 @@
+"""Formats of a Block's ports, its kernels in whole numbers, and how these are executed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from esea_gen.block import Block, Port, Tunable
+from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.lowering import lower, rewrite
+from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
+from esea_gen.emit.walker import Kernel, fuse_selects, prune, walk
+
+MOST_PORT_FRACTION = 31
+
+
+def port_fraction(port: Port | Tunable) -> int:
+    """Fraction bits of a port, from its range alone.
+
+    Parameters
+    ----------
+    port : Port or Tunable
+        The port.
+
+    Returns
+    -------
+    int
+        The most that leave room for the whole range, at most 31.
+    """
+    if getattr(port, "flags", ()):
+        return 0
+    return min(best_fraction(Fraction(port.low), Fraction(port.high)), MOST_PORT_FRACTION)
+
+
+def field_name(name: str, fraction: int, plain: bool) -> str:
+    """C name of a field: the format stands where the unit was.
+
+    Parameters
+    ----------
+    name : str
+        The port's name, with its unit.
+    fraction : int
+        Fraction bits.
+    plain : bool
+        Whether it is a whole number or a word, which keeps its name.
+
+    Returns
+    -------
+    str
+        ``theta_q0_31`` for 0 integer and 31 fraction bits.
+    """
+    if plain:
+        return name
+    integer = 31 - fraction
+    return (
+        f"{stem(name)}_q{integer}_{fraction}"
+        if fraction >= 0
+        else f"{stem(name)}_q{integer}_m{-fraction}"
+    )
+
+
+@dataclass(frozen=True)
+class FieldPlan:
+    """One field of a struct.
+
+    Parameters
+    ----------
+    port : Port or Tunable
+        What it holds.
+    fraction : int
+        Fraction bits.
+    low, high : int
+        Valid raw numbers.
+    name : str
+        C name.
+    """
+
+    port: Port | Tunable
+    fraction: int
+    low: int
+    high: int
+    name: str
+
+    @property
+    def lsb(self) -> float:
+        """Value of one unit, in the port's unit."""
+        return float(2.0**-self.fraction)
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return int(getattr(self.port, "size", 1))
+
+    def raw(self, value: float) -> int:
+        """Nearest raw number of a value inside the range.
+
+        Parameters
+        ----------
+        value : float
+            In the port's unit.
+
+        Returns
+        -------
+        int
+            Raw number.
+        """
+        exact = math.floor(Fraction(value) * Fraction(2) ** self.fraction + Fraction(1, 2))
+        return min(max(exact, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class BlockPlan:
+    """A Block in whole numbers.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    fields : dict of str to tuple of FieldPlan
+        By struct: ``params``, ``coeffs``, ``state``, ``in``, ``out``.
+    prepare : LoweredKernel or None
+        None without tunables.
+    init, step : LoweredKernel
+        The other kernels.
+    facts : dict of int to (low, high)
+        Algebraic ranges of nodes of the step.
+    wide : frozenset of int
+        Nodes of the step held in 64 bits.
+    why_wide : dict of int to str
+        The reason, per such node.
+    labels : dict of int to (str, str)
+        Name and comment of nodes of the step.
+    """
+
+    block: Block
+    fields: Mapping[str, tuple[FieldPlan, ...]]
+    prepare: LoweredKernel | None
+    init: LoweredKernel
+    step: LoweredKernel
+    facts: Mapping[int, tuple[float, float]]
+    wide: frozenset[int]
+    why_wide: Mapping[int, str] = field(default_factory=dict)
+    labels: Mapping[int, tuple[str, str]] = field(default_factory=dict)
+
+    def field(self, group: str, name: str) -> FieldPlan:
+        """A field by its port's name.
+
+        Parameters
+        ----------
+        group : str
+            Struct.
+        name : str
+            The port's name.
+
+        Returns
+        -------
+        FieldPlan
+            The field.
+        """
+        return next(f for f in self.fields[group] if f.port.name == name)
+
+
+def _field(port: Port | Tunable, fraction: int, taken: set[str], plain: bool) -> FieldPlan:
+    scale = Fraction(2) ** fraction
+    low, high = math.ceil(Fraction(port.low) * scale), math.floor(Fraction(port.high) * scale)
+    name = field_name(port.name, fraction, plain)
+    if name in taken:  # two ports that differ in the unit alone
+        name = f"{port.name}{name[len(stem(port.name)) :]}"
+    taken.add(name)
+    return FieldPlan(port, fraction, low, high, name)
+
+
+def _place(pointer: str, f: FieldPlan, element: int) -> str:
+    index = "" if f.size == 1 else f"[{element}]"
+    text = f"{pointer}->{f.name}{index}"
+    return f"(int32_t){text}" if getattr(f.port, "flags", ()) else text
+
+
+def _sources(groups: Sequence[tuple[str, tuple[FieldPlan, ...]]], full: bool) -> Any:
+    flat = [(pointer, f) for pointer, fields in groups for f in fields]
+
+    def source(argument: int, element: int) -> Source:
+        pointer, f = flat[argument]
+        base = stem(f.port.name) + ("_now" if pointer == "state" else "")
+        base += "" if f.size == 1 else f"_{element}"
+        # Inputs and states can hold any bit pattern; what prepare made cannot.
+        free = full and pointer in ("state", "in")
+        low, high = ex.INT32 if free else (f.low, f.high)
+        port = f.port.name + ("" if f.size == 1 else f"[{element}]")
+        return Source(base, _place(pointer, f, element), f.fraction, low, high, port)
+
+    return source
+
+
+def _targets(fields: Iterable[FieldPlan], cut: bool) -> list[list[Target]]:
+    out = []
+    for f in fields:
+        low, high = (f.low, f.high) if cut else ex.INT32
+        word = bool(getattr(f.port, "flags", ()))
+        out.append([Target(f.port.name, f.fraction, low, high, word) for _ in range(f.size)])
+    return out
+
+
+def _is_switch(port: Port, kernel: Kernel, result: int) -> bool:
+    # 0 or 1 by construction: a whole number, not a fraction.
+    nodes = [kernel.nodes[i] for i in kernel.results[result]]
+    return (port.low, port.high) == (0.0, 1.0) and all(n.boolean for n in nodes)
+
+
+def _prepare(
+    block: Block, params: tuple[FieldPlan, ...]
+) -> tuple[LoweredKernel | None, tuple[FieldPlan, ...]]:
+    if not block.tunables:
+        return None, ()
+    kernel = rewrite(fuse_selects(walk(block.prepare)))
+    source = _sources([("params", params)], False)
+    # It runs only when a tunable changes: 64 bits throughout.
+    wide = range(len(kernel.nodes))
+    ranges = lower(Kernel(kernel.name, kernel.nodes, ()), source, (), wide=wide, block=block.name)
+    fields, taken = [], set[str]()
+    for p, r in zip(block.coefficients, kernel.results, strict=True):
+        low, high = Fraction(p.high), Fraction(p.low)
+        for i in r:
+            v = ranges.values[i]
+            ends = (v.low, v.high) if v else (Fraction(kernel.nodes[i].value),) * 2
+            low, high = min(low, ends[0]), max(high, ends[1])
+        low, high = max(low, Fraction(p.low)), min(high, Fraction(p.high))
+        fraction = min(best_fraction(low, high), MOST_PORT_FRACTION)
+        f = _field(p, fraction, taken, False)
+        scale = Fraction(2) ** fraction
+        fields.append(
+            FieldPlan(
+                p,
+                fraction,
+                max(f.low, math.floor(low * scale))
+                if f.low > ex.INT32[0]
+                else math.floor(low * scale),
+                min(f.high, math.ceil(high * scale))
+                if f.high < ex.INT32[1]
+                else math.ceil(high * scale),
+                f.name,
+            )
+        )
+    made = lower(kernel, source, _targets(fields, True), wide=wide, block=block.name)
+    return made, tuple(fields)
+
+
+def _fields(ports: Iterable[Any], switches: Mapping[str, bool]) -> tuple[FieldPlan, ...]:
+    taken: set[str] = set()
+    out = []
+    for p in ports:
+        switch = switches.get(p.name, False)
+        plain = switch or bool(getattr(p, "flags", ()))
+        out.append(_field(p, 0 if switch else port_fraction(p), taken, plain))
+    return tuple(out)
+
+
+class Planner:
+    """Makes plans of one Block with different sets of wide values.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    """
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        fused, facts, labels = _labelled(block)
+        self.kernel, self.facts, self.labels = _rewritten(fused, facts, labels)
+        count = len(block.state)
+        switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
+        out = {p.name: _is_switch(p, self.kernel, count + k) for k, p in enumerate(block.outputs)}
+        params = _fields(block.tunables, {})
+        self.prepare, coeffs = _prepare(block, params)
+        self.fields = {
+            "params": params,
+            "coeffs": coeffs,
+            "state": _fields(block.state, switches),
+            "in": _fields(block.inputs, {}),
+            "out": _fields(block.outputs, out),
+        }
+        self.init = lower(
+            rewrite(fuse_selects(walk(block.init))),
+            _sources([("coeffs", coeffs)], False),
+            _targets(self.fields["state"], False),
+            block=block.name,
+        )
+
+    def plan(self, wide: Iterable[int] = (), why: Mapping[int, str] | None = None) -> BlockPlan:
+        """Lower the step with a set of wide values.
+
+        Parameters
+        ----------
+        wide : iterable of int
+            Nodes held in 64 bits.
+        why : mapping of int to str, optional
+            Reasons.
+
+        Returns
+        -------
+        BlockPlan
+            The plan.
+        """
+        chosen = frozenset(wide)
+        groups = [(g, self.fields[g]) for g in ("coeffs", "state", "in")]
+        step = lower(
+            self.kernel,
+            _sources(groups, True),
+            _targets((*self.fields["state"], *self.fields["out"]), False),
+            labels=self.labels,
+            facts=self.facts,
+            wide=chosen,
+            words=self.block.flag_results,
+            block=self.block.name,
+        )
+        return BlockPlan(
+            self.block,
+            self.fields,
+            self.prepare,
+            self.init,
+            step,
+            self.facts,
+            chosen,
+            dict(why or {}),
+            self.labels,
+        )
+
+
+def _labelled(block: Block) -> tuple[Kernel, dict[int, Any], dict[int, Any]]:
+    # The fused step with the facts and names of its nodes.
+    labelled = fuse_selects(walk(block.labelled_step))
+    count = block.step.n_out()
+    bare = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
+    needed = {i for r in bare.results for i in r}
+    for i in range(len(bare.nodes) - 1, -1, -1):
+        if i in needed:
+            needed.update(bare.nodes[i].args)
+    position = {old: new for new, old in enumerate(sorted(needed))}
+    facts, names = {}, {}
+    for (name, comment), r in zip(block.labels, labelled.results[count:], strict=True):
+        if r[0] in needed and bare.nodes[r[0]].op not in ("input", "const"):
+            names[position[r[0]]] = (name, comment)
+            if name in block.facts:
+                facts[position[r[0]]] = block.facts[name]
+    return prune(bare), facts, names
+
+
+def _rewritten(
+    kernel: Kernel, facts: Mapping[int, Any], labels: Mapping[int, Any]
+) -> tuple[Kernel, dict[int, Any], dict[int, Any]]:
+    # Names and facts stay with their nodes when 1/x becomes two.
+    out = rewrite(kernel)
+    place, at = {}, 0
+    for i, n in enumerate(kernel.nodes):
+        at += n.op == "inv"
+        place[i] = at
+        at += 1
+    return out, {place[i]: f for i, f in facts.items()}, {place[i]: x for i, x in labels.items()}
+
+
+# -- running a plan --------------------------------------------------------------------------------
+
+
+def run_lowered(
+    lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
+) -> list[list[ex.Array]]:
+    """Evaluate a lowered kernel: what its C gives, bit for bit.
+
+    Parameters
+    ----------
+    lowered : LoweredKernel
+        The kernel.
+    places : mapping of str to ndarray
+        Raw numbers by the C expression that reads them: Python integers, shape (count,).
+    count : int
+        Number of argument sets.
+
+    Returns
+    -------
+    list of list of ndarray
+        Per result and element.
+    """
+    values = _defined(lowered, places, count)
+    return [[ex.evaluate(e, values, count) for e in r] for r in lowered.results]
+
+
+def lowered_values(
+    lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
+) -> dict[int, ex.Array]:
+    """Raw number of every value of a lowered kernel that its results need.
+
+    Parameters
+    ----------
+    lowered : LoweredKernel
+        The kernel.
+    places : mapping of str to ndarray
+        As :func:`run_lowered`.
+    count : int
+        Number of argument sets.
+
+    Returns
+    -------
+    dict of int to ndarray
+        Per node, Python integers; conditions are 0 or 1.
+    """
+    values = _defined(lowered, places, count)
+    return {
+        i: ex.evaluate(v.expr, values, count)
+        for i, v in enumerate(lowered.values)
+        if v is not None and ex.names(v.expr) <= set(values)
+    }
+
+
+def _defined(
+    lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
+) -> dict[str, ex.Array]:
+    values = dict(places)
+    for s in lowered.steps:
+        values[s.name] = ex.evaluate(s.expr, values, count)
+    return values
+
+
+def raw_places(
+    pointer: str, fields: Sequence[FieldPlan], columns: Sequence[Any]
+) -> dict[str, ex.Array]:
+    """Raw numbers under the names by which the C reads them.
+
+    Parameters
+    ----------
+    pointer : str
+        ``params``, ``coeffs``, ``state`` or ``in``.
+    fields : sequence of FieldPlan
+        Its fields.
+    columns : sequence of array_like
+        Per field, shape (count, size) or (count,).
+
+    Returns
+    -------
+    dict of str to ndarray
+        Python integers, shape (count,).
+    """
+    out = {}
+    for f, c in zip(fields, columns, strict=True):
+        table = np.asarray(c, dtype=object).reshape(-1, f.size)
+        for k in range(f.size):
+            out[_place(pointer, f, k)] = np.array([int(v) for v in table[:, k]], dtype=object)
+    return out
+
+
+def coefficients_raw(
+    plan: BlockPlan, tunables: Mapping[str, float] | None = None
+) -> list[list[int]]:
+    """Raw coefficients that the C's ``prepare`` gives.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The plan.
+    tunables : mapping of str to float, optional
+        Values other than the defaults.
+
+    Returns
+    -------
+    list of list of int
+        Per coefficient port and element.
+    """
+    if plan.prepare is None:
+        return []
+    values = plan.block.default_tunables() | dict(tunables or {})
+    raw = [[f.raw(values[f.port.name])] for f in plan.fields["params"]]
+    results = run_lowered(plan.prepare, raw_places("params", plan.fields["params"], raw), 1)
+    return [[int(e[0]) for e in r] for r in results]

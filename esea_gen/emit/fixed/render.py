@@ -1,0 +1,114 @@
+"""A planned Block as pieces of C text, and the words of its header."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from esea_gen.block import Port
+from esea_gen.emit.fixed.expression import C_TYPES, Expr, bare_text, c_text
+from esea_gen.emit.fixed.plan import BlockPlan, FieldPlan
+from esea_gen.emit.fixed.values import LoweredKernel
+from esea_gen.emit.formats import PrintedKernel, Statement
+
+
+def _pointers(e: Expr) -> set[str]:
+    if e.op == "read":
+        return {e.name.removeprefix("(int32_t)").split("->")[0]}
+    return {p for a in e.args for p in _pointers(a)}
+
+
+def print_lowered(lowered: LoweredKernel) -> PrintedKernel:
+    """Print a lowered kernel as a list of C definitions.
+
+    Parameters
+    ----------
+    lowered : LoweredKernel
+        The kernel.
+
+    Returns
+    -------
+    PrintedKernel
+        Text pieces for the templates.
+    """
+    statements = tuple(
+        Statement(C_TYPES[s.expr.bits], s.name, bare_text(s.expr), s.comment) for s in lowered.steps
+    )
+    used = {p for s in lowered.steps for p in _pointers(s.expr)}
+    return PrintedKernel(
+        statements,
+        tuple(tuple(c_text(e) for e in r) for r in lowered.results),
+        frozenset(range(len(used))),
+    )
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    unit : str
+        Its unit; ``1`` for none.
+
+    Returns
+    -------
+    str
+        ``4.66e-10 rad``.
+    """
+    return f"{value:.3g}" + ("" if unit == "1" else f" {unit}")
+
+
+def field_text(f: FieldPlan, group: str) -> str:
+    """What a header says of a field's numbers: raw range, unit, what happens outside.
+
+    Parameters
+    ----------
+    f : FieldPlan
+        The field.
+    group : str
+        Struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
+
+    Returns
+    -------
+    str
+        One line, generated from the range plan.
+    """
+    if getattr(f.port, "flags", ()):
+        return ""
+    unit = f.port.unit
+    format_ = "whole number" if f.fraction == 0 else f"Q{31 - f.fraction}.{f.fraction}"
+    text = f"raw {f.low} to {f.high}, {format_}, one unit is {quantity(f.lsb, unit)}"
+    behaviour = {
+        "params": "outside: refused",
+        "coeffs": "cut to it by prepare",
+        "state": "cannot overflow",
+        "in": "",
+        "out": "cannot overflow",
+    }[group]
+    if group == "state" and isinstance(f.port, Port) and f.port.size == 1:
+        behaviour += "; outside: corrupt"
+    return text + (f"; {behaviour}" if behaviour else "")
+
+
+def example(plan: BlockPlan, name: str, group: str, value: float) -> dict[str, Any]:
+    """A number of the example program as raw number.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        Plan of the Block that has the port.
+    name : str
+        The port.
+    group : str
+        Struct.
+    value : float
+        In the port's unit.
+
+    Returns
+    -------
+    dict
+        ``raw`` and ``fraction``.
+    """
+    f = plan.field(group, name)
+    return {"raw": f.raw(value), "fraction": f.fraction}

@@ -1,0 +1,348 @@
+"""Search for the plan of a Block: which values need 64 bits.
+
+Everything is 32 bits wide where that keeps the proven error of the outputs below the aim.  Else
+those values are held in 64 bits inside the step that would keep few significant bits where they are
+smallest, that lose bits to a range which a clip cuts off again, or that lead to a root; then one
+after the other is put back to 32 bits where the aim, or what could be reached of it, still holds.
+For a Block that does not forget its errors the aim is that of one step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from esea_gen.block import Block
+from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.errors import Errors, Propagation, any_bound
+from esea_gen.emit.fixed.plan import BlockPlan, Planner
+from esea_gen.emit.fixed.values import LoweringError, best_fraction
+from esea_gen.emit.ranges import BEYOND, RangeError, linear_bound
+from esea_gen.emit.walker import Kernel
+
+AIM = 5e-5
+"""Aim of the plan: proven error of an output over the larger end of its port's range."""
+
+
+SIGNIFICANT_BITS = 28
+"""What a value that stays away from zero keeps at its small end, of 31, or is held in 64 bits."""
+
+
+def _shortfall(block: Block, outputs: Mapping[str, float]) -> float:
+    # How far the worst output is above the aim; at most 1 when the aim is met.
+    return max(
+        (
+            outputs[p.name] / (AIM * max(abs(p.low), abs(p.high)))
+            for p in block.outputs
+            if not p.flags
+        ),
+        default=0.0,
+    )
+
+
+@dataclass(frozen=True)
+class _Tried:
+    # A plan, how far it is above the aim, and the state errors that a step starts from.
+    plan: BlockPlan
+    score: float
+    states: dict[str, float]
+    forgets: bool = True
+    linear: bool = False
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        return not self.forgets, self.score
+
+
+def _try(planner: Planner, wide: Mapping[int, str]) -> _Tried | None:
+    try:
+        plan = planner.plan(wide, wide)
+    except LoweringError:
+        if not wide:
+            raise
+        return None
+    try:
+        bound = any_bound(plan)
+    except RangeError:
+        return _Tried(plan, math.inf, {}, False)
+    forgets = math.isinf(bound.steps)
+    states = bound.states if forgets else dict.fromkeys(bound.states, 0.0)
+    score = _shortfall(plan.block, bound.outputs)
+    return _Tried(plan, score, states, forgets, bound.method == "linear")
+
+
+def _still_bounded(
+    planner: Planner, wide: Mapping[int, str], errors: Errors, ceiling: float, forgets: bool
+) -> BlockPlan | None:
+    # Whether state errors that are a bound already stay one: a single step tells.
+    try:
+        plan = planner.plan(wide, wide)
+        step = Propagation(plan, {}, {}, 0.0 if forgets else BEYOND)
+        result = step.once(errors)
+    except (LoweringError, RangeError):
+        return None
+    pairs = zip(step.state_errors(result), errors, strict=True)
+    holds = not forgets or all(n <= e for new, old in pairs for n, e in zip(new, old, strict=True))
+    return plan if holds and _shortfall(plan.block, step.outputs(result)) <= ceiling else None
+
+
+def _memory(block: Block) -> list[list[float]]:
+    # What one step's own errors of a linear Block's states sum up to: the errors of all states, per
+    # element whose own error is 1.
+    sizes = [p.size for p in block.state]
+    columns = []
+    for k in range(sum(sizes)):
+        flat = [float(i == k) for i in range(sum(sizes))]
+        found = linear_bound(block, _split(flat, sizes))
+        assert found is not None
+        columns.append([x for row in found for x in row])
+    return columns
+
+
+def _split(flat: Sequence[float], sizes: Sequence[int]) -> Errors:
+    rest = iter(flat)
+    return [[next(rest) for _ in range(n)] for n in sizes]
+
+
+def _narrowed(planner: Planner, plan: BlockPlan, ceiling: float) -> BlockPlan:
+    # A linear Block's bound is no induction: its memory is summed once, for every choice.
+    memory, sizes = _memory(planner.block), [p.size for p in planner.block.state]
+    for i in sorted(plan.wide):
+        fewer = {k: r for k, r in plan.why_wide.items() if k != i}
+        try:
+            tried = planner.plan(fewer, fewer)
+            step = Propagation(tried, {}, {})
+            own = [x for row in step.state_errors(step.once(step.zero)) for x in row]
+            total = [
+                sum(o * m[k] for o, m in zip(own, memory, strict=True)) for k in range(len(own))
+            ]
+            result = step.once(_split(total, sizes))
+        except (LoweringError, RangeError):
+            continue
+        if _shortfall(planner.block, step.outputs(result)) <= ceiling:
+            plan = tried
+    return plan
+
+
+def _small_ends(plan: BlockPlan) -> dict[int, int]:
+    # Significant bits at the small end of every value whose computed range stays away from zero.
+    out = {}
+    for i, v in enumerate(plan.step.values):
+        if v is None or v.expr.bits != 32 or plan.step.kernel.nodes[i].op == "input":
+            continue
+        least = min(abs(v.expr.low), abs(v.expr.high))
+        if v.expr.low <= 0 <= v.expr.high:
+            # A fact of algebra may exclude zero where intervals do not.
+            if i in plan.facts:
+                out[i] = 0
+            continue
+        if plan.step.kernel.nodes[i].op != "sign":
+            out[i] = least.bit_length()
+    return out
+
+
+def _clipped(plan: BlockPlan, inner: bool = False) -> dict[int, str]:
+    # Values that lose bits to a range which the clip behind them then cuts off, and what they are
+    # chosen from; with ``inner`` also the first half of a clip at two ends.
+    nodes, out = plan.step.kernel.nodes, {}
+    for n in nodes:
+        if n.op not in ("fmin", "fmax"):
+            continue
+        for first, other in (n.args, n.args[::-1]):
+            half = nodes[first].op in ("fmin", "fmax")
+            if nodes[other].op != "const" or (half and not inner):
+                continue
+            limit, todo = Fraction(nodes[other].value), [first]
+            while todo:
+                k = todo.pop()
+                v = plan.step.values[k]
+                if v is None or nodes[k].op == "input":
+                    continue
+                lost = best_fraction(limit, limit) - v.fraction
+                if lost > 0 and v.expr.bits == 32:
+                    out[k] = f"its range before the clip takes {lost} bits that the clip gives back"
+                    if nodes[k].op in ("select", "if_else_zero"):
+                        todo += nodes[k].args[1:]
+    return out
+
+
+def _with_terms(kernel: Kernel, why: Mapping[int, str]) -> dict[int, str]:
+    # A sum is as fine as its terms: what a wide sum is made of is wide too.
+    out = dict(why)
+    for i in why:
+        n = kernel.nodes[i]
+        if n.op in ("add", "sub"):
+            for a in n.args:
+                if kernel.nodes[a].op not in ("input", "const") and not kernel.nodes[a].boolean:
+                    out.setdefault(a, f"is a term of v{i}, which is held in 64 bits")
+    return out
+
+
+def _flat_roots(plan: BlockPlan) -> dict[int, str]:
+    # A root magnifies what is near zero: its argument, and what that is made of, as fine as can be.
+    nodes, out = plan.step.kernel.nodes, {}
+    todo = []
+    for i, n in enumerate(nodes):
+        if n.op == "sqrt" or (n.op == "pow" and 0 < nodes[n.args[1]].value < 1):
+            todo.append(n.args[0])
+            if n.op == "pow":
+                out[i] = "is a root, steep near zero"
+    while todo:
+        i = todo.pop()
+        n, v = nodes[i], plan.step.values[i]
+        if (
+            v is None
+            or i in out
+            or n.op not in ("add", "sub", "neg", "fabs", "mul", "if_else_zero")
+        ):
+            continue
+        out[i] = "leads to a root, which magnifies its rounding near zero"
+        todo += n.args
+    return out
+
+
+def coarse_values(plan: BlockPlan) -> dict[int, str]:
+    """Values that are coarser than the port which they lead to by sums, choices and products.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+
+    Returns
+    -------
+    dict of int to str
+        Per node of 32 bits, how many bits are lost.
+
+    Notes
+    -----
+    An intermediate sum of a filter can be larger than any of its states, and a value before its
+    clip larger than the clip lets through.
+    """
+    nodes, targets = plan.step.kernel.nodes, dict[int, int]()
+    fields = (*plan.fields["state"], *plan.fields["out"])
+    for r, f in zip(plan.step.kernel.results, fields, strict=True):
+        if not getattr(f.port, "flags", ()):
+            for i in r:
+                targets[i] = max(f.fraction, targets.get(i, f.fraction))
+    out = {}
+    for i in range(len(nodes) - 1, -1, -1):
+        v = plan.step.values[i]
+        if i not in targets or v is None or nodes[i].boolean or nodes[i].op == "input":
+            continue
+        if nodes[i].op not in _LINEAR:
+            continue
+        lost = targets[i] - v.fraction
+        if lost > 0 and v.expr.bits == 32:
+            out[i] = f"{lost} bits coarser than the port that it leads to"
+        for a in nodes[i].args[nodes[i].op in ("select", "if_else_zero") :]:
+            targets[a] = max(targets[i], targets.get(a, targets[i]))
+    return out
+
+
+_LINEAR = frozenset({"add", "sub", "neg", "twice", "mul", "fmin", "fmax", "select", "if_else_zero"})
+
+
+def search(block: Block) -> BlockPlan:
+    """Find the plan of a Block.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+
+    Returns
+    -------
+    BlockPlan
+        With as few 64-bit values as the aim allows.
+
+    Raises
+    ------
+    LoweringError
+        For what cannot be lowered.
+    """
+    planner = Planner(block)
+    first = _try(planner, {})
+    assert first is not None
+    plan = first.plan
+    significant, roots, clipped = _small_ends(plan), _flat_roots(plan), _clipped(plan)
+    short = {
+        i: f"would keep {b} significant bits of 31 where it is smallest"
+        for i, b in significant.items()
+        if b < SIGNIFICANT_BITS
+    }
+    wide = clipped | _with_terms(planner.kernel, short)
+    halves = clipped | _clipped(plan, inner=True)
+    coarse = {i: f"would be {why}" for i, why in coarse_values(plan).items()}
+    levels = [clipped, halves, wide, wide | roots, coarse | halves]
+    found, seen = first, [frozenset[int]()]
+    for level in levels:
+        if found.forgets and found.score <= 1:
+            break
+        if frozenset(level) in seen:
+            continue
+        seen.append(frozenset(level))
+        tried = _try(planner, level)
+        if tried is not None and tried.rank < found.rank:
+            found = tried
+    best, score = found.plan, found.score
+    if not best.wide or not math.isfinite(score):
+        return best
+    ceiling = max(1.0, 1.02 * score)
+    if found.linear:
+        return _narrowed(planner, best, ceiling)
+    errors = [[found.states[p.name] * ceiling / score] * p.size for p in block.state]
+    for i in sorted(best.wide):
+        fewer = {k: r for k, r in best.why_wide.items() if k != i}
+        best = _still_bounded(planner, fewer, errors, ceiling, found.forgets) or best
+    return best
+
+
+_PLANS: dict[int, tuple[Block, BlockPlan]] = {}
+
+
+def plan_block(block: Block) -> BlockPlan:
+    """The plan of a Block, searched for once.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+
+    Returns
+    -------
+    BlockPlan
+        Its plan.
+    """
+    found = _PLANS.get(id(block))
+    if found is None or found[0] is not block:
+        found = _PLANS[id(block)] = (block, search(block))
+    return found[1]
+
+
+def raw_tunable(block: Block, name: str, value: float) -> tuple[str, int]:
+    """C field and raw number of a tunable's value.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    name : str
+        The tunable.
+    value : float
+        In its unit; NaN and what does not fit becomes ``INT32_MIN``, which prepare refuses.
+
+    Returns
+    -------
+    name : str
+        C field.
+    raw : int
+        Raw number.
+    """
+    f = plan_block(block).field("params", name)
+    scaled = value * 2.0**f.fraction
+    if not -(2.0**31) < scaled < 2.0**31 - 1:
+        return f.name, ex.INT32[0]
+    return f.name, math.floor(scaled + 0.5)

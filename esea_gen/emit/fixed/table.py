@@ -1,0 +1,225 @@
+"""Range report of a Block: every value's range, format, unit and headroom, as table and picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from esea_gen.emit.fixed.plan import BlockPlan
+from esea_gen.emit.fixed.search import coarse_values
+from esea_gen.emit.ranges import Bound
+
+
+@dataclass(frozen=True)
+class RangeRow:
+    """One value of a Block.
+
+    Parameters
+    ----------
+    name : str
+        Field or local name.
+    kind : str
+        ``input``, ``state``, ``output``, ``coefficient`` or ``value``.
+    low, high : float
+        Range in the value's unit: the declared one of a port; of a value what it can reach over
+        every bit pattern of the inputs and states.
+    bits : int
+        Width.
+    fraction : int
+        Fraction bits.
+    headroom_bits : float
+        Bits that the range leaves of the width.
+    raw_low, raw_high : int
+        The same range in whole numbers.
+    physical : str
+        Unit of a port; empty for a value.
+    why : str
+        Why 64 bits, if so.
+    note : str
+        Of a value with 32 bits, what its range costs.
+    """
+
+    name: str
+    kind: str
+    low: float
+    high: float
+    bits: int
+    fraction: int
+    headroom_bits: float
+    raw_low: int
+    raw_high: int
+    physical: str = ""
+    why: str = ""
+    note: str = ""
+
+    @property
+    def unit(self) -> float:
+        """Value of one unit in the last place."""
+        return float(2.0**-self.fraction)
+
+
+def range_rows(plan: BlockPlan) -> list[RangeRow]:
+    """Every value of a Block with its range and format.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+
+    Returns
+    -------
+    list of RangeRow
+        Ports first, then the step's values in order; conditions left out.
+    """
+    kinds = {"in": "input", "state": "state", "out": "output", "coeffs": "coefficient"}
+    rows = []
+    for group, kind in kinds.items():
+        for f in plan.fields[group]:
+            if getattr(f.port, "flags", ()):
+                continue
+            room = _headroom(f.low, f.high, 32)
+            low, high = f.low * f.lsb, f.high * f.lsb
+            unit = "" if f.port.unit == "1" else f.port.unit
+            rows.append(
+                RangeRow(f.name, kind, low, high, 32, f.fraction, room, f.low, f.high, unit)
+            )
+    coarse = coarse_values(plan)
+    for s in plan.step.steps:
+        v = plan.step.values[s.node] if s.node >= 0 else None
+        if v is None or s.expr.bits in (1, -32) or s.expr.op == "read":
+            continue
+        rows.append(
+            RangeRow(
+                s.name,
+                "value",
+                float(v.low),
+                float(v.high),
+                s.expr.bits,
+                v.fraction,
+                _headroom(s.expr.low, s.expr.high, s.expr.bits),
+                s.expr.low,
+                s.expr.high,
+                why=plan.why_wide.get(s.node, "ends in comparisons: kept exact")
+                if s.expr.bits == 64
+                else "",
+                note=coarse.get(s.node, ""),
+            )
+        )
+    return rows
+
+
+def _headroom(low: int, high: int, bits: int) -> float:
+    return bits - 1 - math.log2(max(abs(low), abs(high), 1))
+
+
+def range_table(plan: BlockPlan, bound: Bound | None = None) -> str:
+    """The range report as Markdown.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    bound : Bound, optional
+        Its proven error, for a second table.
+
+    Returns
+    -------
+    str
+        One or two tables.
+    """
+    lines = [
+        f"### {plan.block.name}: ranges and formats",
+        "",
+        "| value | kind | range | bits | fraction bits | one unit | headroom, bits | why or cost |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for r in range_rows(plan):
+        lines.append(
+            f"| `{r.name}` | {r.kind} | {r.low:.4g} to {r.high:.4g} | {r.bits} | {r.fraction} | "
+            f"{r.unit:.2e} | {r.headroom_bits:.1f} | {r.why or r.note} |"
+        )
+    if bound is not None:
+        lines += [
+            "",
+            f"### {plan.block.name}: proven error for any number of steps ({bound.method})",
+            "",
+            "| port | largest error | of the port's range |",
+            "|---|---|---|",
+        ]
+        for p in plan.block.outputs:
+            if not p.flags:
+                e = bound.outputs[p.name]
+                share = e / max(abs(p.low), abs(p.high))
+                lines.append(f"| {p.name} | {e:.2e} {p.unit} | {100 * share:.2g} % |")
+        lines += [f"- taken as equal: {a}" for a in bound.assumptions]
+    return "\n".join(lines) + "\n"
+
+
+def largest_contributions(plan: BlockPlan, count: int = 10) -> list[tuple[str, float]]:
+    """Which values' own rounding the error of one step is made of, largest first.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    count : int
+        How many.
+
+    Returns
+    -------
+    list of (str, float)
+        Name, and the rounding it adds itself, as a share of its range.
+    """
+    found = []
+    for s in plan.step.steps:
+        v = plan.step.values[s.node] if s.node >= 0 else None
+        if v is None or s.expr.bits in (1, -32):
+            continue
+        most = max(abs(float(v.low)), abs(float(v.high)), 1e-300)
+        found.append((s.name, v.local / most + v.relative))
+    return sorted(found, key=lambda x: -x[1])[:count]
+
+
+MOST_NAMES = 210
+COLOURS = {"input": "0.1", "state": "0.1", "output": "0.1", "coefficient": "0.1"}
+NARROW, WIDE, ROOM = "#3b6ea5", "#c8553d", "0.88"
+
+
+def draw_headroom(plan: BlockPlan, axes: Any) -> None:
+    """Draw how many bits of its width every port and every value of the step uses.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    axes : matplotlib.axes.Axes
+        Where.
+    """
+    rows: Sequence[RangeRow] = range_rows(plan)
+    places = range(len(rows))
+    used = [r.bits - 1 - r.headroom_bits for r in rows]
+    colours = [COLOURS.get(r.kind, NARROW if r.bits == 32 else WIDE) for r in rows]
+    axes.bar(places, used, color=colours, width=0.8)
+    axes.bar(places, [r.headroom_bits for r in rows], bottom=used, color=ROOM, width=0.8)
+    # With more values than names fit, the ports and what needs a look keep theirs.
+    named = [i for i, r in enumerate(rows) if len(rows) <= MOST_NAMES or r.kind != "value" or r.why]
+    axes.set_xticks(named, [rows[i].name for i in named], fontsize=5, rotation=90)
+    axes.tick_params(axis="x", length=1, pad=1)
+    axes.set_yticks((0, 15, 31, 63) if any(r.bits == 64 for r in rows) else (0, 15, 31))
+    axes.set_xlim(-1, len(rows))
+    axes.set_ylabel("bits")
+    axes.set_title(plan.block.name, loc="left", fontsize=9)
+
+
+__all__ = [
+    "NARROW",
+    "ROOM",
+    "WIDE",
+    "RangeRow",
+    "draw_headroom",
+    "largest_contributions",
+    "range_rows",
+    "range_table",
+]

@@ -1,0 +1,490 @@
+"""Values, targets and what all lowering rules share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from esea_gen.block import UNIT_SUFFIXES
+from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.expression import Expr, OverflowProofError
+from esea_gen.emit.formats import status_words
+from esea_gen.emit.walker import Kernel
+
+NARROW_LIMIT = 2**31 - 1
+WIDE_LIMIT = 2**61 - 1  # leaves room for rounding and for the sum of two
+MOST_FRACTION_BITS = 90
+COMPARES = frozenset({"lt", "le", "eq", "ne"})
+ZERO = -1  # stands for the missing arm of a select with zero
+EXACT = frozenset({"add", "sub", "neg", "fabs", "fmin", "fmax", "twice"})
+
+
+class LoweringError(Exception):
+    """An operation that the q31 format cannot hold, with where, why and what would do."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where an input of a kernel comes from.
+
+    Parameters
+    ----------
+    name : str
+        Local name.
+    place : str
+        C expression that reads it.
+    fraction : int
+        Fraction bits.
+    low, high : int
+        Interval of the raw number.
+    port : str
+        Port and element, for messages.
+    """
+
+    name: str
+    place: str
+    fraction: int
+    low: int
+    high: int
+    port: str
+
+
+@dataclass(frozen=True)
+class Value:
+    """A lowered value.
+
+    Parameters
+    ----------
+    expr : Expr
+        How it is written where it is used.
+    fraction : int
+        Fraction bits.
+    local : float
+        Largest absolute error that its own operation adds.
+    relative : float
+        Largest error that it adds relative to its result.
+    constants : dict of int to float
+        By operand position, the error of a constant as it is stored for this operation.
+    """
+
+    expr: Expr
+    fraction: int
+    local: float = 0.0
+    relative: float = 0.0
+    constants: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def low(self) -> Fraction:
+        """Least value."""
+        return Fraction(self.expr.low) * two(-self.fraction)
+
+    @property
+    def high(self) -> Fraction:
+        """Largest value."""
+        return Fraction(self.expr.high) * two(-self.fraction)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One definition of the lowered kernel.
+
+    Parameters
+    ----------
+    name : str
+        C name.
+    expr : Expr
+        What it is.
+    comment : str
+        Comment above it.
+    node : int
+        Node of the kernel it belongs to.
+    """
+
+    name: str
+    expr: Expr
+    comment: str = ""
+    node: int = -1
+
+
+@dataclass(frozen=True)
+class LoweredKernel:
+    """A kernel in whole numbers.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        What was lowered.
+    steps : tuple of Step
+        Definitions, in order.
+    values : tuple of Value or None
+        Per node; None for constants, which take their format where they are used.
+    results : tuple of tuple of Expr
+        Per result and element, in its port's format.
+    conversions : tuple of tuple of float
+        Largest error of the conversion to the port's format.
+    saturations : tuple of str
+        Conversions to a port that saturate.
+    """
+
+    kernel: Kernel
+    steps: tuple[Step, ...]
+    values: tuple[Value | None, ...]
+    results: tuple[tuple[Expr, ...], ...]
+    conversions: tuple[tuple[float, ...], ...]
+    saturations: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Format of a result.
+
+    Parameters
+    ----------
+    port : str
+        Port and element.
+    fraction : int
+        Fraction bits.
+    low, high : int
+        Cut to these raw numbers; a port's whole type when it is not to be cut.
+    word : bool
+        Whether it is a status word.
+    """
+
+    port: str
+    fraction: int
+    low: int = ex.INT32[0]
+    high: int = ex.INT32[1]
+    word: bool = False
+
+
+def two(power: int) -> Fraction:
+    """Two to a power, exact.
+
+    Parameters
+    ----------
+    power : int
+        The power, negative too.
+
+    Returns
+    -------
+    Fraction
+        ``2**power``.
+    """
+    return Fraction(1 << power) if power >= 0 else Fraction(1, 1 << -power)
+
+
+def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> int:
+    """Largest number of fraction bits that a range leaves room for.
+
+    Parameters
+    ----------
+    low, high : Fraction
+        Range of the value.
+    limit : int
+        Largest raw number.
+
+    Returns
+    -------
+    int
+        Fraction bits; negative for values above the limit.
+    """
+    most = max(abs(low), abs(high))
+    if most == 0:
+        return 30
+    f = limit.bit_length() - (most.numerator.bit_length() - most.denominator.bit_length()) + 2
+    # Two's complement holds one more below zero.
+    while high * two(f) > limit or low * two(f) < -limit - 1:
+        f -= 1
+    return min(f, MOST_FRACTION_BITS)
+
+
+def stem(name: str) -> str:
+    """A port's name without its unit.
+
+    Parameters
+    ----------
+    name : str
+        ``theta_rad``.
+
+    Returns
+    -------
+    str
+        ``theta``.
+    """
+    suffix = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
+    return name[: -len(suffix)] if suffix and suffix != name else name
+
+
+def local_name(name: str, fraction: int) -> str:
+    """C name of a local value.
+
+    Parameters
+    ----------
+    name : str
+        Its label.
+    fraction : int
+        Fraction bits.
+
+    Returns
+    -------
+    str
+        The label without its unit, with the format behind.
+    """
+    base = stem(name.removesuffix("_used")) + ("_used" if name.endswith("_used") else "")
+    return f"{base}_q{fraction}" if fraction >= 0 else f"{base}_qm{-fraction}"
+
+
+class LoweringBase:
+    """What all rules share: operands in a format, ranges, messages.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        What is lowered.
+    source : callable
+        ``source(argument, element) -> Source`` of an input.
+    labels : mapping of int to (str, str)
+        Name and comment by node.
+    facts : mapping of int to (float, float)
+        Ranges that follow from algebra, by node.
+    wide : collection of int
+        Nodes held in 64 bits.
+    words : sequence of int
+        Results that are status words.
+    block : str
+        Name of the Block, for messages.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        source: Callable[[int, int], Source],
+        labels: Mapping[int, tuple[str, str]],
+        facts: Mapping[int, tuple[float, float]],
+        wide: Collection[int],
+        words: Sequence[int],
+        block: str,
+    ) -> None:
+        self.kernel, self.source, self.labels = kernel, source, labels
+        self.facts, self.wide, self.block = facts, wide, block
+        self.steps: list[Step] = []
+        self.values: list[Value | None] = []
+        self.names: set[str] = set()
+        self.uses = [0] * len(kernel.nodes)
+        for n in kernel.nodes:
+            for a in n.args:
+                self.uses[a] += 1
+        for r in kernel.results:
+            for i in r:
+                self.uses[i] += 1
+        self.words = status_words(kernel, words, self.uses)
+        self.parts = {i for w in self.words.values() for i in w.parts}
+        self.compared = self._only_compared()
+        self.caps: dict[int, int] = {}
+
+    def _only_compared(self) -> set[int]:
+        # Values that end in comparisons alone: kept exact, so that they decide as they should.
+        results = {i for r in self.kernel.results for i in r}
+        free = set(range(len(self.kernel.nodes))) - results
+        for i in range(len(self.kernel.nodes) - 1, -1, -1):
+            n = self.kernel.nodes[i]
+            passes = n.op in COMPARES or (i in free and n.op in EXACT)
+            if not passes:
+                free -= set(n.args)
+        return free
+
+    # -- small helpers ---------------------------------------------------------------------------
+
+    def _fail(self, i: int, why: str, remedy: str) -> LoweringError:
+        n = self.kernel.nodes[i]
+        near = self._nearest_label(i)
+        return LoweringError(
+            f"block {self.block}: operation '{n.op}' (value v{i}{near}) cannot be lowered to q31: "
+            f"{why}. {remedy}"
+        )
+
+    def _nearest_label(self, i: int) -> str:
+        if i in self.labels:
+            return f", {self.labels[i][0]}"
+        todo, seen = list(self.kernel.nodes[i].args), set[int]()
+        inputs = []
+        while todo:
+            k = todo.pop()
+            if k in seen:
+                continue
+            seen.add(k)
+            if k in self.labels:
+                inputs.append(self.labels[k][0])
+            elif self.kernel.nodes[k].op == "input":
+                inputs.append(self.source(*self.kernel.nodes[k].source).port)
+            else:
+                todo += self.kernel.nodes[k].args
+        return f", of {', '.join(sorted(set(inputs)))}" if inputs else ""
+
+    def _constant(self, i: int) -> Fraction | None:
+        if i == ZERO:
+            return Fraction(0)
+        n = self.kernel.nodes[i]
+        return Fraction(n.value) if n.op == "const" else None
+
+    def _value(self, i: int) -> Value:
+        v = self.values[i]
+        assert v is not None
+        if v.expr.bits == 1:
+            return Value(ex.cast(v.expr, 32), 0)
+        return v
+
+    def _ends(self, i: int) -> tuple[Fraction, Fraction]:
+        c = self._constant(i)
+        if c is not None:
+            return c, c
+        v = self._value(i)
+        return v.low, v.high
+
+    def _fraction(self, i: int) -> int:
+        # What the operand can fill; a constant fills anything.
+        return MOST_FRACTION_BITS if self._constant(i) is not None else self._value(i).fraction
+
+    def align(
+        self, i: int, fraction: int, bits: int, inwards: bool = False
+    ) -> tuple[Expr, float, float]:
+        """Operand in a format.
+
+        Parameters
+        ----------
+        i : int
+            The operand's node.
+        fraction, bits : int
+            Fraction bits and width of the format.
+        inwards : bool
+            Whether a constant is rounded towards zero.
+
+        Returns
+        -------
+        tuple of (Expr, float, float)
+            Expression, error of its rounding, error of a constant.
+        """
+        c = self._constant(i)
+        if c is not None:
+            scaled = c * two(fraction)
+            raw = int(scaled) if inwards else math.floor(scaled + Fraction(1, 2))
+            error = float(abs(Fraction(raw) * two(-fraction) - c))
+            return ex.literal(raw, bits), 0.0, error
+        v = self._value(i)
+        if v.fraction <= fraction:
+            return ex.scale(v.expr, fraction - v.fraction, bits), 0.0, 0.0
+        rounded = ex.round_shift(v.expr, v.fraction - fraction)
+        return ex.cast(rounded, bits), 0.5 * 2.0**-fraction, 0.0
+
+    def _settle(self, i: int, fraction: int, build: Callable[[int], Value]) -> Value:
+        """The first format, from ``fraction`` down, in which nothing can overflow."""
+        reason = ""
+        for f in range(fraction, fraction - 8, -1):
+            try:
+                return build(f)
+            except OverflowProofError as error:
+                reason = reason or str(error)
+        raise self._fail(i, reason, "Narrow the ranges of the ports it comes from.")
+
+    def _bits(self, i: int) -> int:
+        return 64 if i in self.wide else 32
+
+    def _limit(self, i: int) -> int:
+        return WIDE_LIMIT if i in self.wide else NARROW_LIMIT
+
+    def _cut(self, i: int, low: Fraction, high: Fraction) -> tuple[Fraction, Fraction]:
+        fact = self.facts.get(i)
+        if fact is None:
+            return low, high
+        return max(low, Fraction(fact[0])), min(high, Fraction(fact[1]))
+
+    def _within(self, i: int, expr: Expr, fraction: int) -> Expr:
+        # A fact of algebra: cutting to it moves the value towards the exact one, never away.
+        fact = self.facts.get(i)
+        if fact is None:
+            return expr
+        low, high = (Fraction(x) * two(fraction) for x in fact)
+        return ex.clamp(expr, math.floor(low), math.ceil(high))
+
+
+def stored(*errors: float) -> dict[int, float]:
+    """Errors of stored constants by operand position, those that are none left out.
+
+    Parameters
+    ----------
+    *errors : float
+        One an operand.
+
+    Returns
+    -------
+    dict of int to float
+        By position.
+    """
+    return {k: e for k, e in enumerate(errors) if e}
+
+
+def is_power(c: Fraction) -> bool:
+    """Whether a number is a power of two, of either sign.
+
+    Parameters
+    ----------
+    c : Fraction
+        The number.
+
+    Returns
+    -------
+    bool
+        True for 1/4 or -2.
+    """
+    m = abs(c)
+    return m != 0 and (m.numerator & (m.numerator - 1)) == 0 == (
+        m.denominator & (m.denominator - 1)
+    )
+
+
+def last_raw(c: Fraction, fraction: int, strict: bool, upper: bool) -> int:
+    """The last raw number for which a comparison with a constant holds.
+
+    Parameters
+    ----------
+    c : Fraction
+        The constant.
+    fraction : int
+        Fraction bits of what is compared.
+    strict : bool
+        Whether equality does not count.
+    upper : bool
+        Largest raw number at or below ``c``; else smallest at or above.
+
+    Returns
+    -------
+    int
+        The raw number.
+    """
+    scaled = c * two(fraction)
+    if upper:
+        return math.ceil(scaled) - 1 if strict else math.floor(scaled)
+    return math.floor(scaled) + 1 if strict else math.ceil(scaled)
+
+
+def threshold(raw: int, like: Expr) -> Expr:
+    """A threshold as a literal; one beyond the type decides at once, by its interval.
+
+    Parameters
+    ----------
+    raw : int
+        The threshold.
+    like : Expr
+        What is compared with it.
+
+    Returns
+    -------
+    Expr
+        The literal.
+    """
+    low, high = ex.LIMITS[like.bits]
+    if low <= raw <= high:
+        return ex.literal(raw, like.bits)
+    return Expr("literal", (), 64, raw, raw, (raw,))

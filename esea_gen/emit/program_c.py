@@ -1,0 +1,580 @@
+"""Programs as C: loops and calls here, kernels by the walker, the rest by a template."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from esea_gen.block import Port
+from esea_gen.emit.elementary import source_paths
+from esea_gen.emit.formats import FORMATS, Format, PrintedKernel, print_kernel
+from esea_gen.emit.program import (
+    EPSILON,
+    Call,
+    For,
+    Invoke,
+    Ix,
+    Leave,
+    Memory,
+    Part,
+    Program,
+    ProgramError,
+    Ref,
+    SetIndex,
+    Statement,
+    When,
+    walk_statements,
+)
+from esea_gen.emit.render import Renderer, comment
+from esea_gen.emit.walker import Kernel, walk
+from esea_gen.errors import UserError
+from esea_gen.system import System, Task
+
+_POINTERS = ("coeffs", "state", "in", "out")
+
+
+@dataclass(frozen=True)
+class LoopBound:
+    """What is known of one printed loop, for one whole step.
+
+    Parameters
+    ----------
+    part : str
+        The part.
+    var : str
+        Its index variable in the C; no other loop has it.
+    entries : int
+        How often it is entered at most.
+    passes : int
+        How often its body runs at most, all entries together.
+    """
+
+    part: str
+    var: str
+    entries: int
+    passes: int
+
+
+@dataclass(frozen=True)
+class PrintedPart:
+    """A part as C text.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    pointers : tuple of str
+        Which of coeffs, state, in and out it takes.
+    params : tuple of str
+        Index parameters.
+    locals : tuple of Memory
+        Arrays on its stack.
+    indices : tuple of str
+        Index variables to declare.
+    lines : tuple of str
+        Its body.
+    comment : str
+        One sentence.
+    """
+
+    name: str
+    pointers: tuple[str, ...]
+    params: tuple[str, ...]
+    locals: tuple[Memory, ...]
+    indices: tuple[str, ...]
+    lines: tuple[str, ...]
+    comment: str
+
+
+@dataclass(frozen=True)
+class EmittedProgram:
+    """A Program with its body printed in one number format.
+
+    Parameters
+    ----------
+    block : Program
+        The Program.
+    prepare : PrintedKernel or None
+        None without tunables.
+    init : PrintedKernel
+        Of what is carried.
+    parts : tuple of PrintedPart
+        Each after those it invokes; ``step`` last.
+    tables : tuple of (str, str, tuple of str)
+        C type, name and literals of each table.
+    loops : tuple of LoopBound
+        Every printed loop.
+    template : str
+        What prints it.
+    """
+
+    block: Program
+    prepare: PrintedKernel | None
+    init: PrintedKernel
+    parts: tuple[PrintedPart, ...]
+    tables: tuple[tuple[str, str, tuple[str, ...]], ...]
+    loops: tuple[LoopBound, ...]
+    template: str = "device/esea_program.c.j2"
+
+
+def emit_program(program: Program, fmt: Format) -> EmittedProgram:
+    """Print a Program.
+
+    Parameters
+    ----------
+    program : Program
+        What to print.
+    fmt : Format
+        Number format, f64 or f32.
+
+    Returns
+    -------
+    EmittedProgram
+        For the template.
+
+    Raises
+    ------
+    UserError
+        For another number format.
+    """
+    if fmt.name not in EPSILON:
+        raise UserError(
+            f"The program {program.name} cannot be emitted in {fmt.name}.",
+            f"Choose from {', '.join(EPSILON)}.",
+        )
+    return _Writer(program, fmt, program.name).emit()
+
+
+def _frozen(env: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
+    return tuple(sorted(env.items()))
+
+
+LoopKey = tuple[str, tuple[tuple[str, int], ...]]
+
+
+def loop_totals(program: Program) -> dict[LoopKey, tuple[int, int]]:
+    """How often each printed loop is entered and passed in one step, at most.
+
+    Both ways of every condition are taken and no loop is left early; ranges that depend on loops
+    around, through calls too, are evaluated, so that a triangle counts as a triangle.
+
+    Parameters
+    ----------
+    program : Program
+        The Program.
+
+    Returns
+    -------
+    dict
+        Index variable, with the values of the unrolled loops around, to (entries, passes).
+    """
+    tables = program.index_tables
+    totals: dict[LoopKey, tuple[int, int]] = {}
+
+    def known(x: Ix, env: Mapping[str, int]) -> int | None:
+        e = x.fold(env, tables)
+        return None if e.terms or e.lookups else e.constant
+
+    def count(
+        body: Sequence[Statement], env: dict[str, int], unrolled: dict[str, int], times: int
+    ) -> None:
+        for s in body:
+            if isinstance(s, When):
+                count(s.then, env, unrolled, times)
+                count(s.otherwise, env, unrolled, times)
+            elif isinstance(s, Invoke):
+                part = program.parts[s.part]
+                values = {n: known(a, env) for n, a in zip(part.params, s.args, strict=True)}
+                count(part.body, {n: v for n, v in values.items() if v is not None}, {}, times)
+            elif isinstance(s, For):
+                start, stop = known(s.start, env), known(s.stop, env)
+                exact = start is not None and stop is not None
+                most = known(s.most, env)
+                if most is None:
+                    raise ProgramError(f"{program.name}: loop {s.var} has no bound")
+                n = min(most, max(0, (stop or 0) - (start or 0))) if exact else most
+                key = (s.var, _frozen(unrolled))
+                if not s.unroll:
+                    entries, passes = totals.get(key, (0, 0))
+                    totals[key] = (entries + times, passes + n * times)
+                leaf = not any(isinstance(x, (For, When, Invoke)) for x in s.body)
+                if leaf or n == 0:
+                    continue
+                if start is None:
+                    count(s.body, {k: v for k, v in env.items() if k != s.var}, unrolled, times * n)
+                    continue
+                for i in range(start, start + n):
+                    inner = unrolled | {s.var: i} if s.unroll else unrolled
+                    count(s.body, env | {s.var: i}, inner, times)
+
+    count(program.parts["step"].body, {}, {}, 1)
+    return totals
+
+
+@dataclass
+class _Context:
+    part: Part
+    env: dict[str, int] = field(default_factory=dict)  # unrolled loops
+    names: dict[str, str] = field(default_factory=dict)
+
+
+class _Writer:
+    def __init__(self, program: Program, fmt: Format, stem: str) -> None:
+        # Tables and parts are static: they need no prefix.
+        self.program, self.fmt, self.stem = program, fmt, stem
+        self.kernels: dict[int, Kernel] = {}
+        self.loops: list[LoopBound] = []
+        self.totals = loop_totals(program)
+        self.count = 0
+        self.used: set[str] = set()  # tables that the text names
+
+    def emit(self) -> EmittedProgram:
+        program, fmt = self.program, self.fmt
+
+        def access(pointer: str, ports: Sequence[Any]) -> Any:
+            return lambda argument, element: (
+                f"{ports[argument].name}_{element}",
+                f"{pointer}->{ports[argument].name}"
+                + ("" if getattr(ports[argument], "size", 1) == 1 else f"[{element}]"),
+            )
+
+        prepare = None
+        if program.tunables:
+            kernel = fmt.passes(walk(program.prepare))
+            prepare = print_kernel(kernel, fmt, access("params", program.tunables), {})
+        init = print_kernel(
+            fmt.passes(walk(program.init)), fmt, access("coeffs", program.coefficients), {}
+        )
+        parts = tuple(self._part(p) for p in self._ordered())
+        tables = []
+        for m in program.memory.values():
+            if m.name not in self.used:
+                continue
+            name = f"{self.stem}_{m.name}"
+            if m.region == "table":
+                literals = tuple(fmt.literal(v) for v in m.values[fmt.name])
+                tables.append((fmt.c_type, name, literals))
+            elif m.region == "index":
+                c_type = "uint8_t" if max(m.values) < 256 else "uint16_t"
+                tables.append((c_type, name, tuple(f"{v}u" for v in m.values)))
+        return EmittedProgram(program, prepare, init, parts, tuple(tables), tuple(self.loops))
+
+    def _ordered(self) -> list[Part]:
+        done: list[Part] = []
+
+        def visit(part: Part) -> None:
+            for s in walk_statements(part.body):
+                if isinstance(s, Invoke):
+                    visit(self.program.parts[s.part])
+            if part not in done:
+                done.append(part)
+
+        visit(self.program.parts["step"])
+        return done
+
+    def _pointers(self, part: Part) -> tuple[str, ...]:
+        used = set()
+        for s in walk_statements(part.body):
+            refs: list[Ref] = []
+            if isinstance(s, Call):
+                refs = [*s.args, *s.results]
+            elif isinstance(s, Leave) or (isinstance(s, When) and isinstance(s.flag, Ref)):
+                refs = [s.flag]  # type: ignore[list-item]
+            elif isinstance(s, Invoke):
+                used |= set(self._pointers(self.program.parts[s.part]))
+            if any(self.program.memory[t].region == "work" for t in _looked_up(s)):
+                used.add("state")
+            for r in refs:
+                region = self.program.memory[r.array].region
+                used.add("state" if region == "work" else region)
+        return tuple(p for p in _POINTERS if p in used)
+
+    def _part(self, part: Part) -> PrintedPart:
+        locals_, indices = [], []
+        for s in walk_statements(part.body):
+            if isinstance(s, SetIndex) and s.var not in indices:
+                indices.append(s.var)
+            if isinstance(s, Call):
+                for r in (*s.args, *s.results):
+                    m = self.program.memory[r.array]
+                    if m.region == "local" and m not in locals_:
+                        locals_.append(m)
+        lines = self._body(part.body, _Context(part), 1)
+        return PrintedPart(
+            part.name,
+            self._pointers(part),
+            part.params,
+            tuple(locals_),
+            tuple(indices),
+            tuple(lines),
+            part.comment,
+        )
+
+    def _index(self, ix: Ix, context: _Context) -> str:
+        e = ix.fold(context.env, self.program.index_tables)
+        parts = []
+        for c, v in e.terms:
+            name = context.names.get(v, v)
+            parts.append(name if c == 1 else f"{c} * {name}")
+        for c, t, i in e.lookups:
+            m = self.program.memory[t]
+            self.used.add(t)
+            element = self.place(Ref(t, i, 1), 0, context)
+            text = (
+                f"(int){element}"
+                if m.region != "index"
+                else (f"(int){self.stem}_{t}[{self._index(i, context)}]")
+            )
+            parts.append(text if c == 1 else f"{c} * {text}")
+        if e.constant or not parts:
+            parts.append(str(e.constant))
+        return " + ".join(parts).replace("+ -", "- ")
+
+    def place(self, ref: Ref, element: int, context: _Context) -> str:
+        """C expression of one element of a slice."""
+        m = self.program.memory[ref.array]
+        local = m.name.split(".", 1)[-1]
+        at = self._index(ref.start + element * ref.stride, context)
+        if m.region == "table":
+            self.used.add(m.name)
+            return f"{self.stem}_{local}[{at}]"
+        if m.region == "local":
+            return f"{local}[{at}]"
+        pointer = "state" if m.region == "work" else m.region
+        return f"{pointer}->{local}" + ("" if m.size == 1 else f"[{at}]")
+
+    def _body(self, body: Sequence[Statement], context: _Context, depth: int) -> list[str]:
+        lines: list[str] = []
+        pad = "    " * depth
+        for s in body:
+            if isinstance(s, Call):
+                lines += self._call(s, context, depth)
+            elif isinstance(s, SetIndex):
+                lines.append(f"{pad}{s.var} = {self._index(s.value, context)};")
+            elif isinstance(s, Leave):
+                zero = self.fmt.literal(0.0)
+                lines.append(f"{pad}if ({self.place(s.flag, 0, context)} != {zero})")
+                lines.append(f"{pad}    break;")
+            elif isinstance(s, Invoke):
+                pointers = self._pointers(self.program.parts[s.part])
+                args = [*pointers, *(self._index(a, context) for a in s.args)]
+                lines.append(f"{pad}{self.stem}_{s.part}({', '.join(args)});")
+            elif isinstance(s, When):
+                lines += self._when(s, context, depth)
+            else:
+                lines += self._for(s, context, depth)
+        return lines
+
+    def _when(self, s: When, context: _Context, depth: int) -> list[str]:
+        pad = "    " * depth
+        if isinstance(s.flag, Ref):
+            condition = f"{self.place(s.flag, 0, context)} != {self.fmt.literal(0.0)}"
+        else:
+            left, op, right = s.flag
+            condition = f"{self._index(left, context)} {op} {self._index(right, context)}"
+        lines = [f"{pad}if ({condition}) {{", *self._body(s.then, context, depth + 1)]
+        if s.otherwise:
+            lines += [f"{pad}}} else {{", *self._body(s.otherwise, context, depth + 1)]
+        return [*lines, f"{pad}}}"]
+
+    def _for(self, s: For, context: _Context, depth: int) -> list[str]:
+        pad = "    " * depth
+        tables = self.program.index_tables
+        if s.unroll:
+            start, stop = (x.fold(context.env, tables) for x in (s.start, s.stop))
+            if start.terms or start.lookups or stop.terms or stop.lookups:
+                raise ProgramError(f"loop {s.var} cannot be unrolled: its range varies")
+            lines = []
+            for i in range(start.constant, stop.constant):
+                context.env[s.var] = i
+                lines += self._body(s.body, context, depth)
+            context.env.pop(s.var, None)
+            return lines
+        self.count += 1
+        name = f"{s.var}_{self.count}"
+        context.names[s.var] = name
+        entries, passes = self.totals.get((s.var, _frozen(context.env)), (0, 0))
+        self.loops.append(LoopBound(context.part.name, name, entries, passes))
+        low, high = self._index(s.start, context), self._index(s.stop, context)
+        inside = self._body(s.body, context, depth + 1)
+        del context.names[s.var]
+        return [
+            f"{pad}for (int {name} = {low}; {name} < {high}; ++{name}) {{"
+            f" /* at most {passes} passes in a step */",
+            *inside,
+            f"{pad}}}",
+        ]
+
+    def _call(self, s: Call, context: _Context, depth: int) -> list[str]:
+        key = id(s.kernel)
+        if key not in self.kernels:
+            self.kernels[key] = self.fmt.passes(walk(s.kernel))
+        kernel = self.kernels[key]
+        words = [
+            k
+            for k, r in enumerate(s.results)
+            if any(p.flags and r.array == f"out.{p.name}" for p in self.program.outputs)
+        ]
+        printed = print_kernel(
+            kernel,
+            self.fmt,
+            lambda a, e: (f"a{a}_{e}", self.place(s.args[a], e, context)),
+            {},
+            words,
+        )
+        pad = "    " * depth
+        lines = [f"{pad}{{"]
+        if s.note:
+            lines.insert(0, comment(s.note, 4 * depth))
+        for x in printed.statements:
+            lines.append(f"{pad}    const {x.c_type} {x.name} = {x.expression};")
+        for k, (ref, atoms) in enumerate(zip(s.results, printed.results, strict=True)):
+            for e, atom in enumerate(atoms):
+                value = f"(uint32_t)({atom})" if k in words else atom
+                lines.append(f"{pad}    {self.place(ref, e, context)} = {value};")
+        lines.append(f"{pad}}}")
+        if len(lines) == 3 + bool(s.note):  # one statement needs no braces
+            lines[-3:] = [lines[-2][4:]]
+        return lines
+
+
+def _looked_up(s: Statement) -> set[str]:
+    # Arrays that a statement's index expressions read.
+    if isinstance(s, Call):
+        expressions = [r.start for r in (*s.args, *s.results)]
+    elif isinstance(s, For):
+        expressions = [s.start, s.stop]
+    elif isinstance(s, SetIndex):
+        expressions = [s.value]
+    elif isinstance(s, Invoke):
+        expressions = list(s.args)
+    elif isinstance(s, When) and not isinstance(s.flag, Ref):
+        expressions = [s.flag[0], s.flag[2]]
+    else:
+        expressions = []
+    found = set()
+    while expressions:
+        for _, table, inner in expressions.pop().lookups:
+            found.add(table)
+            expressions.append(inner)
+    return found
+
+
+class ProgramRenderer(Renderer):
+    """Renders a System of one Program: its C files only, no example and no reference."""
+
+    def files(self) -> dict[str, str]:
+        """The C files.
+
+        Returns
+        -------
+        dict of str to str
+            Relative path to text.
+        """
+        p = self.prefix
+        out = {
+            f"{p}.h": self.render("device/esea_device.h.j2"),
+            f"{p}.c": self.render("device/esea_device.c.j2"),
+            f"{p}_real.h": self.render("device/esea_real.h.j2"),
+        }
+        for name, emitted in self.emitted.items():
+            out[f"{p}_{name}.c"] = self.render(emitted.template, e=emitted)
+        if not self.fmt.needs_libm:
+            out |= {path.name: path.read_text() for path in source_paths()}
+        return out
+
+
+def program_system(program: Program, device: str = "program") -> System:
+    """A System of one Program: every input and output external.
+
+    Parameters
+    ----------
+    program : Program
+        The Program.
+    device : str
+        Name of the System.
+
+    Returns
+    -------
+    System
+        Task ``control``.
+    """
+    name = program.name
+    blocks: Any = {name: program}
+    return System(
+        device,
+        program.period_s,
+        blocks,
+        (Task("control", (name,)),),
+        {},
+        {p.name: (f"{name}.{p.name}",) for p in program.inputs},
+        {p.name: f"{name}.{p.name}" for p in program.outputs},
+    )
+
+
+def render_program(program: Program, real: str, device: str = "program") -> ProgramRenderer:
+    """Renderer of a System of one Program.
+
+    Parameters
+    ----------
+    program : Program
+        The Program.
+    real : str
+        Number format.
+    device : str
+        Name of the System.
+
+    Returns
+    -------
+    ProgramRenderer
+        Ready to give its files.
+    """
+    system = program_system(program, device)
+    return ProgramRenderer(system, FORMATS[real], "-", "-", program.title)
+
+
+def loop_lines(text: str, loops: Sequence[LoopBound]) -> dict[str, tuple[int, int]]:
+    """First and last line of every printed loop.
+
+    Parameters
+    ----------
+    text : str
+        The rendered C file.
+    loops : sequence of LoopBound
+        What was printed.
+
+    Returns
+    -------
+    dict of str to (int, int)
+        Index variable to lines, counted from 1, both inside.
+
+    Raises
+    ------
+    ProgramError
+        When a loop is not found exactly once.
+    """
+    lines = text.splitlines()
+    found = {}
+    for loop in loops:
+        heads = [i for i, x in enumerate(lines) if re.match(rf"\s*for \(int {loop.var} = ", x)]
+        if len(heads) != 1:
+            raise ProgramError(f"loop {loop.var} stands {len(heads)} times in the C")
+        pad = len(lines[heads[0]]) - len(lines[heads[0]].lstrip())
+        end = next(i for i in range(heads[0] + 1, len(lines)) if lines[i] == " " * pad + "}")
+        found[loop.var] = (heads[0] + 1, end + 1)
+    return found
+
+
+__all__ = [
+    "EmittedProgram",
+    "LoopBound",
+    "Port",
+    "PrintedPart",
+    "ProgramRenderer",
+    "emit_program",
+    "loop_lines",
+    "program_system",
+    "render_program",
+]
