@@ -22,11 +22,12 @@ import numpy.typing as npt
 
 from esea_gen.block import Block, Port
 from esea_gen.device import Device
-from esea_gen.emit.build import device_hash
-from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.build import format_hash
+from esea_gen.emit.fixed.search import raw_tunable
+from esea_gen.emit.formats import ALL_FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.system import System
+from esea_gen.system import System, SystemSimulator
 
 CFLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC")
 Array = npt.NDArray[Any]
@@ -306,6 +307,138 @@ class CRunner:
         return {k: v[0] for k, v in outputs.items()}
 
 
+class CBoard:
+    """A System's compiled C, called as firmware calls it: one state, shared by all tasks.
+
+    It has the face of :class:`esea_gen.system.SystemSimulator`.
+
+    Parameters
+    ----------
+    library : HostLibrary
+        Where it lives.
+    tunables : mapping, optional
+        ``{instance: {tunable: value}}`` other than the defaults.
+
+    Raises
+    ------
+    ValueError
+        For a tunable outside its range.
+    """
+
+    def __init__(
+        self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
+    ) -> None:
+        self.library, self.system = library, library.system
+        self._state = self._new("state")
+        self._coeffs: tuple[Any, ...] = ()
+        if library.system.tunables:
+            params, coeffs = self._new("params"), self._new("coeffs")
+            self._call("default_params", params)
+            for instance, values in (tunables or {}).items():
+                for key, value in values.items():
+                    setattr(getattr(params, instance), key, value)
+            refused = int(self._call("prepare", params, coeffs))
+            if refused:
+                instance, tunable = library.system.tunables[refused - 1]
+                raise ValueError(
+                    f"{instance}.{tunable.name} is outside [{tunable.low}, {tunable.high}]"
+                )
+            self._coeffs = (coeffs,)
+        self._call("init", *self._coeffs, self._state)
+
+    def _new(self, kind: str, values: Mapping[str, Any] | None = None) -> Any:
+        return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
+
+    def _call(self, verb: str, *arguments: Any) -> Any:
+        return getattr(self.library.lib, f"{self.library.prefix}_{verb}")(*arguments)
+
+    def release(self, tick: int) -> None:
+        """Move the latches: at every base tick, before the tasks.
+
+        Parameters
+        ----------
+        tick : int
+            The base tick.
+        """
+        if self.system.latches:
+            self._call("release", self._state, tick)
+
+    def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
+        """One run of a task.
+
+        Parameters
+        ----------
+        task_name : str
+            Which.
+        **inputs : float or sequence of float
+            Its external inputs.
+
+        Returns
+        -------
+        dict
+            Its external outputs: float, int for a status word, ndarray for a vector.
+        """
+        task = self.system.task(task_name)
+        given = {
+            x.name: inputs[x.name] if x.port.size == 1 else list(inputs[x.name])
+            for x in self.system.task_inputs(task)
+        }
+        out = self._new(f"{task_name}_out")
+        values = self._new(f"{task_name}_in", given)
+        self._call(f"{task_name}_step", *self._coeffs, self._state, values, out)
+        found = {}
+        for x in self.system.task_outputs(task):
+            value = getattr(out, x.name)
+            found[x.name] = value if x.port.size == 1 else np.array(list(value))
+        return found
+
+
+def run_schedule(
+    board: CBoard | SystemSimulator, inputs: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Array]]:
+    """Run every task of a System at its own ticks.
+
+    Parameters
+    ----------
+    board : CBoard or SystemSimulator
+        The C, or the symbols.
+    inputs : mapping of str to mapping
+        Per task, one array per external input with one element a run; for a task without inputs
+        ``{"": zeros}`` of as many elements as it has runs.
+
+    Returns
+    -------
+    dict of str to dict of str to ndarray
+        Per task, one array per external output; float32 or uint32 from f32 C.
+    """
+    system = board.system
+    runs = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}
+    ticks = max(
+        system.task(t).phase + (n - 1) * system.task(t).every + 1 for t, n in runs.items() if n
+    )
+    found: dict[str, dict[str, list[Any]]] = {
+        t: {x.name: [] for x in system.task_outputs(system.task(t))} for t in inputs
+    }
+    for tick in range(ticks):
+        board.release(tick)
+        for task in system.tasks:
+            k, late = divmod(tick - task.phase, task.every)
+            if task.name not in inputs or late or not 0 <= k < runs[task.name]:
+                continue
+            given = {n: a[k] for n, a in inputs[task.name].items() if n}
+            for name, value in board.step(task.name, **given).items():
+                found[task.name][name].append(value)
+    single = isinstance(board, CBoard) and board.library.real == "f32"
+    kinds = {
+        x.name: np.uint32 if x.port.flags else np.float32 if single else np.float64
+        for x in system.outputs
+    }
+    return {
+        t: {n: np.asarray(v, dtype=kinds[n]) for n, v in outputs.items()}
+        for t, outputs in found.items()
+    }
+
+
 class HostLibrary:
     """A System's generated C, compiled for the host.
 
@@ -384,17 +517,39 @@ class HostLibrary:
             0, or the number of the refused tunable.
         """
         params = runner._params
+
+        def tunable(instance: str, key: str, value: Any) -> tuple[str, Any]:
+            if self.real != "q31":
+                return key, value
+            return raw_tunable(self.system.blocks[instance], key, value)
+
         if runner.prefix == self.prefix:
             getattr(self.lib, f"{self.prefix}_default_params")(params)
             for instance, values in tunables.items():
                 for key, value in values.items():
-                    setattr(getattr(params, instance), key, value)
+                    setattr(getattr(params, instance), *tunable(instance, key, value))
             return int(getattr(self.lib, f"{self.prefix}_prepare")(params, runner._coeffs[0]))
         block = next(b for b in self.system.kinds if runner.prefix == f"{self.prefix}_{b.name}")
+        instance = next(i for i, b in self.system.blocks.items() if b is block)
         for key, value in (block.default_tunables() | dict(tunables)).items():
-            setattr(params, key, value)
+            setattr(params, *tunable(instance, key, value))
         getattr(self.lib, f"{runner.prefix}_prepare")(params, runner._coeffs[0])
         return 0
+
+    def board(self, tunables: Mapping[str, Mapping[str, float]] | None = None) -> CBoard:
+        """The System as firmware runs it, all tasks on one state.
+
+        Parameters
+        ----------
+        tunables : mapping, optional
+            ``{instance: {tunable: value}}`` other than the defaults.
+
+        Returns
+        -------
+        CBoard
+            Freshly initialised.
+        """
+        return CBoard(self, tunables)
 
     def block(self, name: str) -> CRunner:
         """A compiled Block.
@@ -409,6 +564,10 @@ class HostLibrary:
         CRunner
             Freshly initialised.
         """
+        if self.real == "q31":
+            from esea_gen.hostlib.fixed import fixed_block
+
+            return fixed_block(self, name)
         block: Block = next(b for b in self.system.kinds if b.name == name)
         stem = f"{self.prefix}_{name}"
         return CRunner(
@@ -434,6 +593,10 @@ class HostLibrary:
         CRunner
             Freshly initialised, with a state of its own.
         """
+        if self.real == "q31":
+            from esea_gen.hostlib.fixed import fixed_task
+
+            return fixed_task(self, name)
         task = self.system.task(name)
         return CRunner(
             self,
@@ -463,7 +626,7 @@ def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> Host
     HostLibrary
         Loaded.
     """
-    return HostLibrary(system, Renderer(system, FORMATS[real], "-", "-", system.name), flags)
+    return HostLibrary(system, Renderer(system, ALL_FORMATS[real], "-", "-", system.name), flags)
 
 
 def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> HostLibrary:
@@ -483,5 +646,6 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
     HostLibrary
         Loaded.
     """
-    renderer = Renderer(device.system, FORMATS[real], device_hash(device), "-", device.title)
+    digest = format_hash(device, real)
+    renderer = Renderer(device.system, ALL_FORMATS[real], digest, "-", device.title)
     return HostLibrary(device.system, renderer, flags)

@@ -7,18 +7,18 @@ reach may be set aside, only with a proof by the range analysis or by logic, and
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from esea_gen.block import Block
+from esea_gen.block import Block, Port
 from esea_gen.emit.formats import FORMATS, Format
-from esea_gen.emit.ranges import RangeError, Value, analyse
-from esea_gen.emit.walker import Kernel
+from esea_gen.emit.walker import Kernel, Node
 from esea_gen.hostlib.library import Array, HostLibrary
-from esea_gen.verify.equivalence import run_c, run_symbolic
+from esea_gen.verify.equivalence import changed, run_c, run_symbolic
 from esea_gen.verify.executor import (
     coefficients_of,
     emitted_kernel,
@@ -26,6 +26,7 @@ from esea_gen.verify.executor import (
     initial_state,
     step_arguments,
 )
+from esea_gen.verify.intervals import ANYTHING, Interval, computed_intervals
 from esea_gen.verify.streams import Stream
 
 # What each decision can do.  For a logical operation: each operand must have decided the result
@@ -78,6 +79,8 @@ class Decision:
         Steps per side.
     proofs : dict of str to str
         Sides that cannot be taken, and why.
+    detectors : dict of str to str
+        Sides that only a fault of the arithmetic itself takes, and why; not proven.
     """
 
     node: int
@@ -85,11 +88,13 @@ class Decision:
     where: str
     seen: dict[str, int]
     proofs: dict[str, str] = field(default_factory=dict)
+    detectors: dict[str, str] = field(default_factory=dict)
 
     @property
     def missing(self) -> list[str]:
-        """Sides neither seen nor proven impossible."""
-        return [s for s, n in self.seen.items() if not n and s not in self.proofs]
+        """Sides neither seen, nor proven impossible, nor a detector's."""
+        set_aside = self.proofs | self.detectors
+        return [s for s, n in self.seen.items() if not n and s not in set_aside]
 
 
 @dataclass
@@ -117,7 +122,7 @@ class Coverage:
     @property
     def sides(self) -> int:
         """Number of sides that can be taken."""
-        return sum(len(d.seen) - len(d.proofs) for d in self.decisions)
+        return sum(len(d.seen) - len(d.proofs) - len(d.detectors) for d in self.decisions)
 
     @property
     def excluded(self) -> list[str]:
@@ -126,6 +131,15 @@ class Coverage:
             f"{d.where}: {d.op}, {side}: {proof}"
             for d in self.decisions
             for side, proof in d.proofs.items()
+        ]
+
+    @property
+    def detectors(self) -> list[str]:
+        """Sides not seen that only a fault of the arithmetic itself takes; argued, not proven."""
+        return [
+            f"{d.where}: {d.op}, {side}: {text}"
+            for d in self.decisions
+            for side, text in d.detectors.items()
         ]
 
     @property
@@ -151,6 +165,7 @@ class Coverage:
             "ratio": self.ratio,
             "uncovered": self.uncovered,
             "excluded": self.excluded,
+            "detectors": self.detectors,
         }
 
 
@@ -175,6 +190,34 @@ def _where(block: Block, kernel: Kernel, names: dict[int, tuple[str, str]], node
         front = sorted({u for i in front for u in users.get(i, ())} - seen)
         seen.update(front)
     return own
+
+
+def recorded_arguments(
+    block: Block,
+    stream: Stream,
+    states: Mapping[str, Array],
+    initial: Sequence[Array],
+    coefficients: Sequence[Array],
+    fmt: Format,
+) -> list[Array]:
+    """Arguments of every step of a recorded run, with the coefficients that stood in memory.
+
+    Parameters
+    ----------
+    block, stream, states, initial, coefficients, fmt
+        As :func:`esea_gen.verify.executor.step_arguments`.
+
+    Returns
+    -------
+    list of ndarray
+        Per argument of the step kernel, shape (steps, elements).
+    """
+    arguments = step_arguments(block, stream, states, initial, coefficients, fmt)
+    with np.errstate(over="ignore"):
+        for start, values in sorted(stream.coefficients.items()):
+            for a, c in zip(arguments, changed(block, [*coefficients], values), strict=False):
+                a[start:] = c
+    return arguments
 
 
 def branch_coverage(
@@ -212,7 +255,7 @@ def branch_coverage(
             _, trace = run_c(library.block(block.name), stream)
         else:
             _, trace = run_symbolic(block, stream)
-        arguments = step_arguments(block, stream, trace, initial, coefficients, fmt)
+        arguments = recorded_arguments(block, stream, trace, initial, coefficients, fmt)
         values = evaluate(kernel, fmt, arguments)
         for d in decisions:
             args = [values[a] for a in kernel.nodes[d.node].args]
@@ -220,18 +263,18 @@ def branch_coverage(
                 d.seen[side] += int(np.count_nonzero(mask))
         tried.append(stream.name)
         steps += stream.steps
-    _prove(block, kernel, names, fmt, coefficients, decisions)
+    _prove(block, kernel, fmt, decisions)
     return Coverage(block.name, fmt.name, tuple(tried), steps, decisions)
 
 
 def guarded_ranges(
     block: Block,
     kernel: Kernel,
-    names: Mapping[int, tuple[str, str]],
     fmt: Format,
-    coefficients: Sequence[Array],
-) -> dict[int, Value]:
+) -> dict[int, Interval]:
     """Ranges that hold whatever stands in inputs and states, because the guard stands before.
+
+    Coefficients may be anything within their ports' ranges, whatever the tunables are.
 
     Parameters
     ----------
@@ -239,121 +282,180 @@ def guarded_ranges(
         The Block.
     kernel : Kernel
         Its step kernel as printed.
-    names : mapping of int to (str, str)
-        Its labelled nodes, the guard's among them.
     fmt : Format
         Number format.
-    coefficients : sequence of ndarray
-        Per coefficient port.
 
     Returns
     -------
-    dict of int to Value
-        Per node that no unguarded input or state reaches; empty when the range analysis has no rule
-        for a node, or finds no finite range.
+    dict of int to Interval
+        Per node that no unguarded input or state reaches, and per node of which something is known
+        whatever reaches it.
     """
 
-    def wide(low: float, high: float) -> Value:
-        # A little more than the port's range: the guard's own comparisons stay undecided, so that
-        # both arms of everything that hangs on them count.
-        room = 1e-6 * (high - low)
-        return Value(low - room, high + room, 0.0, 0.0)
+    def passed(p: Port) -> Interval:
+        # What the guard lets pass: of a vector, it looks at the sum of magnitudes.
+        if p.size == 1:
+            return Interval(p.low, p.high)
+        return Interval(-_total(p), _total(p))
 
-    arguments = [[Value(float(x), float(x)) for x in c] for c in coefficients]
-    arguments += [[wide(p.low, p.high)] * p.size for p in (*block.state, *block.inputs)]
-    everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
-    try:
-        ranges = analyse(everything, fmt, arguments).results[0]
-    except RangeError:
-        return {}
-    raw = _unguarded(block, kernel, names)
-    for n in kernel.nodes:
-        if n.op in ("if_else_zero", "select") and raw[n.args[0]]:
-            condition = ranges[n.args[0]]
-            if condition.low == condition.high:
-                return {}  # decided by a range that an unguarded value need not keep
-    return {i: v for i, v in enumerate(ranges) if not raw[i]}
+    arguments = [[Interval(p.low, p.high)] * p.size for p in block.coefficients]
+    arguments += [[passed(p)] * p.size for p in (*block.state, *block.inputs)]
+    raw = _unguarded(block, kernel)
+    # The guard's own comparisons, and any other of an unguarded value, may go either way.
+    open_ = {i for i, n in enumerate(kernel.nodes) if n.boolean and raw[i]}
+    ranges = computed_intervals(kernel, fmt, arguments, open_)
+    found = {i: v for i, v in enumerate(ranges) if not raw[i]}
+    # Whatever comes in, a boolean is 0 or 1, and a choice between two constants is one of them.
+    free = [[ANYTHING] * len(a) for a in arguments]
+    for i, v in enumerate(computed_intervals(kernel, fmt, free)):
+        if i not in found and v != ANYTHING:
+            found[i] = v
+    return found
 
 
-def _unguarded(
-    block: Block, kernel: Kernel, names: Mapping[int, tuple[str, str]]
-) -> list[frozenset[int]]:
+def _unguarded(block: Block, kernel: Kernel) -> list[frozenset[int]]:
     # Per node, the arguments that reach it without having passed their guard.
     start = len(block.coefficients)
-    states = frozenset(range(start, start + len(block.state)))
-    first = start + len(block.state)
-    guards = {"state_ok": states, "inputs_ok": frozenset(range(first, first + len(block.inputs)))}
-    guards |= {f"{p.name}_ok": frozenset({first + k}) for k, p in enumerate(block.inputs)}
-    own = {i: guards[name] for i, (name, _) in names.items() if name in guards}
+    ports = dict(enumerate((*block.state, *block.inputs), start))
+    checks = _checks(kernel, ports)
     raw: list[frozenset[int]] = []
+    arms: dict[tuple[int, bool], frozenset[int]] = {}
 
-    def arm(condition: int, truth: bool, node: int) -> frozenset[int]:
-        known = imply(kernel, condition, truth)
-        passed = (ports for i, ports in own.items() if known.get(i) == 1.0)
-        return raw[node].difference(*passed)
+    def passed(condition: int, truth: bool) -> frozenset[int]:
+        if (condition, truth) not in arms:
+            known = imply(kernel, condition, truth)
+            arms[condition, truth] = frozenset(
+                k
+                for k, sides in checks.items()
+                if all(any(known.get(i) == 1.0 for i in side) for side in sides)
+            )
+        return arms[condition, truth]
 
     for n in kernel.nodes:
         if n.op == "input":
             raw.append(frozenset({n.source[0]} if n.source[0] >= start else ()))
         elif n.op in ("if_else_zero", "select"):
-            reached = arm(n.args[0], True, n.args[1])
+            reached = raw[n.args[1]] - passed(n.args[0], True)
             if n.op == "select":
-                reached |= arm(n.args[0], False, n.args[2])
+                reached |= raw[n.args[2]] - passed(n.args[0], False)
             raw.append(reached)
         else:
             raw.append(frozenset().union(*(raw[a] for a in n.args)))
     return raw
 
 
+def _checks(kernel: Kernel, ports: Mapping[int, Port]) -> dict[int, tuple[list[int], ...]]:
+    # Per argument, the comparisons that let it pass, one of each list: with both ends of its range;
+    # of a vector, of the sum of magnitudes.
+    found: dict[int, tuple[list[int], ...]] = {
+        k: ([], []) if p.size == 1 else ([],) for k, p in ports.items()
+    }
+
+    def constant(i: int) -> float | None:
+        return kernel.nodes[i].value if kernel.nodes[i].op == "const" else None
+
+    def summed(i: int) -> list[tuple[int, int]] | None:
+        # The elements whose magnitudes a node adds up.
+        n = kernel.nodes[i]
+        if n.op == "fabs" and kernel.nodes[n.args[0]].op == "input":
+            return [kernel.nodes[n.args[0]].source]
+        parts = [summed(a) for a in n.args] if n.op == "add" else [None]
+        return None if None in parts else [x for p in parts for x in p or ()]
+
+    for i, n in enumerate(kernel.nodes):
+        if n.op != "le":
+            continue
+        first, second = (kernel.nodes[a] for a in n.args)
+        low, high = constant(n.args[0]), constant(n.args[1])
+        for leaf, side in ((first, 0), (second, 1)):
+            p = ports.get(leaf.source[0]) if leaf.op == "input" else None
+            if p is None or p.size > 1:
+                continue
+            if (side == 0 and high is not None and high <= p.high) or (
+                side == 1 and low is not None and low >= p.low
+            ):
+                found[leaf.source[0]][side].append(i)
+        elements = summed(n.args[0]) if first.op == "add" else None
+        if elements and high is not None:
+            k = elements[0][0]
+            p = ports.get(k)
+            if p and sorted(elements) == [(k, e) for e in range(p.size)] and high <= _total(p):
+                found[k][0].append(i)
+    return found
+
+
+def _total(p: Port) -> float:
+    # What the guard of a vector lets its sum of magnitudes be.
+    return float(np.float32(1.001 * p.size * max(abs(p.low), abs(p.high))))
+
+
 def _prove(
     block: Block,
     kernel: Kernel,
-    names: Mapping[int, tuple[str, str]],
     fmt: Format,
-    coefficients: Sequence[Array],
     decisions: list[Decision],
 ) -> None:
     open_ = [d for d in decisions if d.missing]
     if not open_:
         return
-    ranges = guarded_ranges(block, kernel, names, fmt, coefficients)
+    ranges = guarded_ranges(block, kernel, fmt)
     for d in open_:
         args = kernel.nodes[d.node].args
         for side in d.missing:
             proof = ""
             if d.op in ("and", "or"):
-                proof = _impossible(kernel, args, side)
+                proof = _settled_operand(ranges, args, side) or _impossible(kernel, args, side)
             elif all(a in ranges for a in args):
                 proof = _by_range(d.op, [ranges[a] for a in args], side)
             if proof:
                 d.proofs[side] = proof
+    for port in block.outputs:
+        for bit, flag in enumerate(port.flags):
+            text = _DETECTORS.get((block.name, flag.name))
+            if text:
+                _set_aside(kernel, decisions, float(1 << bit), text)
 
 
-def span(v: Value) -> tuple[float, float]:
-    """Interval of a value, exact and computed alike.
-
-    Parameters
-    ----------
-    v : Value
-        From the range analysis.
-
-    Returns
-    -------
-    tuple of float
-        Its ends.
-    """
-    return min(v.low, v.computed_low), max(v.high, v.computed_high)
+# Flags that are there for a fault of the arithmetic itself.  That they stay quiet is checked, with
+# the distance to their threshold, by the comparisons; no interval shows it.
+_DETECTORS = {
+    ("inverse", "NOT_CONVERGED"): "the inverse is exact: from 60 000 memories of the model its "
+    "residual stayed below 1e-14 Nm in f64"
+}
 
 
-def _by_range(op: str, v: Sequence[Value], side: str) -> str:
-    low, high = span(v[0])
+def _set_aside(kernel: Kernel, decisions: list[Decision], bit: float, text: str) -> None:
+    # The select that sets the bit, and the condition that sets it alone.
+    by_node = {d.node: d for d in decisions}
+    for i, n in enumerate(kernel.nodes):
+        if n.op not in ("if_else_zero", "select") or kernel.nodes[n.args[1]].op != "const":
+            continue
+        if kernel.nodes[n.args[1]].value != bit or "true" not in by_node[i].missing:
+            continue
+        by_node[i].detectors["true"] = text
+        condition = by_node.get(n.args[0])
+        if condition and "both true" in condition.missing:
+            condition.detectors["both true"] = text
+
+
+def _by_range(op: str, v: Sequence[Interval], side: str) -> str:
+    low, high = v[0].low, v[0].high
     text = f"[{low:.6g}, {high:.6g}]"
     if op in ("fabs", "sign"):
         impossible = low >= 0 if side == "negative" else high <= 0
         return f"the value lies in {text}" if impossible else ""
+    if op in ("if_else_zero", "select"):
+        known = v[0].settled and (v[0].low != 0) != (side == "true")
+        return f"the condition is always {str(side != 'true').lower()}" if known else ""
+    if op == "not":
+        known = v[0].settled and (v[0].low == 0) != (side == "true")
+        return f"the operand is always {str(side == 'false').lower()}" if known else ""
     if op not in ("fmin", "fmax", "lt", "le"):
         return ""
-    other_low, other_high = span(v[1])
+    # What may be NaN is neither less nor not: it decides for "false".
+    if side == "false" and (v[0].nan or v[1].nan):
+        return ""
+    other_low, other_high = v[1].low, v[1].high
     text = f"the first lies in {text}, the second in [{other_low:.6g}, {other_high:.6g}]"
     impossible = {
         "first is less": low >= other_high,
@@ -366,16 +468,27 @@ def _by_range(op: str, v: Sequence[Value], side: str) -> str:
     return text if impossible else ""
 
 
+# What each side of a logical operation says of both operands.
+_OPERANDS = {
+    "both true": (True, True),
+    "both false": (False, False),
+    "only first false": (False, True),
+    "only second false": (True, False),
+    "only first true": (True, False),
+    "only second true": (False, True),
+}
+
+
+def _settled_operand(ranges: Mapping[int, Interval], args: Sequence[int], side: str) -> str:
+    for name, a, wanted in zip(("first", "second"), args, _OPERANDS[side], strict=True):
+        if a in ranges and ranges[a].settled and (ranges[a].low != 0) != wanted:
+            return f"the {name} operand is always {str(not wanted).lower()}"
+    return ""
+
+
 def _impossible(kernel: Kernel, args: tuple[int, ...], side: str) -> str:
     # Assume the operand that is to decide alone, and see whether the other one follows from it.
-    wanted = {
-        "both true": (True, True),
-        "both false": (False, False),
-        "only first false": (False, True),
-        "only second false": (True, False),
-        "only first true": (True, False),
-        "only second true": (False, True),
-    }[side]
+    wanted = _OPERANDS[side]
     for assumed, implied in ((0, 1), (1, 0)):
         known = imply(kernel, args[assumed], wanted[assumed])
         got = known.get(args[implied])
@@ -421,6 +534,7 @@ def imply(kernel: Kernel, node: int, truth: bool, without: int | None = None) ->
             other = kernel.nodes[n.args[2]] if n.op == "select" else None
             if other is None or (other.op == "const" and other.value == 0):
                 back = [(n.args[0], True)]
+        back += _choices(kernel, n, value)
         for a, v in back:
             if kernel.nodes[a].boolean:
                 known[a] = float(v)
@@ -444,4 +558,41 @@ def imply(kernel: Kernel, node: int, truth: bool, without: int | None = None) ->
             chosen = arms[0] if got[0] else arms[1]
             if chosen is not None:
                 known[i] = chosen
+        elif n.op in _RELATIONS and got[0] is not None and got[1] is not None:
+            known[i] = float(_RELATIONS[n.op](got[0], got[1]))
+        elif n.op == "add" and 0.0 in got and None not in got:
+            known[i] = float(sum(x for x in got if x))
     return known
+
+
+_RELATIONS: dict[str, Callable[[float, float], bool]] = {
+    "lt": operator.lt,
+    "le": operator.le,
+    "eq": operator.eq,
+    "ne": operator.ne,
+}
+
+
+def _choices(kernel: Kernel, comparison: Node, truth: bool) -> list[tuple[int, bool]]:
+    # A comparison of a constant with a choice that has a constant arm: where that arm contradicts
+    # the outcome, the other one was taken.
+    if comparison.op not in _RELATIONS:
+        return []
+    found = []
+    for place in (0, 1):
+        other = kernel.nodes[comparison.args[1 - place]]
+        choice = kernel.nodes[comparison.args[place]]
+        if other.op != "const" or choice.op not in ("if_else_zero", "select"):
+            continue
+        arms: list[float | None] = [
+            kernel.nodes[a].value if kernel.nodes[a].op == "const" else None
+            for a in choice.args[1:]
+        ]
+        arms += [0.0] if choice.op == "if_else_zero" else []
+        for taken, value in zip((True, False), arms, strict=True):
+            if value is None:
+                continue
+            sides = (value, other.value) if place == 0 else (other.value, value)
+            if _RELATIONS[comparison.op](*sides) != truth:
+                found.append((choice.args[0], not taken))
+    return found

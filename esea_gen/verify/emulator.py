@@ -27,6 +27,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.dialect import FAULTS, MODES, load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
+from esea_gen.hostlib.library import run_schedule
 from esea_gen.verify.firmware import FirmwareImage, find_board
 
 Array = npt.NDArray[Any]
@@ -384,40 +385,77 @@ class RunningBoard:
         LinkError
             When an answer is missing or late, or a fault is latched.
         """
-        found = self.device.system.task(task)
-        ports = self.device.system.task_outputs(found)
-        steps = len(next(iter(inputs.values())))
-        shapes = {x.name: (steps,) if x.port.size == 1 else (steps, x.port.size) for x in ports}
-        outputs: dict[str, Array] = {
-            x.name: np.zeros(shapes[x.name], np.uint32 if x.port.flags else np.float32)
-            for x in ports
-        }
-        ticks: Array = np.zeros(steps, np.uint32)
-        frames = self._frames(task, found.phase, found.every, inputs)
-        wanted = f"ESEA_{task.upper()}_OUT"
-        window = self._window(task)
-        sent = 0
-        for done in range(steps):
+        outputs, ticks = self.stream_tasks({task: inputs}, progress)
+        return outputs[task], ticks[task]
+
+    def stream_tasks(
+        self, inputs: Mapping[str, Mapping[str, Array]], progress: Progress | None = None
+    ) -> tuple[dict[str, dict[str, Array]], dict[str, Array]]:
+        """Run several tasks, each at its own ticks, a window of frames on the way.
+
+        Parameters
+        ----------
+        inputs : mapping of str to mapping
+            Per task, one float32 array per external input, shape (runs,) or (runs, size); for a
+            task without inputs ``{"": zeros}`` of as many elements as it has runs.
+        progress : callable, optional
+            ``progress(runs done, runs)``.
+
+        Returns
+        -------
+        outputs : dict of str to dict of str to ndarray
+            Per task one array per external output, float32 or uint32.
+        step_ticks : dict of str to ndarray
+            Per task the timer ticks of each run, measuring included.
+
+        Raises
+        ------
+        LinkError
+            When an answer is missing or late, or a fault is latched.
+        """
+        system = self.device.system
+        counts = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}
+        outputs: dict[str, dict[str, Array]] = {}
+        ticks: dict[str, Array] = {t: np.zeros(n, np.uint32) for t, n in counts.items()}
+        for name, runs in counts.items():
+            outputs[name] = {
+                x.name: np.zeros(
+                    (runs,) if x.port.size == 1 else (runs, x.port.size),
+                    np.uint32 if x.port.flags else np.float32,
+                )
+                for x in system.task_outputs(system.task(name))
+            }
+        order = [t for t in system.tasks if t.name in inputs]
+        schedule = sorted(
+            (t.phase + i * t.every, k, t.name, i)
+            for k, t in enumerate(order)
+            for i in range(counts[t.name])
+        )
+        made = {t.name: self._frames(t.name, t.phase, t.every, inputs[t.name]) for t in order}
+        frames = (next(made[name]) for _, _, name, _ in schedule)
+        window = min(self._window(t.name) for t in order)
+        total, sent = len(schedule), 0
+        for done, (tick, _, name, run) in enumerate(schedule):
             # Refill when half of the window has come back: few, large pieces go faster.
             if sent - done <= window // 2:
-                batch = [next(frames) for _ in range(min(window - (sent - done), steps - sent))]
+                batch = [next(frames) for _ in range(min(window - (sent - done), total - sent))]
                 self.send_bytes(b"".join(batch))
                 sent += len(batch)
+            wanted = f"ESEA_{name.upper()}_OUT"
             message = self.receive()
             while message.get_type() != wanted:
                 if self.heartbeat is not None and self.mode() == "FAULT":
                     raise LinkError(f"a fault is latched: {self.fault()}")
                 message = self.receive()
-            expected = (found.phase + done * found.every) % 2**32
-            if message.sequence != expected:
-                raise LinkError(f"answer {message.sequence} came in place of {expected}")
-            for x in ports:
-                outputs[x.name][done] = getattr(message, x.name)
-            ticks[done] = message.step_ticks
+            if message.sequence != tick % 2**32:
+                raise LinkError(f"answer {message.sequence} came in place of {tick % 2**32}")
+            for output, store in outputs[name].items():
+                store[run] = getattr(message, output)
+            ticks[name][run] = message.step_ticks
             if progress is not None and (done + 1) % 100 == 0:
-                progress(done + 1, steps)
+                progress(done + 1, total)
         if progress is not None:
-            progress(steps, steps)
+            progress(total, total)
         return outputs, ticks
 
     def _window(self, task: str) -> int:
@@ -434,7 +472,9 @@ class RunningBoard:
         build = self._input_class(task)
         system = self.device.system
         columns = [inputs[x.name].tolist() for x in system.task_inputs(system.task(task))]
-        for i, row in enumerate(zip(*columns, strict=True)):
+        runs = len(next(iter(inputs.values())))
+        rows = zip(*columns, strict=True) if columns else iter([()] * runs)
+        for i, row in enumerate(rows):
             yield self.pack(build((phase + i * every) % 2**32, *row))
 
 
@@ -578,14 +618,30 @@ def _float32(device: Device, task: str, inputs: Mapping[str, Any]) -> dict[str, 
     known = [t.name for t in system.tasks]
     if task not in known:
         raise UserError(f"There is no task '{task}'.", f"Tasks: {', '.join(known)}.")
-    ports = system.task_inputs(system.task(task))
-    names = [x.name for x in ports]
+    names = [x.name for x in system.task_inputs(system.task(task))]
+    if not names:
+        if set(inputs) != {""} or not len(inputs[""]):
+            raise UserError(
+                f"Task {task} takes no input, got {sorted(inputs)}.",
+                'Give {"": zeros}, one element for each of its runs.',
+            )
+        return {"": np.zeros(len(inputs[""]), np.float32)}
     if set(inputs) != set(names):
         raise UserError(f"Task {task} takes {names}, got {sorted(inputs)}.", "Give one array each.")
     arrays = {n: np.asarray(inputs[n], np.float32) for n in names}
     if len({len(a) for a in arrays.values()}) != 1 or not len(arrays[names[0]]):
         raise UserError("The inputs are empty or of different lengths.", "Give equal lengths.")
     return arrays
+
+
+def _host_outputs(
+    device: Device, inputs: Mapping[str, Mapping[str, Array]]
+) -> dict[str, dict[str, Array]]:
+    library = compile_device(device, "f32")
+    if device.system.latches or len(inputs) > 1:
+        return run_schedule(library.board(), inputs)
+    # The same, with the loop in C.
+    return {t: library.task(t).run(columns, trace=False)[0] for t, columns in inputs.items()}
 
 
 def run_in_emulator(
@@ -630,45 +686,91 @@ def run_in_emulator(
         When the board stops or does not answer.
     """
     name = device.system.tasks[0].name if task is None else task
-    arrays = _float32(device, name, inputs)
-    host, _ = compile_device(device, "f32").task(name).run(arrays, trace=False)
+    return run_tasks_in_emulator(device, image, {name: inputs}, progress, timeout_s, options)[name]
+
+
+def run_tasks_in_emulator(
+    device: Device,
+    image: FirmwareImage,
+    inputs: Mapping[str, Mapping[str, Any]],
+    progress: Progress | None = None,
+    timeout_s: float = 10.0,
+    options: Sequence[str] = (),
+) -> dict[str, EmulatorResult]:
+    """Run several tasks interleaved, each at its own ticks, and compare them with the host.
+
+    Parameters
+    ----------
+    device : Device
+        What the image was built for.
+    image : FirmwareImage
+        From :func:`esea_gen.verify.firmware.build_firmware`.
+    inputs : mapping of str to mapping
+        Per task, one array per external input, shape (runs,) or (runs, size), rounded to float32;
+        for a task without inputs ``{"": zeros}`` of as many elements as it has runs.
+    progress : callable, optional
+        ``progress(runs done, runs)``, of all tasks together.
+    timeout_s : float
+        Longest silence of the board, at least 3.
+    options : sequence of str
+        Options for QEMU beside our own.
+
+    Returns
+    -------
+    dict of str to EmulatorResult
+        By task.  Sizes, counters and the deepest stack are the board's, the same in each.
+
+    Raises
+    ------
+    UserError
+        When the emulator is not installed, or the inputs are not the tasks'.
+    LinkError
+        When the board stops or does not answer.
+    """
+    if not inputs:
+        raise UserError("No task is given.", "Give the inputs of at least one.")
+    arrays = {t: _float32(device, t, columns) for t, columns in inputs.items()}
+    host = _host_outputs(device, arrays)
     with RunningBoard(device, image, max(3.0, timeout_s), options) as board:
         board.reset()
         start_s = time.monotonic()
-        outputs, ticks = board.stream(name, arrays, progress)
+        outputs, ticks = board.stream_tasks(arrays, progress)
         duration_s = time.monotonic() - start_s
         info = board.info()
-    counted = ticks.astype(np.int64) - info.empty_ticks
     emulated = bool(find_board(image.board).machine)
-    difference = first_difference(outputs, host)
-    return EmulatorResult(
-        device=device.name,
-        board=info.board,
-        task=name,
-        steps=len(counted),
-        identical=difference is None,
-        first_difference=difference,
-        content_hash=info.content_hash,
-        expected_hash=device_hash(device),
-        instructions={
-            "min": int(counted.min()),
-            "median": int(np.median(counted)),
-            "max": int(counted.max()),
-        }
-        if emulated
-        else {},
-        flash_bytes=image.flash_bytes,
-        ram_bytes=image.ram_bytes,
-        stack_bytes=image.stack_bytes,
-        stack_peak_bytes=info.stack_peak_bytes if emulated else 0,
-        step_stack_bytes=image.step_stack_bytes[name],
-        sequence_gaps=info.sequence_gaps,
-        bad_frames=info.bad_frames,
-        unknown_messages=info.unknown_messages,
-        lost_bytes=info.lost_bytes,
-        emulator=emulator_version() if emulated else "none: the host itself",
-        compiler=image.compiler,
-        duration_s=duration_s,
-        outputs=outputs,
-        step_instructions=counted,
-    )
+    results = {}
+    for name in arrays:
+        counted = ticks[name].astype(np.int64) - info.empty_ticks
+        difference = first_difference(outputs[name], host[name])
+        results[name] = EmulatorResult(
+            device=device.name,
+            board=info.board,
+            task=name,
+            steps=len(counted),
+            identical=difference is None,
+            first_difference=difference,
+            content_hash=info.content_hash,
+            expected_hash=device_hash(device),
+            instructions={
+                "min": int(counted.min()),
+                "median": int(np.median(counted)),
+                "max": int(counted.max()),
+            }
+            if emulated
+            else {},
+            flash_bytes=image.flash_bytes,
+            ram_bytes=image.ram_bytes,
+            stack_bytes=image.stack_bytes,
+            stack_peak_bytes=info.stack_peak_bytes if emulated else 0,
+            step_stack_bytes=image.step_stack_bytes[name],
+            sequence_gaps=info.sequence_gaps,
+            bad_frames=info.bad_frames,
+            unknown_messages=info.unknown_messages,
+            lost_bytes=info.lost_bytes,
+            emulator=emulator_version() if emulated else "none: the host itself",
+            compiler=image.compiler,
+            duration_s=duration_s,
+            outputs=outputs[name],
+            step_instructions=counted,
+        )
+    return results

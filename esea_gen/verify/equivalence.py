@@ -1,16 +1,35 @@
-"""The emitted C against the symbolic Block: every output and state, at every step."""
+"""The emitted C against the symbolic Block: every output and state, at every step.
+
+In float64 the C must be the symbolic Block to rounding, and CasADi's own C bit for bit.  In float32
+it must stay within a derived bound.  Three rules, in this order:
+
+``residual``
+    The exact inverse picks a segment by comparisons and takes a root, so that intervals of its
+    values mean nothing.  It is judged by what it is for: the torque that the model gives at its
+    set-point, less the request.  The Block itself says what it allows there, in the flag
+    NOT_CONVERGED on its output ``residual_Nm``; verification holds both formats to that limit, once
+    by the Block's own residual and once by the symbolic sensor in float64, run on the Block's
+    set-points (:func:`forward_residual`).
+``any number of steps``
+    The derived bound of a Block that forgets its errors (:func:`derive_bounds`).
+``one step, from the same memory``
+    For a Block that does not forget them: what each step adds is held to the bound of one step
+    (:mod:`esea_gen.verify.one_step`).  How far C and symbolic Block come apart in a free run is
+    told beside it, and not bounded.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cffi
 import numpy as np
 
-from esea_gen.block import Array, Block, Port
+from esea_gen.block import Array, Block, Flag, Port
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import Bound, RangeError, block_bound
@@ -20,7 +39,22 @@ from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compi
 from esea_gen.system import System
 from esea_gen.verify.streams import Stream, inside, single, streams
 
+if TYPE_CHECKING:
+    from esea_gen.verify.one_step import StepRule
+
 F64_TOLERANCE = 1e-12
+EXACT, RESIDUAL, LASTING, ONE_STEP = RULES = (
+    "CasADi's C, bit for bit",
+    "residual",
+    "any number of steps",
+    "one step, from the same memory",
+)
+# C leaves open which zero fmin(0, -0) is, and a compiler that swaps the operands changes it.  Where
+# single bits are compared at such a tie, both sides call the library's function as written.
+AS_WRITTEN = ("-fno-builtin-fmin", "-fno-builtin-fmax")
+# Share of full scale to which a float32 Block that is judged by its residual must stay with the
+# symbolic one.  Stated, not derived: over the streams the elbow's inverse stays within 3e-4.
+RESIDUAL_CLOSENESS = 1e-3
 
 
 @dataclass
@@ -43,6 +77,17 @@ class Comparison:
         f64: whether every bit equals CasADi's own generated C.
     problems : list of str
         Non-finite values, broken stop and restore, errors above their limit.
+    residual : tuple of float, optional
+        Blocks judged by their residual: the largest |request less the model's torque| and its
+        limit, Nm.
+    rule : str
+        One of ``RULES``: what ``errors`` are, and what ``limits`` hold for.
+    drift : dict of str to float
+        Rule "one step": how far a free run comes apart, per output and state, without a limit; of a
+        status word, the share of steps that differ.
+    turned : int
+        Rule "one step": steps in which rounding turned a decision, within the derived errors of its
+        operands.
     """
 
     block: str
@@ -54,6 +99,10 @@ class Comparison:
     status_differences: int = 0
     bit_identical: bool | None = None
     problems: list[str] = field(default_factory=list)
+    residual: tuple[float, float] | None = None
+    rule: str = EXACT
+    drift: dict[str, float] = field(default_factory=dict)
+    turned: int = 0
 
     @property
     def passed(self) -> bool:
@@ -72,9 +121,13 @@ class Verification:
     comparisons : list of Comparison
         One per Block, stream and format.
     bounds : dict
-        Derived worst-case errors: ``{block: {domain: Bound}}`` for f32.
+        Derived worst-case errors: ``{block: {domain: Bound}}`` for f32; no entry for a Block that
+        is judged by its residual.
     full_scale : dict of str to float
-        Per port name, what counts as 100 %.
+        Per port name, what counts as 100 %; of several Blocks with a port of that name, the
+        smallest.
+    full_scales : dict of str to dict
+        The same per Block.
     """
 
     device: str
@@ -82,6 +135,7 @@ class Verification:
     comparisons: list[Comparison]
     bounds: dict[str, dict[str, Bound]]
     full_scale: dict[str, float]
+    full_scales: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
@@ -117,11 +171,13 @@ class Verification:
             "content_hash": self.content_hash,
             "passed": self.passed,
             "full_scale": self.full_scale,
+            "full_scales": self.full_scales,
             "comparisons": [
                 {
                     "block": c.block,
                     "stream": c.stream,
                     "format": c.real,
+                    "rule": c.rule,
                     "steps": c.steps,
                     "passed": c.passed,
                     "errors": c.errors,
@@ -129,6 +185,10 @@ class Verification:
                     "status_differences": c.status_differences,
                     "bit_identical_to_casadi_c": c.bit_identical,
                     "problems": c.problems,
+                    "residual_Nm": None if c.residual is None else c.residual[0],
+                    "residual_limit_Nm": None if c.residual is None else c.residual[1],
+                    "drift_not_bounded": c.drift,
+                    "steps_with_a_turned_decision": c.turned,
                 }
                 for c in self.comparisons
             ],
@@ -138,6 +198,7 @@ class Verification:
                         "outputs": b.outputs,
                         "states": b.states,
                         "method": b.method,
+                        "holds_for": LASTING if math.isinf(b.steps) else ONE_STEP,
                         "assumptions": list(b.assumptions),
                     }
                     for domain, b in domains.items()
@@ -159,7 +220,7 @@ class CasadiReference:
     def __init__(self, system: System) -> None:
         self.stem = f"esea_{system.name}_casadi"
         files = {n.removeprefix("reference/"): t for n, t in reference_c(system).items()}
-        path = compile_sources(files, (), ("-lm",))
+        path = compile_sources(files, AS_WRITTEN, ("-lm",))
         self.ffi = cffi.FFI()
         names = [f"{self.stem}_{b.name}_step" for b in system.kinds]
         self.ffi.cdef(
@@ -190,6 +251,7 @@ class CasadiReference:
         outputs, states : dict of str to ndarray
             As :meth:`esea_gen.block.Simulator.run`.
         """
+        coefficients = [np.array(c, dtype=np.float64) for c in coefficients]
         ffi, function = self.ffi, getattr(self.lib, f"{self.stem}_{block.name}_step")
         sizes = [ffi.new("int*") for _ in range(4)]
         getattr(self.lib, f"{self.stem}_{block.name}_step_work")(*sizes)
@@ -211,7 +273,13 @@ class CasadiReference:
         columns = [stream.inputs[p.name].reshape(stream.steps, -1) for p in block.inputs]
         outs = [np.empty((stream.steps, p.size)) for p in block.outputs]
         trace = [np.empty((stream.steps, p.size)) for p in block.state]
+        prepared = [c.copy() for c in coefficients]
         for k in range(stream.steps):
+            if k in stream.coefficients:
+                for a, c in zip(
+                    coefficients, changed(block, prepared, stream.coefficients[k]), strict=True
+                ):
+                    a[:] = c
             for p, a in zip(block.state, s, strict=True):
                 if p.name in stream.injections.get(k, {}):
                     a[:] = stream.injections[k][p.name]
@@ -233,6 +301,29 @@ def _flat(p: Port, a: Array) -> Array:
     return a[:, 0] if p.size == 1 else a
 
 
+def changed(block: Block, prepared: list[Array], values: Mapping[str, Array]) -> list[Array]:
+    """Coefficients of a Block with some put in from outside.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    prepared : list of ndarray
+        As prepared from its tunables, per port.
+    values : mapping of str to ndarray
+        What stands in the memory of some instead.
+
+    Returns
+    -------
+    list of ndarray
+        Per port.
+    """
+    return [
+        np.asarray(values.get(p.name, c), dtype=c.dtype).reshape(c.shape)
+        for p, c in zip(block.coefficients, prepared, strict=True)
+    ]
+
+
 def run_symbolic(block: Block, stream: Stream) -> tuple[dict[str, Array], dict[str, Array]]:
     """A stream through the symbolic Block.
 
@@ -249,8 +340,13 @@ def run_symbolic(block: Block, stream: Stream) -> tuple[dict[str, Array], dict[s
         Per port.
     """
     simulator = block.simulator()
+    prepared = [c.copy() for c in simulator._c]
     parts = []
     for start, stop in _segments(stream):
+        if start in stream.coefficients:
+            values = changed(block, prepared, stream.coefficients[start])
+            for held, c in zip(simulator._c, values, strict=True):
+                held[:] = c
         if start in stream.injections:
             simulator.state = stream.injections[start]
         parts.append(simulator.run({k: v[start:stop] for k, v in stream.inputs.items()}))
@@ -285,7 +381,10 @@ def run_c(
             for a, b in bounds
             for piece in ([(a, middle), (middle, b)] if a < middle < b else [(a, b)])
         ]
+    prepared = [bytes(runner.library.ffi.buffer(c)) for c in runner._coeffs]
     for start, stop in bounds:
+        if start in stream.coefficients:
+            _put_coefficients(runner, prepared, stream.coefficients[start])
         if start in stream.injections:
             state = runner.state
             for name, value in stream.injections[start].items():
@@ -300,8 +399,16 @@ def run_c(
     return _join(parts)
 
 
+def _put_coefficients(runner: CRunner, prepared: list[bytes], values: Mapping[str, Array]) -> None:
+    for held, before in zip(runner._coeffs, prepared, strict=True):
+        runner.library.ffi.buffer(held)[:] = before
+        for name, value in values.items():
+            elements = np.ravel(value).tolist()
+            setattr(held, name, elements if len(elements) > 1 else elements[0])
+
+
 def _segments(stream: Stream) -> list[tuple[int, int]]:
-    cuts = sorted({0, stream.steps, *stream.injections})
+    cuts = sorted({0, stream.steps, *stream.injections, *stream.coefficients})
     return list(pairwise(cuts))
 
 
@@ -320,20 +427,29 @@ def full_scales(device: Device, block: Block) -> dict[str, float]:
     Parameters
     ----------
     device : Device
-        Its torque full scale counts for torques.
+        Its torque full scale counts for torques at the joint, its largest motor torque for those at
+        the motor shaft.
     block : Block
         The Block.
 
     Returns
     -------
     dict of str to float
-        Torque full scale for torques, the range's larger end for the rest.
+        For a torque the smallest of that and its range's larger end; the latter for the rest.
     """
-    return {
-        p.name: device.tau_full_scale_Nm if p.unit == "Nm" else max(abs(p.low), abs(p.high))
-        for p in (*block.outputs, *block.state)
-        if not p.flags
-    }
+    actuator = device.file.actuator
+    out = {}
+    for p in (*block.outputs, *block.state):
+        if p.flags:
+            continue
+        scale = max(abs(p.low), abs(p.high))
+        if p.unit == "Nm":
+            scale = min(scale, device.tau_full_scale_Nm)
+            # The thesis's symbols: u_... are torques at the motor shaft, tau_... at the joint.
+            if actuator is not None and p.name.startswith("u_"):
+                scale = min(scale, actuator.u_max_Nm.value)
+        out[p.name] = scale
+    return out
 
 
 def operating_ranges(device: Device, block: Block) -> dict[str, tuple[float, float]]:
@@ -363,6 +479,78 @@ def operating_ranges(device: Device, block: Block) -> dict[str, tuple[float, flo
     return {k: (-v, v) for k, v in ranges.items() if k in names}
 
 
+def residual_flag(block: Block) -> Flag | None:
+    """The flag by which a Block says that its residual is too large.
+
+    Parameters
+    ----------
+    block : Block
+        Any Block.
+
+    Returns
+    -------
+    Flag or None
+        Its ``NOT_CONVERGED``, where that looks at the output ``residual_Nm`` alone and the Block
+        turns a torque into a deflection and the rate that goes with it; None for any other Block,
+        which then needs a derived bound.
+    """
+    outputs = {p.name for p in block.outputs}
+    if [p.name for p in block.inputs] != ["tau_Nm"] or not outputs >= {
+        *("theta_rad", "omega_mid_rad_s", "residual_Nm")
+    }:
+        return None
+    port = block.status_port
+    for flag in port.flags if port else ():
+        if flag.name == "NOT_CONVERGED" and flag.compares == ("residual_Nm",):
+            return flag
+    return None
+
+
+def forward_residual(
+    device: Device, block: Block, stream: Stream, outputs: Mapping[str, Array]
+) -> tuple[float, float]:
+    """How far the torque at an inverse's set-points is from the request, said and computed.
+
+    Parameters
+    ----------
+    device : Device
+        Whose symbolic sensor, in float64, is run on the set-points and their rates.
+    block : Block
+        The inverse.
+    stream : Stream
+        Its requests.
+    outputs : mapping of str to ndarray
+        What its C made of them.
+
+    Returns
+    -------
+    said, computed : float
+        Largest |residual| by the Block's own output, and by the sensor (0 where states were put in
+        from outside: the sensor then has another memory).  Left out are steps in which the Block
+        says that the request was invalid or cannot be reached.
+    """
+    port = block.status_port
+    assert port is not None
+    bits = {f.name: 1 << i for i, f in enumerate(port.flags)}
+    status = outputs[port.name].astype(np.int64)
+    valid = status & bits["INPUT_INVALID"] == 0
+    free = valid & (status & bits["REQUEST_CLAMPED"] == 0)
+    said = np.abs(outputs["residual_Nm"].astype(np.float64))[free]
+    computed = np.zeros(0)
+    if not stream.injections and np.any(valid):
+        # Before its first valid request the inverse has no memory; the sensor starts with it.
+        start = int(np.argmax(valid))
+        y, _ = device.sensor.simulator().run(
+            {
+                "theta_rad": outputs["theta_rad"][start:],
+                "omega_rad_s": outputs["omega_mid_rad_s"][start:],
+            }
+        )
+        missed = np.abs(y["tau_Nm"] - stream.inputs["tau_Nm"][start:])
+        computed = missed[free[start:]]
+    return float(np.max(said, initial=0.0)), float(np.max(computed, initial=0.0))
+
+
 def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
     """A Block's float32 bounds against float64: over its ports' ranges, and over the domain.
 
@@ -376,8 +564,16 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
     Returns
     -------
     dict of str to Bound
-        ``port ranges`` and ``identified domain``; both hold for any number of steps.
+        ``port ranges`` and ``identified domain``; both hold for any number of steps.  Empty for a
+        Block that is judged by its residual.
+
+    Raises
+    ------
+    RangeError
+        For a Block whose errors may grow without limit: :func:`step_rule`.
     """
+    if residual_flag(block) is not None:
+        return {}
     out = {}
     for name, ranges in (
         ("port ranges", {}),
@@ -396,6 +592,29 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
     return out
 
 
+def step_rule(block: Block) -> StepRule:
+    """The rule "one step, from the same memory" of a Block.
+
+    Parameters
+    ----------
+    block : Block
+        A Block that :func:`derive_bounds` refuses.
+
+    Returns
+    -------
+    StepRule
+        For :func:`compare`.
+
+    Raises
+    ------
+    RangeError
+        When not even one step has a finite bound.
+    """
+    from esea_gen.verify.one_step import StepRule
+
+    return StepRule(block)
+
+
 def compare(
     device: Device,
     block: Block,
@@ -403,6 +622,8 @@ def compare(
     stream: Stream,
     bounds: dict[str, Bound],
     reference: CasadiReference | None,
+    rule: StepRule | None = None,
+    expected: tuple[dict[str, Array], dict[str, Array]] | None = None,
 ) -> Comparison:
     """Compare one Block on one stream.
 
@@ -417,21 +638,32 @@ def compare(
     stream : Stream
         What to run.
     bounds : dict of str to Bound
-        For f32, from :func:`derive_bounds`.
+        For f32, from :func:`derive_bounds`; empty for a Block that is judged by its residual.
     reference : CasadiReference or None
         For f64: CasADi's own C.
+    rule : StepRule, optional
+        For f32: compare one step at a time, from the same memory, instead of by ``bounds``.
+    expected : tuple of dict, optional
+        What :func:`run_symbolic` gives, where it is known already.
 
     Returns
     -------
     Comparison
         What was found.
     """
-    expected_y, expected_s = run_symbolic(block, stream)
+    expected_y, expected_s = expected or run_symbolic(block, stream)
     got_y, got_s = run_c(library.block(block.name), stream)
     scale = full_scales(device, block)
+    judge = residual_flag(block)
+    kind = EXACT
     if library.real == "f64":
         limits = {k: F64_TOLERANCE * v for k, v in scale.items()}
+    elif rule is not None:
+        kind, limits = ONE_STEP, rule.bound.states | rule.bound.outputs
+    elif judge is not None:
+        kind, limits = RESIDUAL, {k: RESIDUAL_CLOSENESS * v for k, v in scale.items()}
     else:
+        kind = LASTING
         ranges = operating_ranges(device, block)
         within = (
             not stream.injections
@@ -444,26 +676,38 @@ def compare(
         )
         bound = bounds["identified domain" if within else "port ranges"]
         limits = bound.states | bound.outputs
-    result = Comparison(block.name, stream.name, library.real, stream.steps, {}, limits)
-    for ports, expected, got in (
+    result = Comparison(block.name, stream.name, library.real, stream.steps, {}, limits, rule=kind)
+    if kind == ONE_STEP and rule is not None:
+        _compare_steps(rule, stream, (expected_y, expected_s), (got_y, got_s), result)
+    for ports, wanted, got in (
         (block.outputs, expected_y, got_y),
         (block.state, expected_s, got_s),
     ):
-        for p in ports:
+        for p in ports if kind != ONE_STEP else ():
             if p.flags:
-                result.status_differences += _unexplained(
-                    p, expected[p.name], got, expected, limits
-                )
+                result.status_differences += _unexplained(p, wanted[p.name], got, wanted, limits)
                 continue
             c = np.asarray(got[p.name], dtype=np.float64)
             if not np.all(np.isfinite(c)):
                 result.problems.append(f"{p.name} is not finite")
                 continue
-            error = float(np.max(np.abs(c - expected[p.name]), initial=0.0))
+            error = float(np.max(np.abs(c - wanted[p.name]), initial=0.0))
             # A state and an output may share a name: keep the worse.
             result.errors[p.name] = max(error, result.errors.get(p.name, 0.0))
             if error > limits[p.name]:
                 result.problems.append(f"{p.name}: error {error:.3g} above {limits[p.name]:.3g}")
+    if judge is not None:
+        for way, size in zip(
+            ("by its own output", "by the symbolic sensor"),
+            forward_residual(device, block, stream, got_y),
+            strict=True,
+        ):
+            result.residual = (max(size, (result.residual or (0.0,))[0]), judge.threshold)
+            # A NaN is above every limit.
+            if not size <= judge.threshold:
+                result.problems.append(
+                    f"residual, {way}: {size:.3g} Nm above {judge.threshold:.3g} Nm"
+                )
     if not stream.injections and _repaired(block, got_y):
         result.problems.append("the state was judged corrupt although nobody touched it")
     if reference is not None:
@@ -475,6 +719,27 @@ def compare(
         if a[p.name].tobytes() != b[p.name].tobytes():
             result.problems.append(f"{p.name}: stop and restore changes it")
     return result
+
+
+def _compare_steps(
+    rule: StepRule,
+    stream: Stream,
+    expected: tuple[dict[str, Array], dict[str, Array]],
+    got: tuple[dict[str, Array], dict[str, Array]],
+    result: Comparison,
+) -> None:
+    from esea_gen.verify.one_step import drift
+
+    found = rule.compare(stream, *got)
+    result.errors, result.turned = found.errors, found.turned
+    result.problems += found.problems
+    for a, b in zip(expected, got, strict=True):
+        for name, value in drift(rule.block, a, b).items():
+            result.drift[name] = max(value, result.drift.get(name, 0.0))
+    for p in (*rule.block.outputs, *rule.block.state):
+        values = got[0] if p in rule.block.outputs else got[1]
+        if not np.all(np.isfinite(np.asarray(values[p.name], dtype=float))):
+            result.problems.append(f"{p.name} is not finite")
 
 
 def _repaired(block: Block, outputs: dict[str, Array]) -> bool:
@@ -597,36 +862,85 @@ def verify(
     from esea_gen.emit.build import device_hash
 
     say = progress or (lambda _: None)
-    comparisons, bounds = [], {}
-    scales: dict[str, float] = {}
+    comparisons: list[Comparison] = []
+    bounds: dict[str, dict[str, Bound]] = {}
     deflections = {"chirp in the domain": domain_chirp(device)} | (recorded or {})
     extra = [recorded_stream(device, theta, name) for name, theta in deflections.items()]
     tried = {
         b.name: streams(b, seed) + [e[b.name] for e in extra if b.name in e]
         for b in device.system.kinds
     }
+    scales = {b.name: full_scales(device, b) for b in device.system.kinds}
+    known: dict[tuple[str, int], tuple[dict[str, Array], dict[str, Array]]] = {}
     for real in reals:
         library = compile_device(device, real)
         reference = CasadiReference(device.system) if real == "f64" else None
         for block in device.system.kinds:
-            scales |= full_scales(device, block)
+            rule = None
             if real == "f32":
                 say(f"deriving the float32 bound of {block.name}")
-                try:
-                    bounds[block.name] = derive_bounds(device, block)
-                except RangeError as error:
-                    raise UserError(
-                        f"{device.origin}: no finite float32 bound can be derived for "
-                        f"{block.name} ({error}).",
-                        "Narrow the ranges under [limits], or raise the offsets eps1 and eps2; "
-                        "--real f64 verifies the float64 C alone.",
-                    ) from error
-            for stream in tried[block.name]:
+                derived, rule = bounds_or_rule(device, block)
+                if derived:
+                    bounds[block.name] = derived
+            for k, stream in enumerate(tried[block.name]):
                 say(f"{block.name}, {real}: {stream.name}")
+                if (block.name, k) not in known:
+                    known[block.name, k] = run_symbolic(block, stream)
                 comparisons.append(
-                    compare(device, block, library, stream, bounds.get(block.name, {}), reference)
+                    compare(
+                        device,
+                        block,
+                        library,
+                        stream,
+                        bounds.get(block.name, {}),
+                        reference,
+                        rule,
+                        known[block.name, k],
+                    )
                 )
-    return Verification(device.name, device_hash(device), comparisons, bounds, scales)
+    smallest: dict[str, float] = {}
+    for own in scales.values():
+        for name, value in own.items():
+            smallest[name] = min(value, smallest.get(name, value))
+    return Verification(device.name, device_hash(device), comparisons, bounds, smallest, scales)
 
 
-__all__ = ["CasadiReference", "Comparison", "Verification", "compare", "verify"]
+def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], StepRule | None]:
+    """How a Block's float32 is judged: a bound for any number of steps, or what one step adds.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    block : Block
+        Its Block.
+
+    Returns
+    -------
+    bounds : dict of str to Bound
+        Of :func:`derive_bounds`, or that of one step; empty for a Block judged by its residual.
+    rule : StepRule or None
+        None for a Block with a bound for any number of steps.
+
+    Raises
+    ------
+    UserError
+        When not even one step has a finite bound.
+    """
+    try:
+        return derive_bounds(device, block), None
+    except RangeError:
+        pass
+    try:
+        rule = step_rule(block)
+    except RangeError as error:
+        raise UserError(
+            f"{device.origin}: no finite float32 bound can be derived for {block.name}, not even "
+            f"of one step ({error}).",
+            "Narrow the ranges under [limits], or raise the offsets eps1 and eps2; --real f64 "
+            "verifies the float64 C alone.",
+        ) from error
+    return {ONE_STEP: rule.bound}, rule
+
+
+__all__ = ["CasadiReference", "Comparison", "Verification", "compare", "step_rule", "verify"]

@@ -10,12 +10,14 @@ proof that names a fact of ranges or logic; the rest of the survivors are listed
 from __future__ import annotations
 
 import copy
+import hashlib
+import math
 import random
 import re
 import subprocess
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,29 +28,34 @@ from esea_gen.block import Block
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.emit.formats import FORMATS, LOGICAL, SELECTING, Format
-from esea_gen.emit.ranges import Bound
+from esea_gen.emit.ranges import Bound, whole_nodes
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import Array, HostLibrary, compile_device, find_compiler
-from esea_gen.verify.coverage import guarded_ranges, imply, span
+from esea_gen.verify.coverage import guarded_ranges, imply, recorded_arguments
 from esea_gen.verify.equivalence import (
+    AS_WRITTEN,
     CasadiReference,
     _unexplained,
+    bounds_or_rule,
     compare,
-    derive_bounds,
     domain_chirp,
     recorded_stream,
     run_c,
     run_symbolic,
 )
+from esea_gen.verify.events import working_inputs
 from esea_gen.verify.executor import (
     Trajectory,
     coefficients_of,
     emitted_kernel,
     exact_trajectory,
+    float32_reference,
+    initial_state,
     setup_difference,
 )
-from esea_gen.verify.streams import at_the_limits, single, streams
+from esea_gen.verify.one_step import StepRule
+from esea_gen.verify.streams import Stream, at_the_limits, other_memories, single, streams
 
 # Fast to compile; without optimisation float arithmetic has the same bits.
 MUTANT_FLAGS = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC", "-w")
@@ -368,6 +375,28 @@ class _Judged:
     limits: dict[str, float]
 
 
+def _exact(
+    block: Block, library: HostLibrary, stream: Stream, reference: CasadiReference | None
+) -> Trajectory:
+    # As exact_trajectory, with the coefficients that the stream puts in.
+    if reference is not None or not stream.coefficients:
+        return exact_trajectory(block, library, stream, reference)
+    fmt = FORMATS[library.real]
+    coefficients = coefficients_of(block, fmt, {})
+    _, trace = run_c(library.block(block.name), stream)
+    initial = initial_state(block, fmt, coefficients)
+    arguments = recorded_arguments(block, stream, trace, initial, coefficients, fmt)
+    kernel, _ = emitted_kernel(block, fmt)
+    return float32_reference(kernel, block, stream, arguments)
+
+
+def _within(
+    rule: StepRule, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
+) -> bool:
+    # A decision of a mutant need not be that of the executor: only numbers and flags are compared.
+    return not rule.compare(stream, outputs, states).problems
+
+
 class _Bench:
     """Compiles mutants and holds them against what the C must give."""
 
@@ -375,7 +404,7 @@ class _Bench:
         self.loose = loose
         self.device, self.folder, self.fmt = device, folder, FORMATS[real]
         self.gcc = find_compiler("gcc", "gcc libc6-dev")
-        self.library = compile_device(device, real)
+        self.library = compile_device(device, real, AS_WRITTEN)
         renderer = Renderer(device.system, self.fmt, device_hash(device), "-", device.title)
         self.files = {n: t for n, t in self.library.files.items() if "/" not in n}
         texts = self.files | {"driver.c": renderer.render("hostlib/driver.c.j2")}
@@ -386,6 +415,7 @@ class _Bench:
             if name.endswith(".c") and name != "main.c":
                 self.objects[name] = f"{name}.o"
                 self._gcc("-c", name, "-o", f"{name}.o", check=True)
+        self.rules: dict[str, StepRule | None] = {}
         self.judged = {b.name: self._judge(b) for b in device.system.kinds}
         self.wiring = _task_signature(self.library)
 
@@ -398,8 +428,10 @@ class _Bench:
         single = self.fmt.name == "f32"
         reference = None if single else CasadiReference(self.device.system)
         bounds: dict[str, Bound] = {}
+        rule = None
         if self.loose and single:
-            bounds = derive_bounds(self.device, block)
+            bounds, rule = bounds_or_rule(self.device, block)
+        self.rules[block.name] = rule
         tried = streams(block)
         recorded = recorded_stream(self.device, domain_chirp(self.device, 2.0), "chirp in domain")
         tried += [recorded[block.name]] if block.name in recorded else []
@@ -408,12 +440,15 @@ class _Bench:
             exact = exact_trajectory(block, self.library, stream, reference)
             judged = _Judged(exact, None, {})
             if self.loose:
-                found = compare(self.device, block, self.library, stream, bounds, reference)
+                found = compare(self.device, block, self.library, stream, bounds, reference, rule)
                 judged = _Judged(exact, run_symbolic(block, stream), found.limits)
             out.append(judged)
         # Bit by bit only: there, formats may decide differently.
-        stream = at_the_limits(block, self.fmt.dtype)
-        out.append(_Judged(exact_trajectory(block, self.library, stream, reference), None, {}))
+        for stream in (
+            at_the_limits(block, self.fmt.dtype),
+            *other_memories(block, self.fmt.dtype),
+        ):
+            out.append(_Judged(_exact(block, self.library, stream, reference), None, {}))
         return out
 
     def load(self, mutant: Mutant) -> HostLibrary | None:
@@ -457,6 +492,11 @@ class _Bench:
             if judged.symbolic is None:
                 continue
             y, s = run_c(library.block(block.name), judged.exact.stream)
+            rule = self.rules[block.name]
+            if rule is not None:
+                if not _within(rule, judged.exact.stream, y, s):
+                    return True
+                continue
             for ports, got, expected in (
                 (block.outputs, y, judged.symbolic[0]),
                 (block.state, s, judged.symbolic[1]),
@@ -511,6 +551,33 @@ def _task_signature(library: HostLibrary) -> list[bytes]:
             flat = {k: v[:, 0] if v.shape[1] == 1 else v for k, v in stream.items()}
             y, s = runner.run(flat)
             out += [np.ascontiguousarray(a).tobytes() for a in (*y.values(), *s.values())]
+    if library.system.latches:
+        out += _board_signature(library)
+    return out
+
+
+def _board_signature(library: HostLibrary) -> list[bytes]:
+    # All tasks on one state, as firmware calls them: what crosses from one to the other, and when.
+    system = library.system
+    try:
+        board = library.board()
+    except ValueError as error:  # a default that its own check refuses
+        return [str(error).encode()]
+    ticks = 1200
+    inputs = {t.name: working_inputs(system, t, ticks // t.every + 1) for t in system.tasks}
+    digest, out = hashlib.sha256(bytes(library.ffi.buffer(board._state))), []
+    for tick in range(ticks):
+        board.release(tick)
+        for task in system.tasks:
+            k, late = divmod(tick - task.phase, task.every)
+            if late or k < 0:
+                continue
+            given = {name: v[k] for name, v in inputs[task.name].items()}
+            for value in board.step(task.name, **given).values():
+                digest.update(np.asarray(value, dtype=np.float64).tobytes())
+        digest.update(bytes(library.ffi.buffer(board._state)))
+        if tick % 100 == 99:
+            out.append(digest.digest())
     return out
 
 
@@ -520,14 +587,83 @@ class _Prover:
     def __init__(self, block: Block, fmt: Format) -> None:
         self.fmt = fmt
         self.kernel, names = emitted_kernel(block, fmt)
-        coefficients = coefficients_of(block, fmt, {})
-        self.ranges = guarded_ranges(block, self.kernel, names, fmt, coefficients)
+        self.ranges = guarded_ranges(block, self.kernel, fmt)
+        self.whole = whole_nodes(block, self.kernel, fmt)
         self.node = {f"v{i}": i for i in range(len(self.kernel.nodes))}
         self.node |= {name: i for i, (name, _) in names.items()}
 
     def __call__(self, mutant: Mutant) -> str:
         """The proof, or nothing."""
-        return self._no_clip(mutant) or self._unobserved(mutant) or self._even(mutant)
+        return (
+            self._no_clip(mutant)
+            or self._unobserved(mutant)
+            or self._even(mutant)
+            or self._between(mutant)
+            or self._halves(mutant)
+            or self._never_looked_at(mutant)
+        )
+
+    def _halves(self, mutant: Mutant) -> str:
+        # A whole number against a choice of numbers that are not whole: they never meet.
+        if mutant.kind not in ("< to <=", "<= to <"):
+            return ""
+        found = re.match(r"const int (\w+) = (?:.* )?(\w+) <=? (\w+);$", mutant.before)
+        names = found.groups() if found else ()
+        if not all(n in self.node for n in names) or not names:
+            return ""
+        whole, other = (self.node[n] for n in names[1:])
+        for a, b in ((whole, other), (other, whole)):
+            choices = self._choices(b)
+            if a in self.whole and choices and all(x != math.floor(x) for x in choices):
+                return "a whole number is compared with numbers that are not whole"
+        return ""
+
+    def _choices(self, i: int) -> list[float]:
+        # The constants that a chain of selects chooses from; empty for anything else.
+        n = self.kernel.nodes[i]
+        if n.op == "const":
+            return [n.value]
+        if n.op != "select":
+            return []
+        arms = [self._choices(a) for a in n.args[1:]]
+        return [x for arm in arms for x in arm] if all(arms) else []
+
+    def _never_looked_at(self, mutant: Mutant) -> str:
+        # Conditions that ranges settle leave a value without a reader.
+        named = re.match(r"const \w+ (\w+) = ", mutant.before)
+        if named is None or named.group(1) not in self.node:
+            return ""
+        settled = {
+            k: v.low for k, v in self.ranges.items() if v.settled and self.kernel.nodes[k].boolean
+        }
+        i = self.node[named.group(1)]
+        if i in settled or self._reaches_a_result(i, settled):
+            return ""
+        return "conditions that its ranges settle leave the value without a reader"
+
+    def _between(self, mutant: Mutant) -> str:
+        # A whole number against a threshold that stays between the same two whole numbers.
+        pattern = re.compile(
+            rf"\(?-?{_NUMBER.pattern}\)? <=? (\w+)|(\w+) <=? \(?-?{_NUMBER.pattern}\)?"
+        )
+        before, after = (list(pattern.finditer(c)) for c in (mutant.before, mutant.after))
+        if len(before) != len(after):
+            return ""
+        changed = [(a, b) for a, b in zip(before, after, strict=True) if a.group() != b.group()]
+        rest = [pattern.sub("", c) for c in (mutant.before, mutant.after)]
+        if len(changed) != 1 or rest[0] != rest[1]:
+            return ""
+        a, b = changed[0]
+        name = a.group(1) or a.group(2)
+        limits = [float(_NUMBER.findall(m.group())[0].rstrip("f")) for m in (a, b)]
+        same = (b.group(1) or b.group(2)) == name and ("(-" in a.group()) == ("(-" in b.group())
+        if not same or name not in self.node or self.node[name] not in self.whole:
+            return ""
+        if any(x == math.floor(x) for x in limits) or math.floor(limits[0]) != math.floor(
+            limits[1]
+        ):
+            return ""
+        return f"{name} is a whole number, and the threshold stays between the same two"
 
     def _unobserved(self, mutant: Mutant) -> str:
         # A select whose one arm is never looked at: what depends on it is masked then.
@@ -544,12 +680,18 @@ class _Prover:
         if n.op not in ("if_else_zero", "select"):
             return ""
         known = imply(self.kernel, n.args[0], dropped, without=i)
+        if self._reaches_a_result(i, known):
+            return ""
+        return f"when the condition is {str(dropped).lower()}, no result looks at the value"
+
+    def _reaches_a_result(self, i: int, known: Mapping[int, float]) -> bool:
+        # Whether a change of a value can change a result, given some values.
         results = {k for r in self.kernel.results for k in r}
         reached, front = {i}, [i]
         while front:
             at = front.pop()
             if at in results:
-                return ""
+                return True
             for u, user in enumerate(self.kernel.nodes):
                 if at not in user.args or u in reached or u in known:
                     continue
@@ -559,7 +701,7 @@ class _Prover:
                         continue
                 reached.add(u)
                 front.append(u)
-        return f"when the condition is {str(dropped).lower()}, no result looks at the value"
+        return False
 
     def _even(self, mutant: Mutant) -> str:
         # A sign that nobody looks at.
@@ -572,6 +714,8 @@ class _Prover:
         for n in self.kernel.nodes:
             for position, a in enumerate(n.args):
                 truth = n.op in LOGICAL or (n.op in SELECTING and position == 0)
+                other = self.kernel.nodes[n.args[1 - position]] if len(n.args) == 2 else n
+                truth |= n.op in ("eq", "ne") and other.op == "const" and other.value == 0
                 if a == i and n.op != "fabs" and not truth:
                     return ""
         return "only its magnitude, or whether it is zero, is used"
@@ -583,7 +727,7 @@ class _Prover:
         n = self.kernel.nodes[self.node[found.group(1)]]
         if n.op != found.group(2) or n.args[0] not in self.ranges:
             return ""
-        low, high = span(self.ranges[n.args[0]])
+        low, high = self.ranges[n.args[0]].low, self.ranges[n.args[0]].high
         limit = self.kernel.nodes[n.args[1]]
         if limit.op != "const":
             return ""

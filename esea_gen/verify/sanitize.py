@@ -30,7 +30,7 @@ from esea_gen.hostlib.library import Array, HostLibrary, find_compiler
 from esea_gen.system import System
 from esea_gen.verify.equivalence import run_c
 from esea_gen.verify.executor import counter_fields
-from esea_gen.verify.streams import Stream, at_the_limits, streams
+from esea_gen.verify.streams import Stream, at_the_limits, other_memories, streams
 
 # What C leaves undefined, and the two conversions that IEEE defines but no kernel should need.
 UNDEFINED = ("-fsanitize=undefined,float-cast-overflow,float-divide-by-zero",)
@@ -122,9 +122,14 @@ def tried_streams(block: Block, fmt: Format, steps: int = 1500) -> list[Stream]:
     Returns
     -------
     list of Stream
-        Those of :func:`~esea_gen.verify.streams.streams`, and the one at the limits.
+        Those of :func:`~esea_gen.verify.streams.streams`, the one at the limits, and those with
+        another memory.
     """
-    return [*streams(block, steps=steps), at_the_limits(block, fmt.dtype, steps=steps)]
+    return [
+        *streams(block, steps=steps),
+        at_the_limits(block, fmt.dtype, steps=steps),
+        *other_memories(block, fmt.dtype, steps=steps),
+    ]
 
 
 @contextmanager
@@ -367,6 +372,8 @@ def _cases(
     for block in device.system.kinds:
         state = library.dtype(f"{library.prefix}_{block.name}_state_t")
         for stream in tried_streams(block, fmt, steps):
+            if stream.coefficients:  # the harness prepares its own: watched in process
+                continue
             y, s = run_c(library.block(block.name), stream)
             with np.errstate(over="ignore"):
                 inputs = [np.asarray(stream.inputs[p.name], fmt.dtype) for p in block.inputs]

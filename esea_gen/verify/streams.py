@@ -1,17 +1,22 @@
 """Input streams that try a Block: ordinary, nasty, invalid and recorded.
 
-Every valid sample is a float32 number, so that all number formats are given the same input.
+Every valid sample is a float32 number, so that all number formats are given the same input; what
+counts (:func:`esea_gen.emit.ranges.counts`) is given whole numbers.  What random inputs cannot
+bring about, such as a latch that opens, a Block brings along: :mod:`esea_gen.verify.events`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.block import Array, Block, Port
+from esea_gen.emit.ranges import counts
 from esea_gen.system import System
 
 SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
@@ -29,11 +34,15 @@ class Stream:
         Per input port: (steps,) or (steps, size), float64 values that float32 holds exactly.
     injections : dict of int to dict
         Before the step, ``{state port: value}`` overwrites the state.
+    coefficients : dict of int to dict
+        From the step on, ``{coefficient port: value}`` stands in the memory of the coefficients;
+        those not named are as prepared from the default tunables.
     """
 
     name: str
     inputs: dict[str, Array]
     injections: dict[int, dict[str, Array]] = field(default_factory=dict)
+    coefficients: dict[int, dict[str, Array]] = field(default_factory=dict)
 
     @property
     def steps(self) -> int:
@@ -99,8 +108,12 @@ def _thresholds(rng: np.random.Generator, block: Block, port: Port, steps: int) 
     return held if port.size == 1 else np.tile(held[:, None], (1, port.size))
 
 
+def _whole(port: Port, values: Array) -> Array:
+    return np.rint(values) + 0.0 if counts(port) else values
+
+
 def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
-    """The generated streams of a Block.
+    """The streams of a Block: generated ones, and those it brings along.
 
     Parameters
     ----------
@@ -109,18 +122,20 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
     seed : int
         Seed of the random ones.
     steps : int
-        Length of each.
+        Length of each of the generated ones.
 
     Returns
     -------
     list of Stream
         Random walk, noise over the whole range, chirp, reversals, thresholds, jumps, invalid
-        inputs, corrupt states.
+        inputs, corrupt states (where it has a state), and :func:`esea_gen.verify.events.events`.
     """
+    from esea_gen.verify.events import events
+
     rng = np.random.default_rng(seed)
 
     def each(make: Callable[[int, Port], Array]) -> dict[str, Array]:
-        return {p.name: make(i, p) for i, p in enumerate(block.inputs)}
+        return {p.name: _whole(p, make(i, p)) for i, p in enumerate(block.inputs)}
 
     def reversals(_: int, p: Port) -> Array:
         turns = rng.uniform(-0.6, 0.6, steps // 25 + 2)
@@ -145,13 +160,13 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
     first = next(iter(invalid.values()))
     first[0] = np.nan  # the very first sample, before there is anything to hold
     injections: dict[int, dict[str, Array]] = {}
-    for k in range(20, steps, 40):
+    for k in range(20, steps, 40) if block.state else ():
         p = block.state[int(rng.integers(len(block.state)))]
-        value = single(rng.uniform(p.low, p.high, p.size))
+        value = _whole(p, single(rng.uniform(p.low, p.high, p.size)))
         if rng.random() < 0.8:
             value[int(rng.integers(p.size))] = rng.choice([*SPECIAL, 1e6, -1e6, 3 * p.high + 1])
         injections[k] = {p.name: value}
-    return [
+    found = [
         Stream("random walk", walk),
         Stream("noise over the range", noise),
         Stream("chirp", each(lambda i, p: _chirp(p, steps, 0.57, 0.7 * i))),
@@ -159,8 +174,10 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
         Stream("thresholds", each(lambda _, p: _thresholds(rng, block, p, steps))),
         Stream("jumps", each(jumps)),
         Stream("invalid inputs", invalid),
-        Stream("corrupt states", walk, injections),
     ]
+    if injections:
+        found.append(Stream("corrupt states", walk, injections))
+    return [*found, *events(block, seed)]
 
 
 def deflection_inputs(system: System, theta_rad: npt.ArrayLike) -> dict[str, Array]:
@@ -319,6 +336,75 @@ def at_the_limits(
             inputs[p.name][step] = np.nan
     cases = together + cases
     return Stream("at the limits", inputs, dict(zip(at, cases, strict=False)))
+
+
+def other_memories(
+    block: Block, dtype: npt.DTypeLike = np.float32, seed: int = 2, steps: int = 3000
+) -> list[Stream]:
+    """A Block with another memory: other coefficients, and states that only a long past brings.
+
+    Not part of :func:`streams` either: the derived bounds are those of the default tunables.
+
+    Parameters
+    ----------
+    block : Block
+        What to try.
+    dtype : dtype
+        As :func:`at_the_limits`.
+    seed : int
+        Seed of the choices.
+    steps : int
+        Length.
+
+    Returns
+    -------
+    list of Stream
+        For a Block with tunables one stream at the limits, with coefficients prepared from tunables
+        at their ends; :func:`esea_gen.verify.events.memories`; and, starting from the states of
+        these and of :func:`streams`, :func:`esea_gen.verify.ties.aimed_stream`; and each counter at
+        its end, alone.
+    """
+    from esea_gen.verify.events import memories
+    from esea_gen.verify.ties import aimed_stream
+
+    found = memories(block, dtype, seed) + _full_counters(block, seed)
+    found += aimed_stream(
+        block, [*streams(block, steps=1000), *memories(block, dtype, seed)], dtype
+    )
+    if not block.tunables:
+        return found
+    rng = np.random.default_rng(seed)
+    sets = list(product(*((t.low, t.high) for t in block.tunables[:3])))
+    changes: dict[int, dict[str, Array]] = {}
+    for k, ends in enumerate(rng.permutation(sets)):
+        # The first three in every combination of their ends, the rest at random.
+        rest = [rng.choice([t.low, t.high, t.default]) for t in block.tunables[3:]]
+        prepared = block.prepare.call([ca.DM(v) for v in (*ends, *rest)])
+        changes[k * steps // len(sets)] = {
+            p.name: single(np.asarray(v, dtype=float).ravel())
+            for p, v in zip(block.coefficients, prepared, strict=True)
+        }
+    base = at_the_limits(block, dtype, seed, steps)
+    return [Stream("tunables at their ends", base.inputs, base.injections, changes), *found]
+
+
+def _full_counters(block: Block, seed: int) -> list[Stream]:
+    # One counter at its end and the others at 0, while the Block does what it does.
+    names = [f"n_{f.name.lower()}" for q in block.outputs for f in q.flags if f.counted]
+    out = []
+    for stream in streams(block, seed, 600) if names else ():
+        if stream.name in ("corrupt states", "chirp", "random walk"):
+            continue
+        cases = {}
+        for k, step in enumerate(range(10, stream.steps, 30)):
+            full = names[k % len(names)]
+            cases[step] = {n: np.array(2**32 - 1 if n == full else 0) for n in names}
+        both = {
+            k: cases.get(k, {}) | stream.injections.get(k, {})
+            for k in sorted({*cases, *stream.injections})
+        }
+        out.append(Stream(f"{stream.name}, counters at their ends", stream.inputs, both))
+    return out
 
 
 def _end(port: Port, upper: bool) -> float:

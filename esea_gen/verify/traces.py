@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen.block import Array
-from esea_gen.device import Device, load_device, shipped_devices
+from esea_gen.device import Device, load_device
+from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.system import External
 
@@ -133,6 +134,8 @@ def reference_stream(device: Device) -> dict[str, Array]:
     system, domain = device.system, device.file.domain
     rate_Hz = 1.0 / system.base_period_s
     top_Hz = 0.8 * domain.omega_max_rad_s.value / (2 * math.pi * domain.theta_max_rad.value)
+    if device.file.sliding_mode is not None:
+        return _drive_stream(device, rate_Hz, top_Hz)
     stream = {}
     for n, (name, external, _) in enumerate(_scalars(system.inputs)):
         high = min(external.port.high, -external.port.low)
@@ -146,6 +149,47 @@ def reference_stream(device: Device) -> dict[str, Array]:
         grid = 2.0 ** (math.frexp(high)[1] - LATTICE_BITS)
         stream[name] = np.round(np.concatenate(pieces) / grid) * grid
     return stream
+
+
+def _drive_stream(device: Device, rate_Hz: float, top_Hz: float) -> dict[str, Array]:
+    # The deflection goes through the parts while the joint moves slowly, both as encoder counts;
+    # what a person or a fault would do comes at fixed times.  Nothing answers to the command.
+    domain, joint = device.file.domain, device.file.joint
+    assert joint is not None
+    reach = 0.95 * domain.theta_max_rad.value
+    high = device.file.limits.theta_rad.value
+    full = 2.0**device.file.encoder.resolution_bits.value
+    counts = [max(1, round(part.duration_s * rate_Hz)) for part in PARTS]
+    time_s = np.arange(sum(counts)) / rate_Hz
+    deflection = np.concatenate(
+        [
+            _piece(part, np.arange(n) / n, reach, high, top_Hz, 0)
+            for part, n in zip(PARTS, counts, strict=True)
+        ]
+    )
+    load = 0.8 + 0.4 * np.sin(2 * np.pi * 0.5 * time_s)
+
+    def count(angle: Array) -> Array:
+        raw = np.floor(angle / (2 * np.pi) * full)
+        raw[np.isfinite(raw)] %= full
+        return np.asarray(raw)
+
+    def between(start_s: float, end_s: float) -> Array:
+        return ((time_s >= start_s) & (time_s < end_s)).astype(float)
+
+    desired = 0.5 * np.sin(2 * np.pi * 0.7 * time_s)
+    return {
+        "count_motor": count(load + deflection),
+        "frame_error_motor": np.zeros(len(time_s)),
+        "count_load": count(load),
+        "frame_error_load": 2.0 * between(2.6, 2.602),
+        "mode": 1.0 * between(0.06, 1.6) + 2.0 * between(1.6, 2.9) + between(3.4, 9.0),
+        "stop": between(2.9, 2.92),
+        "rearm": 1.0 * between(0.03, 3.2) + 2.0 * between(3.2, 9.0),
+        "tau_desired_Nm": np.round(desired * 2**12) / 2**12,
+        "theta_desired_rad": 0.8 * np.ones(len(time_s)),
+        "omega_desired_rad_s": np.zeros(len(time_s)),
+    }
 
 
 def _piece(part: Part, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:

@@ -1,0 +1,301 @@
+"""A task on emulated boards without an operating system: bits, instructions, flash, RAM, stack.
+
+Every output word of every step is held against the host's library.  QEMU counts instructions, which
+are not cycles.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.emit.build import format_hash
+from esea_gen.emit.formats import ALL_FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.hostlib.library import cache_folder, compile_device, compile_sources, find_compiler
+from esea_gen.verify.emulator import find_qemu
+from esea_gen.verify.firmware import firmware_folder
+
+Array = np.ndarray[Any, np.dtype[Any]]
+TIMEOUT_S = 300
+
+
+@dataclass(frozen=True)
+class BareBoard:
+    """An emulated board.
+
+    Parameters
+    ----------
+    machine : str
+        QEMU's name.
+    core : str
+        What it has inside.
+    flags : tuple of str
+        Compiler flags.
+    flash_bytes, ram_bytes : int
+        Memory.
+    fpu : bool
+        Whether there is a unit for single precision.
+    """
+
+    machine: str
+    core: str
+    flags: tuple[str, ...]
+    flash_bytes: int
+    ram_bytes: int
+    fpu: bool = False
+
+
+BARE_BOARDS = {
+    "m0": BareBoard("microbit", "Cortex-M0", ("-mcpu=cortex-m0", "-mthumb"), 1 << 18, 1 << 14),
+    "m3": BareBoard("mps2-an385", "Cortex-M3", ("-mcpu=cortex-m3", "-mthumb"), 1 << 22, 1 << 22),
+    "m4f": BareBoard(
+        "mps2-an386",
+        "Cortex-M4F",
+        ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
+        1 << 22,
+        1 << 22,
+        True,
+    ),
+}
+
+
+@dataclass(frozen=True)
+class BareResult:
+    """What a board did.
+
+    Parameters
+    ----------
+    board, core, real, task : str
+        Names.
+    steps : int
+        Length of the stream.
+    identical : bool
+        Whether every output word equals the host's.
+    first_difference : str
+        Where not.
+    instructions : dict of str to float
+        ``min``, ``mean``, ``max`` a step.
+    flash_bytes : int
+        Code and constants of the emitted files and of the compiler's helpers that they call.
+    ram_bytes : int
+        State and coefficients.
+    stack_bytes : int
+        Deepest stack of a step, the call included.
+    """
+
+    board: str
+    core: str
+    real: str
+    task: str
+    steps: int
+    identical: bool
+    first_difference: str
+    instructions: dict[str, float]
+    flash_bytes: int
+    ram_bytes: int
+    stack_bytes: int
+
+
+def _plugin() -> Path:
+    source = firmware_folder() / "tools" / "count_instructions.c"
+    return compile_sources({source.name: source.read_text(encoding="utf-8")})
+
+
+def _symbols(image: Path) -> dict[str, tuple[int, int]]:
+    nm = find_compiler("arm-none-eabi-nm", "binutils-arm-none-eabi")
+    text = _said([nm, "-S", str(image)])
+    found = {}
+    for row in re.findall(r"^([0-9a-f]+) (?:([0-9a-f]+) )?\w (\S+)$", text, re.MULTILINE):
+        found[row[2]] = (int(row[0], 16), int(row[1] or "0", 16))
+    return found
+
+
+def _said(command: list[str]) -> str:
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIMEOUT_S,
+        stdin=subprocess.DEVNULL,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{Path(command[0]).name} failed:\n{done.stderr[-3000:]}")
+    return done.stdout + done.stderr
+
+
+@dataclass(frozen=True)
+class Emulation:
+    """What a program said on an emulated board.
+
+    Parameters
+    ----------
+    rows : list of list of str
+        Lines of hexadecimal words.
+    instructions : dict of str to float
+        ``min``, ``mean``, ``max`` from one entry of ``counted_step`` to the next.
+    flash_bytes : int
+        Code and constants, the harness left out.
+    """
+
+    rows: list[list[str]]
+    instructions: dict[str, float]
+    flash_bytes: int
+
+
+def emulate(files: Mapping[str, str], board: BareBoard) -> Emulation:
+    """Compile a program with ``-O2`` and run it on an emulated board.
+
+    Parameters
+    ----------
+    files : mapping of str to str
+        C files, headers and ``bare.ld``.
+    board : BareBoard
+        Where.
+
+    Returns
+    -------
+    Emulation
+        Its words and counts.
+
+    Raises
+    ------
+    UserError
+        When a tool is not installed.
+    RuntimeError
+        When a tool refuses, or nothing was counted.
+    """
+    gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
+    with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
+        folder = Path(scratch)
+        for name, content in files.items():
+            (folder / name).write_text(content, encoding="utf-8")
+        sources = [str(folder / n) for n in sorted(files) if n.endswith(".c")]
+        image = folder / "bare.elf"
+        flags = ["-std=c99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections"]
+        link = ["-nostartfiles", "--specs=nosys.specs", f"-T{folder}/bare.ld", "-Wl,--gc-sections"]
+        _said([gcc, *board.flags, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
+        symbols = _symbols(image)
+        start, end = symbols["counted_step"][0], symbols["harness"][0]
+        count = f"{_plugin()},entry={start:#x},low=0x0,high={end:#x}"
+        said = _said(
+            [
+                *(find_qemu(), "-M", board.machine, "-display", "none", "-monitor", "none"),
+                *("-nodefaults", "-semihosting-config", "enable=on,target=native"),
+                *("-d", "plugin", "-plugin", count),
+                *("-kernel", str(image)),
+            ]
+        )
+    own = {"entry", "counted_step", "stream", "hex", "line", "call", "vectors"}
+    flash = sum(size for name, (at, size) in symbols.items() if at < 0x20000000 and name not in own)
+    rows = [line.split() for line in said.splitlines() if re.fullmatch(r"([0-9a-f]{8} )+ *", line)]
+    counted = re.search(r"entries (\d+) instructions (\d+) min (\d+) max (\d+)", said)
+    if counted is None:
+        raise RuntimeError(f"the plugin did not count:\n{said[-2000:]}")
+    entries, total, least, most = map(int, counted.groups())
+    means = {"min": float(least), "mean": total / entries, "max": float(most)}
+    return Emulation(rows, means, flash)
+
+
+def run_bare(
+    device: Device, real: str, board: str, inputs: Mapping[str, Array], task: str | None = None
+) -> BareResult:
+    """Run a task of a device on an emulated board.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    real : str
+        ``q31`` or ``f32``.
+    board : str
+        Key of :data:`BARE_BOARDS`.
+    inputs : mapping of str to ndarray
+        The task's inputs, in units, shape (steps,).
+    task : str, optional
+        Which task; the first one by default.
+
+    Returns
+    -------
+    BareResult
+        Bits and figures.
+
+    Raises
+    ------
+    UserError
+        When a tool is not installed.
+    RuntimeError
+        When a tool refuses, or the board does not answer.
+    """
+    chosen, fmt = BARE_BOARDS[board], ALL_FORMATS[real]
+    system = device.system
+    what = system.tasks[0] if task is None else system.task(task)
+    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
+    runner = compile_device(device, real).task(what.name)
+    packed = runner.pack(inputs)
+    raw = getattr(runner, "run_raw", runner.run)
+    host, _ = raw(inputs, trace=False)
+    names = packed.dtype.names or ()
+
+    def text(v: Any) -> str:
+        return str(int(v)) if real == "q31" else fmt.literal(float(v))
+
+    words = []
+    for x in system.task_outputs(what):
+        for i in range(x.port.size):
+            index = "" if x.port.size == 1 else f"[{i}]"
+            name = f"{renderer.naming.external(x)}{index}"
+            words.append({"name": name, "word": bool(x.port.flags), "column": (x.name, i)})
+    context = {
+        "task": what,
+        "steps": len(packed),
+        "rows": [[text(v) for n in names for v in np.atleast_1d(row[n])] for row in packed],
+        "words": words,
+        "stack_top": 0x20000000 + chosen.ram_bytes,
+        "has_fpu": chosen.fpu,
+        "board": chosen.machine,
+        "flash_bytes": chosen.flash_bytes,
+        "ram_bytes": chosen.ram_bytes,
+    }
+    files = {n: t for n, t in renderer.files().items() if n != "main.c" and "/" not in n}
+    files["bare.c"] = renderer.render("verify/bare_task.c.j2", **context)
+    files["bare.ld"] = renderer.render("verify/bare_task.ld.j2", **context)
+    done = emulate(files, chosen)
+    rows = done.rows
+    if len(rows) != len(packed) + 1:
+        raise RuntimeError(f"the emulated board did not finish: {len(rows)} rows")
+    difference = ""
+    for j, w in enumerate(words):
+        name, i = w["column"]  # type: ignore[misc]
+        expected = np.asarray(host[name]).reshape(len(packed), -1)[:, i]
+        bits = np.ascontiguousarray(expected).view(np.uint32)
+        got = np.array([int(r[j], 16) for r in rows[:-1]], dtype=np.uint32)
+        wrong = np.flatnonzero(bits != got)
+        if len(wrong) and not difference:
+            k = int(wrong[0])
+            difference = f"{name} at step {k}: {got[k]:08x} instead of {bits[k]:08x}"
+    return BareResult(
+        board,
+        chosen.core,
+        real,
+        what.name,
+        len(packed),
+        not difference,
+        difference,
+        done.instructions,
+        done.flash_bytes,
+        int(rows[-1][1], 16),
+        int(rows[-1][0], 16),
+    )
+
+
+__all__ = ["BARE_BOARDS", "BareBoard", "BareResult", "Emulation", "emulate", "run_bare"]

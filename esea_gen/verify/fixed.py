@@ -1,0 +1,593 @@
+"""The q31 C against its reference executor, bit for bit, and against the symbolic Block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from esea_gen.block import Array, Block
+from esea_gen.device import Device
+from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.errors import Propagation, any_bound
+from esea_gen.emit.fixed.plan import (
+    BlockPlan,
+    FieldPlan,
+    coefficients_raw,
+    lowered_values,
+    raw_places,
+    run_lowered,
+)
+from esea_gen.emit.fixed.search import plan_block
+from esea_gen.emit.fixed.values import COMPARES
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.ranges import BEYOND, Bound
+from esea_gen.emit.walker import Kernel
+from esea_gen.hostlib.fixed import INVALID, FixedRunner, from_raw, to_raw
+from esea_gen.verify.equivalence import full_scales, run_symbolic
+from esea_gen.verify.executor import counter_fields, evaluate, expected_counters
+from esea_gen.verify.streams import Stream
+
+Raw = np.ndarray[Any, np.dtype[Any]]
+
+
+def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict[str, Raw]:
+    out = {}
+    for f, r in zip(fields, results, strict=True):
+        word = bool(getattr(f.port, "flags", ()))
+        table = np.stack([np.asarray(e, dtype=np.int64) for e in r], axis=1)
+        column = table.astype(np.uint32 if word else np.int32)
+        out[f.port.name] = column[:, 0] if f.size == 1 else column
+    return out
+
+
+class Executor:
+    """Runs a planned Block in Python integers: what its C gives, bit for bit.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    tunables : mapping of str to float, optional
+        Values other than the defaults.
+    """
+
+    def __init__(self, plan: BlockPlan, tunables: Mapping[str, float] | None = None) -> None:
+        self.plan = plan
+        self.coefficients = coefficients_raw(plan, tunables)
+
+    def _fixed(self, count: int) -> dict[str, ex.Array]:
+        tiled = [[c] * count for c in self.coefficients]
+        return raw_places("coeffs", self.plan.fields["coeffs"], tiled)
+
+    def places(
+        self, states: Mapping[str, Raw], inputs: Mapping[str, Raw]
+    ) -> tuple[dict[str, ex.Array], int]:
+        """Raw numbers of many steps, under the names by which the C reads them.
+
+        Parameters
+        ----------
+        states, inputs : mapping of str to ndarray
+            As :meth:`steps`.
+
+        Returns
+        -------
+        places : dict of str to ndarray
+            For :func:`esea_gen.emit.fixed.plan.run_lowered`.
+        count : int
+            Number of steps.
+        """
+        count = len(next(iter((states or inputs).values())))
+        fields = self.plan.fields
+        places = self._fixed(count)
+        places |= raw_places(
+            "state", fields["state"], [states[f.port.name] for f in fields["state"]]
+        )
+        places |= raw_places("in", fields["in"], [inputs[f.port.name] for f in fields["in"]])
+        return places, count
+
+    def initial(self) -> dict[str, Raw]:
+        """Raw state after ``init``.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Per state port, shape (1,) or (1, size).
+        """
+        return _columns(self.plan.fields["state"], run_lowered(self.plan.init, self._fixed(1), 1))
+
+    def steps(
+        self, states: Mapping[str, Raw], inputs: Mapping[str, Raw]
+    ) -> tuple[dict[str, Raw], dict[str, Raw]]:
+        """Many steps at once, each from a state of its own.
+
+        Parameters
+        ----------
+        states, inputs : mapping of str to ndarray
+            Raw numbers per port, shape (steps,) or (steps, size).
+
+        Returns
+        -------
+        outputs, next_states : dict of str to ndarray
+            Raw numbers.
+        """
+        fields = self.plan.fields
+        results = run_lowered(self.plan.step, *self.places(states, inputs))
+        split = len(fields["state"])
+        return _columns(fields["out"], results[split:]), _columns(fields["state"], results[:split])
+
+    def run(self, inputs: Mapping[str, Raw]) -> tuple[dict[str, Raw], dict[str, Raw]]:
+        """Run a stream from the initial state.
+
+        Parameters
+        ----------
+        inputs : mapping of str to ndarray
+            Raw numbers per input port.
+
+        Returns
+        -------
+        outputs, states : dict of str to ndarray
+            Raw numbers; the state is the one after each step.
+        """
+        state = self.initial()
+        outs, states = [], []
+        for k in range(len(next(iter(inputs.values())))):
+            y, state = self.steps(state, {n: u[k : k + 1] for n, u in inputs.items()})
+            outs.append(y)
+            states.append(state)
+        return _join(outs), _join(states)
+
+
+def _join(parts: list[dict[str, Raw]]) -> dict[str, Raw]:
+    return {n: np.concatenate([p[n] for p in parts]) for n in parts[0]}
+
+
+def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
+    """A stream as raw inputs.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    stream : Stream
+        In the ports' units.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``int32``; NaN and what does not fit is ``INT32_MIN``.
+    """
+    return {f.port.name: to_raw(stream.inputs[f.port.name], f.fraction) for f in plan.fields["in"]}
+
+
+def seen_stream(plan: BlockPlan, stream: Stream) -> Stream:
+    """A stream as the board sees it: every sample a whole number of units, or NaN.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    stream : Stream
+        In the ports' units.
+
+    Returns
+    -------
+    Stream
+        What exact arithmetic is to be given for a fair comparison.
+    """
+
+    def held(f: FieldPlan, values: Any) -> Array:
+        return from_raw(to_raw(values, f.fraction), f.fraction)
+
+    inputs = {}
+    for f in plan.fields["in"]:
+        raw = to_raw(stream.inputs[f.port.name], f.fraction)
+        inputs[f.port.name] = np.where(raw == INVALID, np.nan, from_raw(raw, f.fraction))
+    # A state has no mark for what is no number: it is the number that its bits say.
+    known = {f.port.name: f for f in plan.fields["state"]}
+    injections = {
+        k: {n: held(known[n], v) if n in known else v for n, v in values.items()}
+        for k, values in stream.injections.items()
+    }
+    return Stream(stream.name, inputs, injections)
+
+
+def run_raw(
+    runner: FixedRunner, stream: Stream, restore: bool = False
+) -> tuple[dict[str, Raw], dict[str, Raw]]:
+    """A stream through the compiled Block, in raw numbers.
+
+    Parameters
+    ----------
+    runner : FixedRunner
+        Freshly initialised.
+    stream : Stream
+        Inputs and injections, in units.
+    restore : bool
+        Stop in the middle, disturb and reset the instance, put the saved state back, and go on.
+
+    Returns
+    -------
+    outputs, states : dict of str to ndarray
+        Raw numbers per port.
+    """
+    cuts = {0, stream.steps, *stream.injections}
+    middle = stream.steps // 2
+    if restore:
+        cuts.add(middle)
+    parts = []
+    for start, stop in pairwise(sorted(cuts)):
+        if start in stream.injections:
+            runner.put_state(stream.injections[start])
+        elif restore and start == middle:
+            saved = runner.state
+            runner.run_raw({k: v[:7] for k, v in stream.inputs.items()}, trace=False)
+            runner.reset()
+            runner.state = saved
+        parts.append(runner.run_raw({k: v[start:stop] for k, v in stream.inputs.items()}))
+    return _join([p[0] for p in parts]), _join([p[1] for p in parts])
+
+
+def states_before(plan: BlockPlan, stream: Stream, states: Mapping[str, Raw]) -> dict[str, Raw]:
+    """The state that each step of a recorded run started from.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    stream : Stream
+        Its injections overwrite states.
+    states : mapping of str to ndarray
+        Raw state after each step.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Raw numbers per state port.
+    """
+    first = Executor(plan).initial()
+    before = {}
+    for f in plan.fields["state"]:
+        name = f.port.name
+        before[name] = np.concatenate([first[name], states[name][:-1]])
+        for k, values in stream.injections.items():
+            if name in values:
+                raw = to_raw(values[name], f.fraction)
+                before[name][k] = raw.reshape(before[name][k].shape)
+    return before
+
+
+@dataclass(frozen=True)
+class SingleSteps:
+    """Every step of a recorded run in exact arithmetic, from the state that the C had.
+
+    Parameters
+    ----------
+    outputs, states : dict of str to ndarray
+        In units, per port.
+    turned : ndarray
+        Steps in which rounding turned a decision: the numbers of both then differ by more than
+        rounding.
+    unexplained : ndarray
+        Those of them whose first such decision was not within its operands' derived errors.
+    """
+
+    outputs: dict[str, Array]
+    states: dict[str, Array]
+    turned: Raw
+    unexplained: Raw
+
+
+def single_steps(plan: BlockPlan, stream: Stream, before: Mapping[str, Raw]) -> SingleSteps:
+    """Evaluate every step of a recorded run in exact arithmetic.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    stream : Stream
+        What went in, in units.
+    before : mapping of str to ndarray
+        From :func:`states_before`.
+
+    Returns
+    -------
+    SingleSteps
+        Results by CasADi, and which decisions differ.
+    """
+    block, kernel = plan.block, plan.step.kernel
+    seen = seen_stream(plan, stream)
+    arguments = [
+        np.tile(np.asarray(c, dtype=np.float64).reshape(1, -1), (stream.steps, 1))
+        for c in block.simulator().coefficients.values()
+    ]
+    for f in plan.fields["state"]:
+        arguments.append(from_raw(before[f.port.name], f.fraction).reshape(stream.steps, -1))
+    for f in plan.fields["in"]:
+        arguments.append(seen.inputs[f.port.name].reshape(stream.steps, -1))
+    mapped = block.step.map(stream.steps).call([ca.DM(a.T) for a in arguments])
+    columns = [np.asarray(m, dtype=np.float64).T for m in mapped]
+    flat = [c[:, 0] if c.shape[1] == 1 else c for c in columns]
+    names = [p.name for p in block.state], [p.name for p in block.outputs]
+    split = len(names[0])
+    turned, unexplained = _turned(plan, arguments, before, raw_stream(plan, stream), kernel)
+    return SingleSteps(
+        dict(zip(names[1], flat[split:], strict=True)),
+        dict(zip(names[0], flat[:split], strict=True)),
+        turned,
+        unexplained,
+    )
+
+
+def _turned(
+    plan: BlockPlan,
+    arguments: Sequence[Array],
+    before: Mapping[str, Raw],
+    inputs: Mapping[str, Raw],
+    kernel: Kernel,
+) -> tuple[Raw, Raw]:
+    # Decisions that exact and computed arithmetic take differently.  One is explained when, among
+    # the comparisons that it is made of, one differs whose values are closer than their errors.
+    exact = evaluate(kernel, FORMATS["f64"], arguments)
+    places, count = Executor(plan).places(before, inputs)
+    computed = lowered_values(plan.step, places, count)
+    step = Propagation(plan, {}, {}, BEYOND)
+    errors = step.node_errors(step.zero)
+    turned: Raw = np.zeros(count, dtype=bool)
+    unexplained: Raw = np.zeros(count, dtype=bool)
+    close: dict[int, Raw] = {}
+    used = {a for n in kernel.nodes if not n.boolean for a in n.args}
+    used |= {i for r in kernel.results for i in r}
+    for i, node in enumerate(kernel.nodes):
+        if not node.boolean:
+            continue
+        if node.op in COMPARES:
+            a, b = (np.asarray(exact[k], dtype=np.float64) for k in node.args)
+            room = sum(errors[k] for k in node.args) * (1 + 1e-9) + 1e-12 * np.abs(a)
+            with np.errstate(invalid="ignore"):
+                close[i] = np.abs(a - b) <= room
+            if i in computed:  # what both take alike explains nothing
+                close[i] &= exact[i] != (computed[i] != 0)
+        else:
+            close[i] = np.zeros(count, dtype=bool)
+            for k in node.args:  # a number counts as true where it is not 0
+                if k in close:
+                    close[i] |= close[k]
+                elif k in computed:
+                    differs = (exact[k] != 0) != (computed[k] != 0)
+                    close[i] |= differs & (np.abs(exact[k]) <= errors[k])
+        if i in used and i in computed:
+            differs = exact[i] != (computed[i] != 0)
+            unexplained |= differs & ~close[i] & ~turned
+            turned |= differs
+    return turned, unexplained
+
+
+def first_difference(
+    plan: BlockPlan, runner: FixedRunner, stream: Stream
+) -> tuple[str, dict[str, Raw], dict[str, Raw]]:
+    """Where the compiled Block first differs from the executor in any bit.
+
+    Each step is evaluated from the state that the C recorded before it: when all steps agree, so
+    does, by induction, the whole run.
+
+    Parameters
+    ----------
+    plan : BlockPlan
+        The Block.
+    runner : FixedRunner
+        Its C, freshly initialised.
+    stream : Stream
+        Inputs and injections, in units.
+
+    Returns
+    -------
+    difference : str
+        Empty when all bits agree.
+    outputs, states : dict of str to ndarray
+        What the C gave, raw.
+    """
+    executor = Executor(plan)
+    outputs, states = run_raw(runner, stream)
+    before = states_before(plan, stream, states)
+    expected_y, expected_s = executor.steps(before, raw_stream(plan, stream))
+    expected_s |= expected_counters(plan.block, stream, expected_y)
+    found = []
+    for kind, mine, other in (("output", expected_y, outputs), ("state", expected_s, states)):
+        for name, a in mine.items():
+            b = other[name]
+            wrong = (np.asarray(a) != np.asarray(b)).reshape(len(a), -1).any(axis=1)
+            if wrong.any():
+                k = int(np.argmax(wrong))
+                found.append((k, f"{stream.name}: {kind} {name} at step {k}: {b[k]} not {a[k]}"))
+    return (min(found)[1] if found else ""), outputs, states
+
+
+@dataclass
+class FixedComparison:
+    """One stream through one Block in q31.
+
+    Parameters
+    ----------
+    block, stream : str
+        Names.
+    steps : int
+        Length of the stream.
+    errors : dict of str to float
+        Largest |C - symbolic| per output and state, on the inputs as the board sees them.
+    limits : dict of str to float
+        Derived bound of each: for any number of steps, or of one step from the same memory.
+    problems : list of str
+        Bits that differ from the executor's, errors above their bound, unexplained status bits,
+        broken stop and restore.
+    turned : int
+        Steps in which rounding turned a decision, where the steps are judged one by one.
+    """
+
+    block: str
+    stream: str
+    steps: int
+    errors: dict[str, float]
+    limits: dict[str, float]
+    problems: list[str] = field(default_factory=list)
+    turned: int = 0
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything holds."""
+        return not self.problems
+
+
+def status_problems(
+    block: Block,
+    expected: Mapping[str, Raw],
+    got: Mapping[str, Raw],
+    limits: Mapping[str, float],
+) -> int:
+    """Steps whose status word differs beyond what a value's error next to a threshold explains.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    expected, got : mapping of str to ndarray
+        Outputs of exact arithmetic, in units, and of the C.
+    limits : mapping of str to float
+        Bound per output.
+
+    Returns
+    -------
+    int
+        Number of steps.
+    """
+    wrong = 0
+    for port in block.outputs:
+        if not port.flags:
+            continue
+        difference = expected[port.name].astype(np.int64) ^ got[port.name].astype(np.int64)
+        bad = np.zeros(len(difference), dtype=bool)
+        for i, flag in enumerate(port.flags):
+            changed = (difference >> i) & 1 == 1
+            near = np.zeros(len(difference), dtype=bool)
+            for name in flag.compares:
+                distance = np.abs(np.abs(expected[name]) - flag.threshold)
+                near |= distance <= limits[name]
+            bad |= changed & ~near
+        wrong += int(bad.sum())
+    return wrong
+
+
+def compare_fixed(
+    device: Device, plan: BlockPlan, runner: FixedRunner, stream: Stream, bound: Bound
+) -> FixedComparison:
+    """Compare one Block on one stream.
+
+    Parameters
+    ----------
+    device : Device
+        For full scales.
+    plan : BlockPlan
+        The Block.
+    runner : FixedRunner
+        Its C.
+    stream : Stream
+        What to run.
+    bound : Bound
+        Its derived error.
+
+    Returns
+    -------
+    FixedComparison
+        What was found.
+
+    Notes
+    -----
+    A Block that does not forget its errors is judged step by step, each from the state that the C
+    had.  There a step whose decision rounding turned is counted, must be explained by the derived
+    error of what it compares, and is not held against the bound.
+    """
+    block = plan.block
+    runner.reset()
+    difference, raw_y, raw_s = first_difference(plan, runner, stream)
+    counted: Raw = np.ones(stream.steps, dtype=bool)
+    limits = bound.states | bound.outputs
+    if math.isinf(bound.steps):
+        expected_y, expected_s = run_symbolic(block, seen_stream(plan, stream))
+    else:
+        steps = single_steps(plan, stream, states_before(plan, stream, raw_s))
+        expected_y, expected_s, counted = steps.outputs, steps.states, ~steps.turned
+    result = FixedComparison(block.name, stream.name, stream.steps, {}, limits)
+    if difference:
+        result.problems.append(difference)
+    if not math.isinf(bound.steps):
+        result.turned = int(steps.turned.sum())
+        if steps.unexplained.any():
+            k = int(np.argmax(steps.unexplained))
+            result.problems.append(f"a decision at step {k} that rounding does not explain")
+    scale = full_scales(device, block)
+    got: dict[str, Raw] = {}
+    for group, expected, raw in (("out", expected_y, raw_y), ("state", expected_s, raw_s)):
+        for f in plan.fields[group]:
+            name = f.port.name
+            if getattr(f.port, "flags", ()):
+                got[name] = raw[name]
+                continue
+            value = from_raw(raw[name], f.fraction)
+            error = float(np.max(np.abs(value - expected[name])[counted], initial=0.0))
+            result.errors[name] = max(error, result.errors.get(name, 0.0))
+            # Exact arithmetic is float64 itself: its own rounding is allowed for.
+            if error > limits[name] + 1e-12 * scale.get(name, 1.0):
+                result.problems.append(f"{name}: error {error:.3g} above {limits[name]:.3g}")
+    status = status_problems(
+        block,
+        {n: v[counted] for n, v in expected_y.items()},
+        {n: v[counted] for n, v in got.items()},
+        limits,
+    )
+    if status:
+        result.problems.append(f"{status} steps with an unexplained status word")
+    runner.reset()
+    again_y, again_s = run_raw(runner, stream, restore=True)
+    for name, values in (raw_y | {f"state {n}": v for n, v in raw_s.items()}).items():
+        other = again_s[name[6:]] if name.startswith("state ") else again_y[name]
+        if not np.array_equal(values, other):
+            result.problems.append(f"{name}: stop and restore changes it")
+    return result
+
+
+def bounds_of(device: Device) -> dict[str, Bound]:
+    """Derived q31 bounds of a device's Blocks over their ports' ranges.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+
+    Returns
+    -------
+    dict of str to Bound
+        By Block: for all time where it forgets its errors, else of one step.
+    """
+    return {b.name: any_bound(plan_block(b)) for b in device.system.kinds}
+
+
+__all__ = [
+    "Executor",
+    "FixedComparison",
+    "SingleSteps",
+    "bounds_of",
+    "compare_fixed",
+    "counter_fields",
+    "first_difference",
+    "raw_stream",
+    "run_raw",
+    "seen_stream",
+    "single_steps",
+    "states_before",
+    "status_problems",
+]

@@ -1,0 +1,190 @@
+"""Single precision, one step at a time: for Blocks whose rounding errors add up without limit.
+
+An integral, or a limit on the rate of change, keeps every rounding error it ever made; no bound
+holds for all time.  What can be bounded is what one step adds.  So each step of the C is compared
+with the symbolic step from the very memory that the C had before it, inputs and states alike the
+same numbers, and the difference is held to the derived bound of one step
+(:func:`esea_gen.emit.ranges.step_bound`).
+
+That bound takes decisions as equal.  Where rounding turns one, the symbolic side is told to decide
+as the C did, and the comparison goes on; but only where both operands are nearer to each other than
+their derived errors allow for.  Any other difference of a decision is an error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+import numpy as np
+
+from esea_gen.block import Array, Block
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.ranges import Bound, node_errors, step_bound
+from esea_gen.emit.walker import Kernel, Node
+from esea_gen.verify.executor import coefficients_of, evaluate, initial_state, step_arguments
+from esea_gen.verify.streams import Stream
+
+DECIDING = frozenset({"lt", "le", "eq", "ne"})
+
+
+@dataclass
+class OneStep:
+    """What the steps of one stream add, each from the C's own memory.
+
+    Parameters
+    ----------
+    errors : dict of str to float
+        Largest |C - symbolic| per output and state.
+    turned : int
+        Steps in which rounding turned a decision, each within its operands' derived errors.
+    problems : list of str
+        Decisions that differ beyond that, and status words that differ.
+    """
+
+    errors: dict[str, float] = field(default_factory=dict)
+    turned: int = 0
+    problems: list[str] = field(default_factory=list)
+
+
+class StepRule:
+    """The bound of one step of a Block, and the comparison with it.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+
+    Raises
+    ------
+    RangeError
+        When not even one step has a finite bound.
+    """
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        single, double = FORMATS["f32"], FORMATS["f64"]
+        near, far = step_bound(block, single), step_bound(block, double)
+        self.bound: Bound = replace(
+            near,
+            outputs={k: v + far.outputs[k] for k, v in near.outputs.items()},
+            states={k: v + far.states[k] for k, v in near.states.items()},
+        )
+        self.kernel, self.errors = node_errors(block, single)
+        _, errors = node_errors(block, double)
+        self.errors = [a + b for a, b in zip(self.errors, errors, strict=True)]
+        self.decisions = [i for i, n in enumerate(self.kernel.nodes) if n.op in DECIDING]
+        # The same kernel with its decisions given, as one more argument.
+        self.arguments = len(block.coefficients) + len(block.state) + len(block.inputs)
+        place = {i: k for k, i in enumerate(self.decisions)}
+        self.told = Kernel(
+            self.kernel.name,
+            tuple(
+                Node("input", source=(self.arguments, place[i])) if i in place else n
+                for i, n in enumerate(self.kernel.nodes)
+            ),
+            self.kernel.results,
+        )
+        self._coefficients = {f: coefficients_of(block, FORMATS[f], {}) for f in ("f32", "f64")}
+        self._initial = initial_state(block, single, self._coefficients["f32"])
+
+    def compare(
+        self, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
+    ) -> OneStep:
+        """Hold every step of a run of the C against the symbolic step from the same memory.
+
+        Parameters
+        ----------
+        stream : Stream
+            What went in.
+        outputs, states : dict of str to ndarray
+            What the C made of it, freely running, and its state after each step.
+
+        Returns
+        -------
+        OneStep
+            What was found.
+        """
+        found = OneStep()
+        single = FORMATS["f32"]
+        given = step_arguments(
+            self.block, stream, states, self._initial, self._coefficients["f32"], single
+        )
+        values = evaluate(self.kernel, single, given)
+        chosen = np.stack([values[i] for i in self.decisions], axis=1).astype(float)
+        # From here on float64, on the same numbers; but its own coefficients.
+        double = [np.tile(c, (stream.steps, 1)) for c in self._coefficients["f64"]] + [
+            a.astype(np.float64) for a in given[len(self.block.coefficients) :]
+        ]
+        told = evaluate(self.told, FORMATS["f64"], [*double, chosen])
+        turned = self._turned(told, chosen, found)
+        found.turned = int(turned.sum())
+        expected = self._symbolic(double)
+        ports = (*self.block.state, *self.block.outputs)
+        got = [states[p.name] for p in self.block.state] + [
+            outputs[p.name] for p in self.block.outputs
+        ]
+        limits = [self.bound.states, self.bound.outputs]
+        for k, (p, value, nodes) in enumerate(zip(ports, got, self.kernel.results, strict=True)):
+            # CasADi's own value where all decisions are its own; else the told one.
+            own = np.where(turned[:, None], np.stack([told[i] for i in nodes], axis=1), expected[k])
+            c = np.asarray(value, np.float64).reshape(stream.steps, p.size)
+            if p.flags:
+                wrong = int(np.count_nonzero(c != own))
+                if wrong:
+                    found.problems.append(f"{p.name}: {wrong} steps differ")
+                continue
+            error = float(np.max(np.abs(c - own), initial=0.0))
+            limit = limits[k >= len(self.block.state)][p.name]
+            found.errors[p.name] = max(error, found.errors.get(p.name, 0.0))
+            if not error <= limit:  # NaN is above every limit
+                found.problems.append(f"{p.name}: one step adds {error:.3g}, above {limit:.3g}")
+        return found
+
+    def _symbolic(self, arguments: list[Array]) -> list[Array]:
+        # CasADi's own evaluation of the step, for all steps at once.
+        step = self.block.step.map(len(arguments[0]))
+        return [np.asarray(r, dtype=float).T for r in step.call([ca.DM(a.T) for a in arguments])]
+
+    def _turned(self, told: list[Array], chosen: Array, found: OneStep) -> Array:
+        compare = {"lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal}
+        any_turned = np.zeros(len(chosen), dtype=bool)
+        for k, i in enumerate(self.decisions):
+            a, b = self.kernel.nodes[i].args
+            x, y = told[a].astype(float), told[b].astype(float)
+            differs = compare[self.kernel.nodes[i].op](x, y) != (chosen[:, k] != 0)
+            if not np.any(differs):
+                continue
+            any_turned |= differs
+            reach = self.errors[a] + self.errors[b]
+            apart = float(np.max(np.abs(x - y)[differs]))
+            if not apart <= reach:
+                found.problems.append(
+                    f"v{i} ({self.kernel.nodes[i].op}) differs although its operands are "
+                    f"{apart:.3g} apart, above their derived error {reach:.3g}"
+                )
+        return any_turned
+
+
+def drift(block: Block, expected: dict[str, Array], got: dict[str, Array]) -> dict[str, float]:
+    """How far two freely running memories or outputs come apart; not bounded, only told.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    expected, got : dict of str to ndarray
+        Of the symbolic Block and of the C.
+
+    Returns
+    -------
+    dict of str to float
+        Largest |difference| per port; for a status word the share of steps that differ.
+    """
+    out: dict[str, float] = {}
+    for p in (*block.state, *block.outputs):
+        if p.name not in expected:
+            continue
+        a, b = (np.asarray(x[p.name], dtype=np.float64) for x in (expected, got))
+        out[p.name] = float(np.mean(a != b) if p.flags else np.max(np.abs(a - b), initial=0.0))
+    return out
