@@ -29,7 +29,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares, lsq_linear, nnls
 from scipy.stats import qmc
 
-from esea_gen.device import Device, Quantity, _field_extra
+from esea_gen.device import Device
+from esea_gen.devices.fields import Quantity, field_facts
 from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.identify.recording import Recording, resample
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS, torque_sensor
@@ -63,7 +64,7 @@ def bounds_of(key: str) -> tuple[float, float]:
         Lower and upper.
     """
     dotted = f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
-    extra = _field_extra(dotted)
+    extra = field_facts(dotted)
     return float(extra["low"]), float(extra["high"])
 
 

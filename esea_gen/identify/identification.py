@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.block import unit_of
-from esea_gen.device import (
-    Device,
+from esea_gen.device import Device, parse_device
+from esea_gen.devices.fields import (
     DeviceFile,
     Domain,
     Elastomer,
@@ -28,9 +28,8 @@ from esea_gen.device import (
     Quantity,
     Timing,
     Velocity,
-    parse_device,
-    render_toml,
 )
+from esea_gen.devices.file import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.fit import (
@@ -499,7 +498,9 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
     Verdict
         Errors by data set, model torque by recording.
     """
-    task = compile_system(sensing_system(device), "f64").task("sense")
+    task = compile_system(sensing_system(device, device.velocity, device.sensor), "f64").task(
+        "sense"
+    )
     sets, torque, largest = [], {}, 0.0
     for r in recordings:
         grid = np.arange(math.ceil(r.time_s[-1] / device.period_s) + 1) * device.period_s

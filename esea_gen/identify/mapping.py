@@ -21,7 +21,7 @@ import tomlkit
 import tomlkit.exceptions
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from esea_gen.device import Quantity
+from esea_gen.devices.fields import Quantity
 from esea_gen.errors import UserError
 
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}

@@ -28,6 +28,8 @@ MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 ASYMMETRY_LIMIT = 0.05  # share of stiffness; ours, no figure is published
+# How MATLAB files of version 5 and 7.3 begin.
+MAT_MAGIC = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n")
 
 
 @dataclass(frozen=True)
@@ -259,6 +261,11 @@ def _missing_column(name: str, wanted: str, known: Sequence[str], kind: str) -> 
 def _read_csv(
     raw: bytes, name: str, form: Format, wanted: Sequence[str]
 ) -> tuple[dict[str, Array], npt.NDArray[np.intp]]:
+    if raw.startswith(MAT_MAGIC):
+        raise UserError(
+            f"{name}: is a MATLAB file, but the mapping reads it as text.",
+            "Set kind = 'mat' in the mapping's format.",
+        )
     try:
         text = raw.decode(form.encoding)
     except (UnicodeDecodeError, UnicodeError) as error:
@@ -288,6 +295,13 @@ def _read_csv(
             if not index:
                 header = [str(i + 1) for i in range(len(cells))]
                 index = _columns(name, header, wanted)
+            if header is not None and any(c.strip() for c in cells[len(header) :]):
+                raise UserError(
+                    f"{name}: line {line} has {len(cells)} cells, but there are {len(header)} "
+                    "columns.",
+                    "Mend the line; a decimal comma among comma-separated cells does this: set "
+                    "delimiter in the mapping's format.",
+                )
             values.append(_numbers(name, line, cells, wanted, index, form))
             rows.append(line)
     except csv.Error as error:

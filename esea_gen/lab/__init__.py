@@ -1,0 +1,1 @@
+"""Guided checks that a person carries out in the laboratory; logic only, no screen."""

@@ -1,0 +1,195 @@
+"""Encoders of the virtual exoskeleton, and the whole numbers and sines that they need.
+
+The walker knows neither rounding nor sines.  Both are made here from what it knows, for double
+precision only, which is what the virtual exoskeleton is emitted in.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from esea_gen.block import Block, Guard, Labels, Port
+from esea_gen.devices.file import DeviceData
+from esea_gen.twin.parameters import assumed, checked_file
+
+_ROUND = 1.5 * 2.0**52
+# Odd polynomial nearest to sin(2 pi x) for |x| <= 1/4 (Lawson's iteration): error 1.4e-11.
+_SINE = (
+    6.283185306487509,
+    -41.34170192977261,
+    81.60520943107718,
+    -76.70366782767897,
+    41.9999898298898,
+    -14.337024718128749,
+)
+
+
+def nearest_whole(x: ca.SX) -> ca.SX:
+    """Nearest whole number, ties to even; double precision only.
+
+    Parameters
+    ----------
+    x : casadi.SX
+        Scalar, below 2**51 in magnitude.
+
+    Returns
+    -------
+    casadi.SX
+        The whole number.
+
+    Notes
+    -----
+    Adding 1.5 * 2**52 leaves no bits below one; taking it away again gives the rounded number.  It
+    is taken away by adding its negative, which CasADi does not simplify.
+    """
+    return (x + _ROUND) + ca.SX(-_ROUND)
+
+
+def whole_below(x: ca.SX) -> ca.SX:
+    """Largest whole number not above a value; double precision only.
+
+    Parameters
+    ----------
+    x : casadi.SX
+        Scalar, below 2**51 in magnitude.
+
+    Returns
+    -------
+    casadi.SX
+        The floor.
+    """
+    near = nearest_whole(x)
+    return near - (near > x)
+
+
+def sine_of_turns(turns: ca.SX) -> ca.SX:
+    """sin(2 pi t), error below 2e-11; double precision only.
+
+    Parameters
+    ----------
+    turns : casadi.SX
+        Angle in turns, below 2**51 in magnitude.
+
+    Returns
+    -------
+    casadi.SX
+        The sine.
+    """
+    # sin(2 pi t) = cos(2 pi (t - 1/4)); the cosine is even, so a quarter turn either way is enough.
+    t = turns - 0.25
+    x = 0.25 - ca.fabs(t - nearest_whole(t))
+    square = x * x
+    series: Any = _SINE[-1]
+    for c in _SINE[-2::-1]:
+        series = c + square * series
+    return ca.SX(x * series)
+
+
+ANGLE_RAD = 20.0
+ENCODERS = {"motor": "theta_m_rad", "load": "theta_l_rad", "gear": "theta_g_rad"}
+
+
+def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
+    """Encoders on both sides of the coupling and on the motor's shaft.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Its encoder resolutions are those of the counts.
+    tick_s : float
+        Sampling period, in seconds.
+
+    Returns
+    -------
+    Block
+        Angles in; ``count_motor``, ``count_load`` (turns of the joint) and ``count_gear`` (turns
+        of the motor's shaft) out, whole numbers of one turn.
+
+    Raises
+    ------
+    UserError
+        When a section of the device file is missing.
+
+    Notes
+    -----
+    What is read is theta + offset + a1 sin(theta + p1) + a2 sin(2 theta + p2).  An encoder that is
+    coarser than the device file's counts in its own steps: its lowest bits are 0.
+    """
+    file = checked_file(device)
+    assert file.actuator is not None
+    ratio = file.actuator.gear_ratio.value
+    joint_bits = file.encoder.resolution_bits.value
+    motor_bits = file.actuator.encoder_bits.value
+    bits = {"motor": joint_bits, "load": joint_bits, "gear": motor_bits}
+    turns = {"motor": 1.0, "load": 1.0, "gear": ratio}
+    errors = ("offset_rad", "wave_1_rad", "phase_1_rad", "wave_2_rad", "phase_2_rad")
+    texts = ("offset", *(f"{w} of harmonic {i}" for i in (1, 2) for w in ("amplitude", "phase")))
+    sides = ("motor", "load")
+    tunables = (
+        assumed("joint_encoder_bits", joint_bits, 4, joint_bits, "bits of both joint encoders"),
+        assumed("motor_encoder_bits", motor_bits, 4, motor_bits, "bits of the motor's encoder"),
+        *(
+            assumed(f"{side}_{e}", 0, -7, 7, f"{text} of the {side}-side encoder's error")
+            for side in sides
+            for e, text in zip(errors, texts, strict=True)
+        ),
+        assumed("gear_offset_rad", 0, -500, 500, "offset of the motor's encoder, at its shaft"),
+    )
+
+    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+        out = {x.name: getattr(t, x.name) for x in tunables if not x.name.endswith("_bits")}
+        for key in ("joint", "motor"):
+            bits_of = nearest_whole(getattr(t, f"{key}_encoder_bits"))
+            out[f"{key}_steps"] = nearest_whole(ca.power(2.0, bits_of))
+        return out
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        out, turn = {}, 1 / (2 * math.pi)
+        for side, angle in ENCODERS.items():
+            theta = turns[side] * vars(u)[angle] + vars(c)[f"{side}_offset_rad"]
+            if side in sides:
+                raw = vars(u)[angle]
+                for i in (1, 2):
+                    amplitude = vars(c)[f"{side}_wave_{i}_rad"]
+                    phase = vars(c)[f"{side}_phase_{i}_rad"]
+                    theta = theta + amplitude * sine_of_turns(turn * (i * raw + phase))
+            steps = c.joint_steps if side in sides else c.motor_steps
+            # Steps are a power of two and counts whole numbers: all but the first product is exact.
+            count = whole_below((turn * theta) * steps)
+            count = count - steps * whole_below(count / steps)
+            out[f"count_{side}"] = count * (2.0 ** bits[side] / steps)
+        return {}, out
+
+    names = {"motor": "motor-side part", "load": "load side", "gear": "motor's shaft"}
+    return Block.define(
+        "encoders",
+        "Encoders on both sides of the coupling and on the motor's shaft",
+        period_s=tick_s,
+        tunables=tunables,
+        coefficients=(
+            *(
+                Port(t.name, t.low, t.high, t.meaning)
+                for t in tunables
+                if not t.name.endswith("_bits")
+            ),
+            Port("joint_steps", 0, 2.0**joint_bits, "steps of a joint encoder in a turn"),
+            Port("motor_steps", 0, 2.0**motor_bits, "steps of the motor's encoder in a turn"),
+        ),
+        prepare=prepare,
+        state=(),
+        inputs=tuple(
+            Port(a, -ANGLE_RAD, ANGLE_RAD, f"angle read by the encoder on the {names[k]}")
+            for k, a in ENCODERS.items()
+        ),
+        outputs=tuple(
+            Port(f"count_{k}", 0, 2.0 ** bits[k] - 1, f"encoder on the {names[k]}")
+            for k in ENCODERS
+        ),
+        step=step,
+    )

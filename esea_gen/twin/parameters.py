@@ -1,0 +1,310 @@
+"""What may vary from one virtual exoskeleton to the next, and what is derived from it."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from esea_gen.block import Port, Tunable
+from esea_gen.devices.fields import DeviceFile
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
+from esea_gen.twin.people import PEOPLE, PLANTS, person_tunables
+
+SINES = 6
+
+
+def assumed(name: str, default: float, low: float, high: float, meaning: str) -> Tunable:
+    """A tunable whose default is one of the reference plants' numbers.
+
+    Parameters
+    ----------
+    name : str
+        With its unit as suffix.
+    default, low, high : float
+        Default and bounds.
+    meaning : str
+        What it is.
+
+    Returns
+    -------
+    Tunable
+        With status and source.
+    """
+    return Tunable(name, default, low, high, meaning, "reference plants, plants.toml", "assumed")
+
+
+def checked_file(device: DeviceData) -> DeviceFile:
+    """The device file, with the sections that the virtual exoskeleton needs.
+
+    Parameters
+    ----------
+    device : DeviceData
+        The device.
+
+    Returns
+    -------
+    DeviceFile
+        Its file.
+
+    Raises
+    ------
+    UserError
+        When ``[actuator]`` or ``[joint]`` is missing.
+    """
+    for key in ("actuator", "joint"):
+        if getattr(device.file, key) is None:
+            raise UserError(
+                f"{device.origin}: section [{key}] is missing: the virtual exoskeleton needs it.",
+                'Add it, or write extends = "elbow_drive" and give what differs.',
+            )
+    return device.file
+
+
+def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
+    """What may vary from one plant to the next without a new compilation.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With ``[actuator]`` and ``[joint]``.
+    cable : bool
+        Whether the plant has a compliant cable between gear and motor-side part.
+
+    Returns
+    -------
+    tuple of Tunable
+        Of the Block ``plant``; defaults: nominal drive, reference cable, no disturbance, the ideal
+        person.
+
+    Raises
+    ------
+    UserError
+        When a section of the device file is missing.
+    """
+    file = checked_file(device)
+    a, j = file.actuator, file.joint
+    assert a is not None
+    assert j is not None
+    stops, trip = PLANTS.stops, PLANTS.trip
+
+    def given(key: str, low: float, high: float, meaning: str) -> Tunable:
+        q = getattr(a, key)
+        return Tunable(key, q.value, low, high, meaning, q.source, q.status)
+
+    drive = (
+        given("J_kgm2", 1e-4, 100, "inertia of motor and drive at the joint, eq. 5.2"),
+        given("fv_Nms_rad", 0, 100, "viscous friction, eq. 5.2"),
+        given("fc_Nm", 0, 100, "Coulomb friction, eq. 5.2"),
+        assumed(
+            "coulomb_width_rad_s",
+            PLANTS.nominal.coulomb_width_rad_s,
+            1e-3,
+            10,
+            "width of the Coulomb friction, tanh(omega/width): larger is softer",
+        ),
+        given("tau_c_s", 1e-4, 1, "lag of the motor's torque, eq. 5.1"),
+        given("u_max_Nm", 1e-3, 100, "largest |motor torque| that the drive follows"),
+    )
+    r = PLANTS.real
+    cables = (
+        assumed(
+            "cable_stiffness_Nm_rad", r.cable_stiffness_Nm_rad, 0, 1e4, "stiffness of the cable"
+        ),
+        assumed("cable_damping_Nms_rad", r.cable_damping_Nms_rad, 0, 100, "damping of the cable"),
+        assumed(
+            "cable_backlash_rad", r.cable_backlash_rad, 0, 1, "whole gap between gear and cable end"
+        ),
+        assumed("cable_loss", r.cable_loss, 0, 0.9, "share of |cable torque| lost to friction"),
+        assumed(
+            "cable_loss_width_rad_s",
+            r.cable_loss_width_rad_s,
+            1e-3,
+            10,
+            "width of that friction, tanh(omega/width)",
+        ),
+        assumed(
+            "motor_side_inertia_kgm2",
+            r.motor_side_inertia_kgm2,
+            1e-4,
+            10,
+            "inertia of the coupling's motor-side part",
+        ),
+        assumed(
+            "motor_side_damping_Nms_rad",
+            r.motor_side_damping_Nms_rad,
+            0,
+            10,
+            "damping of the coupling's motor-side part",
+        ),
+    )
+    middles = [sum(band) / 2 for band in PLANTS.disturbance.bands_1_rad]
+    waves = tuple(
+        assumed(f"wave_{i + 1}_1_rad", k, 0, 1000, f"wave number of sine {i + 1} of d4")
+        for i, k in enumerate(middles)
+    )
+    phases = tuple(
+        assumed(f"phase_{i + 1}_rad", 0, -7, 7, f"phase of sine {i + 1} of d4")
+        for i in range(SINES)
+    )
+    rest = (
+        assumed("gear_disturbance_rms_rad_s2", 0, 0, 100, "effective value of d4, eq. 5.2"),
+        assumed("elastomer_scale", 1, 0.1, 10, "true torque over the model's torque"),
+        assumed("coupling_stop_rad", stops.coupling_rad, 0.01, 1.4, "deflection at the stop"),
+        assumed(
+            "coupling_stop_Nm_rad",
+            stops.coupling_stiffness_Nm_rad,
+            0,
+            1e5,
+            "stiffness of the coupling's stop",
+        ),
+        assumed(
+            "coupling_stop_Nms_rad",
+            stops.coupling_damping_Nms_rad,
+            0,
+            100,
+            "damping of the coupling's stop",
+        ),
+        Tunable(
+            "joint_min_rad",
+            j.theta_min_rad.value,
+            -10,
+            10,
+            "lower end of the joint's travel",
+            j.theta_min_rad.source,
+            j.theta_min_rad.status,
+        ),
+        Tunable(
+            "joint_max_rad",
+            j.theta_max_rad.value,
+            -10,
+            10,
+            "upper end of the joint's travel",
+            j.theta_max_rad.source,
+            j.theta_max_rad.status,
+        ),
+        assumed(
+            "joint_stop_Nm_rad",
+            stops.joint_stiffness_Nm_rad,
+            0,
+            1e5,
+            "stiffness of the joint's stops",
+        ),
+        assumed(
+            "joint_stop_Nms_rad", stops.joint_damping_Nms_rad, 0, 1000, "damping of those stops"
+        ),
+        assumed(
+            "trip_speed_rad_s", trip.speed_rad_s, 0, 400, "speed at the joint that trips the drive"
+        ),
+        assumed(
+            "trip_torque_Nm",
+            trip.torque_rms_Nm,
+            0,
+            100,
+            "effective motor torque that trips the drive",
+        ),
+        assumed("trip_window_s", trip.torque_window_s, 1e-2, 100, "time constant of that value"),
+    )
+    person = person_tunables(PEOPLE["ideal"])
+    return drive + (cables if cable else ()) + waves + phases + rest + person
+
+
+# What prepare computes rather than hands on, and which tunables it replaces by that.
+_DERIVED = {
+    "lag_decay": "exp(-h / tau_c)",
+    "heat_share": "1 - exp(-h / trip window)",
+    "d4_amplitude_rad_s2": "amplitude of each sine of d4",
+    "wave_turns": "turns of each sine of d4 per radian of the gear",
+    "phase_turns": "phase of each sine of d4 in turns",
+    "noise_decay": "decay of the person's torque noise in one step",
+    "noise_gain_Nm": "gain of the person's torque noise in one step",
+    "free": "1 for a load that moves, 0 for a clamped one",
+}
+_REPLACED = {
+    "tau_c_s",
+    "trip_window_s",
+    "gear_disturbance_rms_rad_s2",
+    "torque_noise_Nm",
+    "torque_noise_Hz",
+    "clamped",
+}
+
+
+def passed_on(tunables: tuple[Tunable, ...]) -> list[str]:
+    """Names of the tunables that are coefficients as they are.
+
+    Parameters
+    ----------
+    tunables : tuple of Tunable
+        From :func:`plant_tunables`.
+
+    Returns
+    -------
+    list of str
+        In their order.
+    """
+    waves = ("wave_", "phase_")
+    return [t.name for t in tunables if t.name not in _REPLACED and not t.name.startswith(waves)]
+
+
+def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
+    """Coefficients of the Block ``plant``.
+
+    Parameters
+    ----------
+    tunables : tuple of Tunable
+        From :func:`plant_tunables`.
+
+    Returns
+    -------
+    tuple of Port
+        Tunables passed on, then what is derived.
+    """
+    by_name = {t.name: t for t in tunables}
+    direct = [by_name[n] for n in passed_on(tunables)]
+    vectors = ("wave_turns", "phase_turns")
+    return (
+        *(Port(t.name, t.low, t.high, t.meaning) for t in direct),
+        *(
+            Port(n, -200.0 if n in vectors else 0.0, 200.0, text, SINES if n in vectors else 1)
+            for n, text in _DERIVED.items()
+        ),
+    )
+
+
+def prepare_plant(t: SimpleNamespace, names: list[str], h: float, tick: float) -> dict[str, Any]:
+    """Coefficients from tunables.
+
+    Parameters
+    ----------
+    t : SimpleNamespace
+        One symbol per tunable.
+    names : list of str
+        From :func:`passed_on`.
+    h, tick : float
+        Period of the step, and for how long a white number is held, in seconds.
+
+    Returns
+    -------
+    dict
+        One expression per coefficient.
+    """
+    values = {n: getattr(t, n) for n in names}
+    decay = ca.exp(-2 * math.pi * h * t.torque_noise_Hz)
+    # White numbers of variance 1, each held for a tick, through this first-order filter must come
+    # out with the wanted effective value: over a tick the filter's pole is decay ** substeps.
+    over_tick = ca.exp(-2 * math.pi * tick * t.torque_noise_Hz)
+    gain = (1 - decay) * ca.sqrt((1 + over_tick) / (1 - over_tick))
+    return values | {
+        "lag_decay": ca.exp(-h / t.tau_c_s),
+        "heat_share": 1 - ca.exp(-h / t.trip_window_s),
+        "d4_amplitude_rad_s2": math.sqrt(2 / SINES) * t.gear_disturbance_rms_rad_s2,
+        "wave_turns": [getattr(t, f"wave_{i + 1}_1_rad") / (2 * math.pi) for i in range(SINES)],
+        "phase_turns": [getattr(t, f"phase_{i + 1}_rad") / (2 * math.pi) for i in range(SINES)],
+        "noise_decay": decay,
+        "noise_gain_Nm": t.torque_noise_Nm * gain,
+        "free": t.clamped < 0.5,
+    }

@@ -1,0 +1,245 @@
+"""Plants and people to run: the reference ones, and draws from their families."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from esea_gen.block import Tunable
+from esea_gen.devices.file import DeviceData
+from esea_gen.twin.reference import PEOPLE, PLANTS, Person
+
+__all__ = [
+    "PEOPLE",
+    "PLANTS",
+    "STEP_S",
+    "Person",
+    "PlantVariant",
+    "gear_disturbance",
+    "ideal_plant",
+    "person_tunables",
+    "random_person",
+    "random_plant",
+    "real_plant",
+]
+STEP_S = 2e-4  # docs/twin.md has the evidence
+_PERSON_BOUNDS = {
+    "Jh_kgm2": (1e-3, 100, "inertia of limb and load side"),
+    "spring_Nm_rad": (0, 1e4, "pull towards the intended path"),
+    "damping_Nms_rad": (0, 1e3, "pull towards the intended speed"),
+    "feedforward": (0, 1, "share of the torque that the intended path needs"),
+    "own_damping_Nms_rad": (0, 100, "damping of the limb itself"),
+    "gravity_Nm": (0, 100, "gravity, times the sine of the angle"),
+    "torque_noise_Nm": (0, 100, "effective value of the torque noise"),
+    "torque_noise_Hz": (0.01, 100, "bandwidth of the torque noise"),
+    "clamped": (0, 1, "1: no person, the load is held where it is"),
+}
+
+
+def person_tunables(person: Person) -> tuple[Tunable, ...]:
+    """A person as tunables of the Block ``plant``.
+
+    Parameters
+    ----------
+    person : Person
+        Whose numbers are the defaults.
+
+    Returns
+    -------
+    tuple of Tunable
+        One a number.
+    """
+    values = person.values()
+    return tuple(
+        Tunable(k, values[k], low, high, text, "reference people, plants.toml", "assumed")
+        for k, (low, high, text) in _PERSON_BOUNDS.items()
+    )
+
+
+def random_person(seed: int) -> Person:
+    """A person drawn from the family.
+
+    Parameters
+    ----------
+    seed : int
+        Same seed, same person.
+
+    Returns
+    -------
+    Person
+        What the family leaves out is as in ``uncertain``.
+    """
+    rng = np.random.default_rng([seed, 2])
+    family = vars(PLANTS.random)
+    keys = [f.name for f in dataclasses.fields(Person) if f.name in family]
+    drawn = {k: float(rng.uniform(*family[k])) for k in keys}
+    return dataclasses.replace(PEOPLE["uncertain"], **drawn)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class PlantVariant:
+    """A plant: how it is built, and the tunables that differ from the Blocks' defaults.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Whose drive, elastomer and encoders.
+    cable : bool
+        Whether the cable is compliant.
+    values : mapping of str to float
+        Tunables of the Blocks ``plant`` and ``encoders``, the person's among them.
+    step_s : float
+        Period of the plant's step.
+    """
+
+    device: DeviceData
+    cable: bool
+    values: Mapping[str, float] = field(default_factory=dict)
+    step_s: float = STEP_S
+
+    def having(self, person: Person | None = None, **values: float) -> PlantVariant:
+        """A copy with another person, or other tunables.
+
+        Parameters
+        ----------
+        person : Person, optional
+            Who holds the load.
+        **values : float
+            Tunables by name.
+
+        Returns
+        -------
+        PlantVariant
+            The copy.
+        """
+        more = (person.values() if person else {}) | values
+        return dataclasses.replace(self, values={**self.values, **more})
+
+
+def ideal_plant(device: DeviceData, person: str = "ideal") -> PlantVariant:
+    """The nominal plant: device file's drive, rigid cable, no disturbance, full encoders.
+
+    The cable is rigid by construction and not merely stiff: a stiff one would need a shorter step
+    for a motion that nobody looks at, and would not obey (5.2) exactly.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With ``[actuator]`` and ``[joint]``.
+    person : str
+        Key of ``PEOPLE``.
+
+    Returns
+    -------
+    PlantVariant
+        The plant.
+    """
+    return PlantVariant(device, False).having(PEOPLE[person])
+
+
+def gear_disturbance(rms_rad_s2: float, seed: int) -> dict[str, float]:
+    """A gear disturbance drawn from the bands.
+
+    Parameters
+    ----------
+    rms_rad_s2 : float
+        Effective value.
+    seed : int
+        Same seed, same disturbance.
+
+    Returns
+    -------
+    dict of str to float
+        Tunables of the Block ``plant``.
+    """
+    rng = np.random.default_rng([seed, 1])
+    out = {"gear_disturbance_rms_rad_s2": rms_rad_s2}
+    for i, band in enumerate(PLANTS.disturbance.bands_1_rad, 1):
+        out[f"wave_{i}_1_rad"] = float(rng.uniform(*band))
+        out[f"phase_{i}_rad"] = float(rng.uniform(0, 2 * math.pi))
+    return out
+
+
+_CABLE_KEYS = (
+    "cable_stiffness_Nm_rad",
+    "cable_damping_Nms_rad",
+    "cable_backlash_rad",
+    "cable_loss",
+    "cable_loss_width_rad_s",
+    "motor_side_inertia_kgm2",
+    "motor_side_damping_Nms_rad",
+)
+
+
+def _bits(device: DeviceData) -> dict[str, float]:
+    # An encoder cannot be finer than the counts in which the device file has it read.
+    assert device.file.actuator is not None
+    joint, motor = device.file.encoder.resolution_bits, device.file.actuator.encoder_bits
+    return {
+        "joint_encoder_bits": min(float(PLANTS.real.joint_encoder_bits), joint.value),
+        "motor_encoder_bits": min(float(PLANTS.real.motor_encoder_bits), motor.value),
+    }
+
+
+def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> PlantVariant:
+    """The reference plant: more friction, cable with backlash and loss, disturbance, encoders.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With ``[actuator]`` and ``[joint]``.
+    person : str
+        Key of ``PEOPLE``.
+    seed : int
+        Of the gear disturbance.
+
+    Returns
+    -------
+    PlantVariant
+        The plant.
+    """
+    r, a = PLANTS.real, device.file.actuator
+    assert a is not None
+    values = {k: float(getattr(r, k)) for k in _CABLE_KEYS} | _bits(device)
+    values |= {
+        "fv_Nms_rad": r.friction_scale * a.fv_Nms_rad.value,
+        "fc_Nm": r.friction_scale * a.fc_Nm.value,
+    }
+    values |= gear_disturbance(r.gear_disturbance_rms_rad_s2, seed)
+    return PlantVariant(device, True, values).having(PEOPLE[person])
+
+
+def random_plant(device: DeviceData, seed: int) -> PlantVariant:
+    """A plant and a person drawn from the families.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With ``[actuator]`` and ``[joint]``.
+    seed : int
+        Same seed, same plant and person.
+
+    Returns
+    -------
+    PlantVariant
+        What the families leave out is as in :func:`real_plant`.
+    """
+    a, family = device.file.actuator, PLANTS.random
+    assert a is not None
+    rng = np.random.default_rng([seed, 0])
+    draw = {
+        "fv_Nms_rad": a.fv_Nms_rad.value * rng.uniform(*family.friction_scale),
+        "fc_Nm": a.fc_Nm.value * rng.uniform(*family.friction_scale),
+        "J_kgm2": a.J_kgm2.value * rng.uniform(*family.inertia_scale),
+        "tau_c_s": a.tau_c_s.value * rng.uniform(*family.lag_scale),
+        "cable_stiffness_Nm_rad": rng.uniform(*family.cable_stiffness_Nm_rad),
+        "cable_backlash_rad": rng.uniform(*family.cable_backlash_rad),
+        "cable_loss": rng.uniform(*family.cable_loss),
+    }
+    rms = float(rng.uniform(*family.gear_disturbance_rms_rad_s2))
+    values = {k: float(v) for k, v in draw.items()} | gear_disturbance(rms, seed)
+    return real_plant(device).having(random_person(seed), **values)

@@ -1,0 +1,483 @@
+"""The virtual exoskeleton: drive, cable, elastomer, load and person as one Block, and encoders.
+
+The equations are those of thesis chapter 5::
+
+    (5.1)  u_a'       = (u_c - u_a) / tau_c
+    (5.2)  J omega_g' = n u_a - fv omega_g - fc tanh(omega_g / w) - tau_c + J d4(theta_g)
+           m omega_m' = tau_c - tau_loss - d omega_m - tau_e
+    (5.3)  Jh omega_l' = tau_e + tau_h + tau_stop
+
+with the cable's torque tau_c between gear and motor-side part (spring and damper behind a gap), and
+the elastomer's torque tau_e, which is the torque sensor's own step at the plant's period, fed with
+the true rate in the middle of the step.  A plant without the cable has one inertia J in place of
+gear and motor-side part.
+
+One step is half a kick, a drift, and half a kick::
+
+    v(k+1/2) = v(k) + h/2 a(k)
+    x(k+1)   = x(k) + h v(k+1/2)
+    a(k+1)   = f(x(k+1), v(k+1/2) + h/2 a(k+1)),  linearised about v(k+1/2)
+    v(k+1)   = v(k+1/2) + h/2 a(k+1)
+
+It is of second order, needs the forces once a step, has angles and speeds at the same instant, and
+stays stable where friction is steep: at rest the cable's loss torque has a slope of thousands per
+second, which no explicit step of 0.2 ms takes.  ``docs/twin.md`` has the evidence for the step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.block import Block, Flag, Guard, Labels, Port, clip, flag_word
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
+from esea_gen.model.elastomer import torque_sensor
+from esea_gen.model.symbolic import equation
+from esea_gen.system import System, Task
+from esea_gen.twin.encoders import ANGLE_RAD, encoder_block, sine_of_turns
+from esea_gen.twin.parameters import (
+    SINES,
+    passed_on,
+    plant_coefficients,
+    plant_tunables,
+    prepare_plant,
+)
+from esea_gen.twin.people import STEP_S
+
+TICK_S = 1e-3
+NAME = "twin"
+NOT_TRIPPED, TRIPPED_SPEED, TRIPPED_TORQUE = 0, 1, 2
+# The elastomer goes on beyond the sensor's port ranges; the coupling's stop ends it earlier.
+_THETA_RAD, _OMEGA_RAD_S, _TAU_NM = 1.5, 500.0, 1000.0
+_SPEED_RAD_S, _ACCEL_RAD_S2, _ENERGY_J = 500.0, 1e7, 1e9
+WORKS = ("motor", "loss", "elastomer", "person", "disturbance")
+
+
+def _contact(over: ca.SX, rate: ca.SX, stiffness: ca.SX, damping: ca.SX) -> tuple[ca.SX, ca.SX]:
+    # Torque of a spring and damper that only push, and the slope of the damper while they do.
+    raw = stiffness * over + damping * rate
+    pushes = raw * over > 0
+    return ca.if_else(pushes, raw, 0), ca.if_else(pushes, damping, 0)
+
+
+def _beyond(x: ca.SX, low: Any, high: Any) -> ca.SX:
+    return ca.SX(ca.fmax(x - high, 0) + ca.fmin(x - low, 0))
+
+
+def _sensor(device: DeviceData, step_s: float) -> Block:
+    # The same equations at another period, in ranges that no motion of the plant leaves.
+    file = device.file
+    limits, timing = file.limits, file.timing
+
+    def to(quantity: Any, value: float) -> Any:
+        return quantity.model_copy(update={"value": value})
+
+    wide = limits.model_copy(
+        update={
+            "theta_rad": to(limits.theta_rad, _THETA_RAD),
+            "omega_rad_s": to(limits.omega_rad_s, 2 * _SPEED_RAD_S),
+            "tau_Nm": to(limits.tau_Nm, _TAU_NM),
+        }
+    )
+    fast = timing.model_copy(update={"sense_rate_Hz": to(timing.sense_rate_Hz, 1 / step_s)})
+    data = DeviceData(file.model_copy(update={"limits": wide, "timing": fast}), device.origin)
+    return torque_sensor(data)
+
+
+def plant_block(
+    device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
+) -> Block:
+    """Drive, cable, elastomer, load and person: one step of the plant.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With ``[actuator]`` and ``[joint]``.
+    cable : bool
+        False for a rigid one: gear and motor-side part are then one inertia J, as in (5.2).
+    step_s : float
+        Period of the step, in seconds.
+    tick_s : float
+        For how long each number of the input ``noise`` is held, in seconds.
+
+    Returns
+    -------
+    Block
+        Inputs: motor command, the person's intended path, white noise.  Outputs: true torque,
+        angles, speeds, works, all at the end of the step.
+
+    Raises
+    ------
+    UserError
+        When a section of the device file is missing.
+    """
+    tunables = plant_tunables(device, cable)
+    sensor = _sensor(device, step_s)
+    assert device.file.actuator is not None
+    ratio = device.file.actuator.gear_ratio.value
+    h, q = step_s, 0.5 * step_s
+    bodies = tuple(_BODIES)[0 if cable else 1 :]
+    passed = passed_on(tunables)
+    memory = tuple(p for p in sensor.state)
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        wanted = clip(u.u_Nm, -c.u_max_Nm, c.u_max_Nm)
+        u_c = label("u_c_Nm", ca.if_else(s.tripped > 0, 0, wanted), "a tripped drive is off")
+        u_a = label("u_a_next_Nm", u_c + (s.u_a_Nm - u_c) * c.lag_decay, "(5.1)")
+
+        # Half a kick, and the drift.
+        v, x = {}, {}
+        for i, key in enumerate(bodies):
+            kicked = s.omega_rad_s[i] + q * s.alpha_rad_s2[i]
+            kicked = c.free * kicked if key == "l" else kicked
+            v[key] = label(f"v_{key}", kicked, "speed in the middle of the step")
+            x[key] = label(f"x_{key}", s.theta_rad[i] + h * v[key])
+        v_m, v_l, x_m, x_l = v["m"], v["l"], x["m"], x["l"]
+        v_g, x_g = v[bodies[0]], x[bodies[0]]
+
+        # Elastomer: the sensor's step with the true rate, and the coupling's stop.
+        delta, rate = label("delta_rad", x_m - x_l), label("rate_rad_s", v_m - v_l)
+        held = [vars(s)[p.name] for p in memory]
+        results = sensor.step.call([*held, delta, rate])
+        rubber = label("tau_rubber_Nm", c.elastomer_scale * results[len(memory)], "(3.1), scaled")
+        jaw = _beyond(delta, -c.coupling_stop_rad, c.coupling_stop_rad)
+        tau_jaw, _ = _contact(jaw, rate, c.coupling_stop_Nm_rad, c.coupling_stop_Nms_rad)
+        tau_e = label("tau_e", rubber + tau_jaw, "with the coupling's stop")
+
+        # Load and person.
+        noise = c.noise_decay * s.noise_Nm + c.noise_gain_Nm * u.noise
+        turn = 1 / (2 * math.pi)
+        feed = (
+            c.Jh_kgm2 * u.alpha_p_rad_s2
+            + c.own_damping_Nms_rad * u.omega_p_rad_s
+            + c.gravity_Nm * sine_of_turns(turn * u.theta_p_rad)
+        )
+        held_h = (
+            c.spring_Nm_rad * (u.theta_p_rad - x_l)
+            + c.damping_Nms_rad * (u.omega_p_rad_s - v_l)
+            + c.feedforward * feed
+            - c.own_damping_Nms_rad * v_l
+            - c.gravity_Nm * sine_of_turns(turn * x_l)
+            + noise
+        )
+        end = _beyond(x_l, c.joint_min_rad, c.joint_max_rad)
+        tau_end, d_end = _contact(end, v_l, c.joint_stop_Nm_rad, c.joint_stop_Nms_rad)
+        slope = c.damping_Nms_rad + c.own_damping_Nms_rad
+        a_l = label(
+            "a_l",
+            c.free * (tau_e + held_h - tau_end) / (c.Jh_kgm2 + q * (slope + d_end)),
+            "(5.3), friction implicit",
+        )
+        w_l = v_l + q * a_l
+        tau_h = label("tau_h", held_h - slope * (q * a_l), "the person, at the end of the step")
+
+        # Gear.
+        d4 = ca.SX(0)
+        for i in range(SINES):
+            d4 = d4 + sine_of_turns(c.wave_turns[i] * x_g + c.phase_turns[i])
+        d4 = label("d4_rad_s2", c.d4_amplitude_rad_s2 * d4, "(5.2)")
+        smooth = ca.tanh(v_g / c.coulomb_width_rad_s)
+        slope_g = c.fv_Nms_rad + c.fc_Nm * (1 - smooth * smooth) / c.coulomb_width_rad_s
+        friction = c.fv_Nms_rad * v_g + c.fc_Nm * smooth
+        free_g = ratio * u_a + c.J_kgm2 * d4 - friction
+        if cable:
+            gap = _beyond(x_g - x_m, -0.5 * c.cable_backlash_rad, 0.5 * c.cable_backlash_rad)
+            tau_c, d_c = _contact(gap, v_g - v_m, c.cable_stiffness_Nm_rad, c.cable_damping_Nms_rad)
+            label("tau_cable_Nm", tau_c, "between gear and motor-side part")
+            rub = ca.tanh(v_m / c.cable_loss_width_rad_s)
+            lost = c.cable_loss * ca.fabs(tau_c)
+            # What of a change of the cable's torque reaches the motor-side part.
+            d_m = d_c * (1 - c.cable_loss * rub * ca.sign(tau_c))
+            slope_m = (
+                c.motor_side_damping_Nms_rad + lost * (1 - rub * rub) / c.cable_loss_width_rad_s
+            )
+            f_g = free_g - tau_c
+            f_m = tau_c - lost * rub - c.motor_side_damping_Nms_rad * v_m - tau_e
+            m_g = c.J_kgm2 + q * (slope_g + d_c)
+            m_m = c.motor_side_inertia_kgm2 + q * (slope_m + d_m)
+            share = 1 / (m_g * m_m - q * q * d_c * d_m)
+            a_g = label("a_g", (f_g * m_m + q * d_c * f_m) * share, "(5.2), friction implicit")
+            a_m = label("a_m", (f_m * m_g + q * d_m * f_g) * share, "motor-side part")
+            w_g, w_m = v_g + q * a_g, v_m + q * a_m
+            spring = c.cable_stiffness_Nm_rad * gap
+            end_c = tau_c + d_c * (q * (a_g - a_m))
+            loss = w_m * (lost * rub + slope_m * (q * a_m) + c.motor_side_damping_Nms_rad * v_m) + (
+                end_c - spring
+            ) * (w_g - w_m)
+            kinetic = c.motor_side_inertia_kgm2 * w_m * w_m + spring * gap
+        else:
+            a_m = label(
+                "a_m", (free_g - tau_e) / (c.J_kgm2 + q * slope_g), "(5.2), friction implicit"
+            )
+            a_g, w_m = a_m, v_m + q * a_m
+            w_g, loss, kinetic = w_m, ca.SX(0), ca.SX(0)
+
+        # Works, by the trapezoidal rule: a sum of the powers less half the last one.
+        power = {
+            "motor": ratio * u_a * w_g,
+            "loss": loss
+            + w_g * (friction + slope_g * (q * a_g))
+            + (tau_jaw - c.coupling_stop_Nm_rad * jaw) * (w_m - w_l)
+            + (tau_end - c.joint_stop_Nm_rad * end) * w_l,
+            "elastomer": rubber * (w_m - w_l),
+            "person": tau_h * w_l,
+            "disturbance": c.J_kgm2 * d4 * w_g,
+        }
+        stored = 0.5 * (
+            c.J_kgm2 * w_g * w_g
+            + kinetic
+            + c.Jh_kgm2 * w_l * w_l
+            + c.coupling_stop_Nm_rad * jaw * jaw
+            + c.joint_stop_Nm_rad * end * end
+        )
+        sums = {k: s.sums_J[i] + h * power[k] for i, k in enumerate(WORKS)}
+
+        heat = s.heat + c.heat_share * (u_a * u_a - s.heat)
+        hot = ca.if_else(heat > c.trip_torque_Nm * c.trip_torque_Nm, TRIPPED_TORQUE, NOT_TRIPPED)
+        fresh = ca.if_else(ca.fabs(w_g) > c.trip_speed_rad_s, TRIPPED_SPEED, hot)
+        tripped = label("tripped_next", ca.if_else(s.tripped > 0, s.tripped, fresh))
+
+        next_state = {
+            "u_a_Nm": u_a,
+            "theta_rad": list(x.values()),
+            "omega_rad_s": [*([w_g] if cable else []), w_m, w_l],
+            "alpha_rad_s2": [*([a_g] if cable else []), a_m, a_l],
+            "noise_Nm": noise,
+            "heat": heat,
+            "tripped": tripped,
+            **{p.name: ca.vertsplit(results[i]) for i, p in enumerate(memory)},
+            "sums_J": list(sums.values()),
+        }
+        outputs = {
+            "tau_e_Nm": tau_e,
+            "theta_g_rad": x_g,
+            "omega_g_rad_s": w_g,
+            "theta_m_rad": x_m,
+            "omega_m_rad_s": w_m,
+            "theta_l_rad": x_l,
+            "omega_l_rad_s": w_l,
+            "u_a_Nm": u_a,
+            "tau_h_Nm": c.free * tau_h,
+            "d4_rad_s2": d4,
+            "stored_J": stored,
+            **{f"work_{k}_J": v - q * power[k] for k, v in sums.items()},
+            "tripped": tripped,
+            "plant_status": flag_word(
+                [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
+            ),
+        }
+        return next_state, outputs
+
+    return Block.define(
+        "plant",
+        "Virtual exoskeleton: drive, cable, elastomer, load and person"
+        if cable
+        else "Virtual exoskeleton with a rigid cable: drive, elastomer, load and person",
+        period_s=h,
+        constants=(*device.constants("actuator"), *sensor.constants),
+        tunables=tunables,
+        coefficients=plant_coefficients(tunables),
+        prepare=lambda t: prepare_plant(t, passed, h, tick_s),
+        state=_state_ports(cable) + memory,
+        inputs=_input_ports(),
+        outputs=_output_ports(),
+        equations=_equations(cable),
+        step=step,
+    )
+
+
+def _angle(name: str, text: str) -> Port:
+    return Port(name, -ANGLE_RAD, ANGLE_RAD, text)
+
+
+def _speed(name: str, text: str) -> Port:
+    return Port(name, -_SPEED_RAD_S, _SPEED_RAD_S, text)
+
+
+_BODIES = {"g": "gear, at the joint", "m": "coupling's motor-side part", "l": "load side"}
+
+
+def _state_ports(cable: bool) -> tuple[Port, ...]:
+    # Vectors: one comparison guards all of their elements.
+    n = 3 if cable else 2
+    who = ("gear, " if cable else "") + "motor-side part, load side"
+    accel = _ACCEL_RAD_S2
+    return (
+        Port("u_a_Nm", -100, 100, "torque of the motor, at its shaft", equation="(5.1)"),
+        Port("theta_rad", -ANGLE_RAD, ANGLE_RAD, f"angles of {who}", n),
+        Port("omega_rad_s", -_SPEED_RAD_S, _SPEED_RAD_S, f"speeds of {who}", n),
+        Port("alpha_rad_s2", -accel, accel, f"accelerations of {who}", n),
+        Port("noise_Nm", -_TAU_NM, _TAU_NM, "noise of the person's torque"),
+        Port("heat", 0, 1e4, "smoothed square of the motor's torque"),
+        Port("tripped", 0, 2, "0 running, 1 tripped by speed, 2 by torque"),
+        Port("sums_J", -_ENERGY_J, _ENERGY_J, f"sums of powers: {', '.join(WORKS)}", len(WORKS)),
+    )
+
+
+def _input_ports() -> tuple[Port, ...]:
+    return (
+        Port("u_Nm", -100, 100, "motor command, at the motor's shaft", equation="(5.1)"),
+        Port(
+            "theta_p_rad",
+            -ANGLE_RAD,
+            ANGLE_RAD,
+            "intended angle at the end of the step",
+            on_invalid=0.0,
+        ),
+        _speed("omega_p_rad_s", "intended speed at the end of the step"),
+        Port("alpha_p_rad_s2", -1e5, 1e5, "intended acceleration at the end of the step"),
+        Port("noise", -100, 100, "white number of variance 1, held for a tick"),
+    )
+
+
+def _output_ports() -> tuple[Port, ...]:
+    torque = "true torque of the coupling on the load, its stop included"
+    ports = [Port("tau_e_Nm", -1e5, 1e5, torque, equation="(3.1)")]
+    for key, text in _BODIES.items():
+        ports.append(_angle(f"theta_{key}_rad", f"angle of the {text}"))
+        ports.append(_speed(f"omega_{key}_rad_s", f"speed of the {text}"))
+    invalid = "an input was NaN or outside its range and was replaced"
+    flags = (
+        Flag("INPUT_INVALID", invalid, True),
+        Flag("STATE_REPAIRED", "the plant left its ranges and was started afresh", True),
+    )
+    texts = {
+        "motor": "work of the motor",
+        "loss": "heat in friction, dampers and stops",
+        "elastomer": "work put into the elastomer, stored and lost there",
+        "person": "work of the person on the load",
+        "disturbance": "work of the gear's disturbance",
+    }
+    return (
+        *ports,
+        Port("u_a_Nm", -100, 100, "torque of the motor, at its shaft", equation="(5.1)"),
+        Port("tau_h_Nm", -1e5, 1e5, "torque of the person on the load", equation="(5.3)"),
+        Port("d4_rad_s2", -1e3, 1e3, "disturbance of the gear", equation="(5.2)"),
+        Port("stored_J", 0, _ENERGY_J, "kinetic energy, and that of cable and stops"),
+        *(Port(f"work_{k}_J", -_ENERGY_J, _ENERGY_J, texts[k]) for k in WORKS),
+        Port("tripped", 0, 2, "0 running, 1 tripped by speed, 2 by torque"),
+        Port("plant_status", 0, 3, "what is known of this step", flags=flags),
+    )
+
+
+def _equations(cable: bool) -> tuple[Any, ...]:
+    n, u_a, u_c, lag, fv, fc, w = sp.symbols("n u_a u_c tau_c f_v f_c w")
+    omega, d4, j = sp.symbols("omega_g d_4 J")
+    tau_e, tau_h = sp.symbols("tau_e tau_h")
+    pull = sp.Symbol("tau_cable") if cable else tau_e
+    drive = n * u_a - fv * omega - fc * sp.tanh(omega / w) - pull + j * d4
+    return (
+        equation("(5.1)", "u_a'", (u_c - u_a) / lag, "lag of the motor's torque"),
+        equation("(5.2)", "J omega_g'", drive, "motor and drive"),
+        equation("(5.3)", "J_h omega_l'", tau_e + tau_h, "load side and limb"),
+    )
+
+
+def plant_system(
+    device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
+) -> System:
+    """The virtual exoskeleton as a System.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With ``[actuator]`` and ``[joint]``.
+    cable : bool
+        False for a rigid cable.
+    step_s, tick_s : float
+        Period of the plant's step and of the controller's base tick, in seconds.
+
+    Returns
+    -------
+    System
+        Task ``move`` (Block ``plant``) every step, task ``encode`` (Block ``encoders``) every tick;
+        whoever runs them hands the angles over.
+
+    Raises
+    ------
+    UserError
+        When a section of the device file is missing, or a tick is no whole number of steps.
+    """
+    every = round(tick_s / step_s)
+    if every < 1 or abs(every * step_s - tick_s) > 1e-9 * tick_s:
+        raise UserError(
+            f"The plant's step {step_s:g} s does not divide the tick {tick_s:g} s.",
+            f"Give a step such as {tick_s / max(every, 1):g} s.",
+        )
+    plant, encoders = plant_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
+    return System(
+        NAME,
+        step_s,
+        {"plant": plant, "encoders": encoders},
+        (Task("move", ("plant",)), Task("encode", ("encoders",), every)),
+        {},
+        {p.name: (f"plant.{p.name}",) for p in plant.inputs}
+        | {p.name: (f"encoders.{p.name}",) for p in encoders.inputs},
+        {p.name: f"plant.{p.name}" for p in plant.outputs}
+        | {p.name: f"encoders.{p.name}" for p in encoders.outputs},
+    )
+
+
+def start_state(
+    plant: Block, start_rad: float, initial: Mapping[str, float], elastomer_scale: float = 1.0
+) -> tuple[dict[str, list[float]], dict[str, float]]:
+    """State of the Block ``plant`` at the start of a run, and what its outputs show of it.
+
+    Parameters
+    ----------
+    plant : Block
+        From :func:`plant_block`.
+    start_rad : float
+        Angle of every part that ``initial`` does not name.
+    initial : mapping of str to float
+        ``theta_...`` and ``omega_...`` of the bodies ``g``, ``m`` and ``l``.
+    elastomer_scale : float
+        True torque over the model's.
+
+    Returns
+    -------
+    state : dict of str to list of float
+        Of the vectors that are not 0.  Accelerations start at 0, which is half a step of them lost.
+    outputs : dict of str to float
+        Of the outputs that are not 0.
+
+    Raises
+    ------
+    UserError
+        For an unknown name or a value outside its port's range.
+
+    Notes
+    -----
+    The elastomer has no memory at the start: its torque is that of the cubic spring.
+    """
+    ports = {p.name: p for p in plant.outputs}
+    known = [f"{q}_{b}_{u}" for q, u in (("theta", "rad"), ("omega", "rad_s")) for b in _BODIES]
+    for key, value in initial.items():
+        if key not in known:
+            raise UserError(f"No initial value is named {key}.", f"There are {', '.join(known)}.")
+        if not ports[key].low <= value <= ports[key].high:
+            raise UserError(
+                f"Initial {key} = {value:g} is outside {ports[key].low:g} to {ports[key].high:g}.",
+                "Give a value inside.",
+            )
+    count = next(p.size for p in plant.state if p.name == "theta_rad")
+    bodies = tuple(_BODIES)[3 - count :]
+    theta = {b: float(initial.get(f"theta_{b}_rad", start_rad)) for b in _BODIES}
+    omega = {b: float(initial.get(f"omega_{b}_rad_s", 0.0)) for b in _BODIES}
+    if "g" not in bodies:
+        theta["g"], omega["g"] = theta["m"], omega["m"]
+    constants = {c.name: c.value for c in plant.constants}
+    delta = theta["m"] - theta["l"]
+    spring = constants["k1_Nm_rad"] * delta + constants["k3_Nm_rad3"] * delta**3
+    shown = {f"theta_{b}_rad": x for b, x in theta.items()}
+    shown |= {f"omega_{b}_rad_s": x for b, x in omega.items()}
+    state = {"theta_rad": [theta[b] for b in bodies], "omega_rad_s": [omega[b] for b in bodies]}
+    return state, shown | {"tau_e_Nm": elastomer_scale * spring}

@@ -1,0 +1,228 @@
+"""Reference trajectories: what the person intends, and the torque that is asked for, at 1 kHz."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from esea_gen.block import Array
+from esea_gen.errors import UserError
+from esea_gen.twin.people import PLANTS
+
+RATE_HZ = 1000.0
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A path, a desired torque, and the window in which a run is judged.
+
+    Parameters
+    ----------
+    name : str
+        What it is.
+    theta_p_rad, omega_p_rad_s, alpha_p_rad_s2 : ndarray
+        The person's intended path, one value a millisecond.
+    tau_desired_Nm : ndarray
+        Desired interaction torque.
+    start, end : int
+        First sample of the analysed window, and the one after its last.
+    clamped : bool
+        Whether the output is fixed: no person.
+    """
+
+    name: str
+    theta_p_rad: Array
+    omega_p_rad_s: Array
+    alpha_p_rad_s2: Array
+    tau_desired_Nm: Array
+    start: int
+    end: int
+    clamped: bool = False
+
+    @property
+    def window(self) -> slice:
+        """The analysed samples."""
+        return slice(self.start, self.end)
+
+    @property
+    def start_rad(self) -> float:
+        """Where the path starts, at rest."""
+        return float(self.theta_p_rad[0])
+
+    def signals(self) -> dict[str, Array]:
+        """The path for the plant, and path and torque as a controller's references.
+
+        Returns
+        -------
+        dict of str to ndarray
+            ``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``, ``tau_desired_Nm``,
+            ``theta_desired_rad``, ``omega_desired_rad_s``.
+        """
+        return {
+            "theta_p_rad": self.theta_p_rad,
+            "omega_p_rad_s": self.omega_p_rad_s,
+            "alpha_p_rad_s2": self.alpha_p_rad_s2,
+            "tau_desired_Nm": self.tau_desired_Nm,
+            "theta_desired_rad": self.theta_p_rad,
+            "omega_desired_rad_s": self.omega_p_rad_s,
+        }
+
+
+def _positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise UserError(f"{name} = {value} is not above 0.", "Give a positive number.")
+
+
+def _finite(name: str, value: float) -> None:
+    if not np.isfinite(value):
+        raise UserError(f"{name} = {value} is not a number.", "Give a finite one.")
+
+
+def _time(duration_s: float) -> Array:
+    return np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
+
+
+def _made(
+    name: str,
+    duration_s: float,
+    window_s: tuple[float, float],
+    path: Callable[[Array], tuple[Array, Array, Array]],
+    tau_Nm: float,
+) -> Trajectory:
+    _finite("tau_Nm", tau_Nm)
+    t = _time(duration_s)
+    theta, omega, alpha = path(t)
+    start, end = (round(w * RATE_HZ) for w in window_s)
+    return Trajectory(name, theta, omega, alpha, np.full(len(t), tau_Nm), start, end)
+
+
+def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
+    """A sinusoidal torque with the output fixed.
+
+    Parameters
+    ----------
+    amplitude_Nm : float
+        Of the desired torque.
+    frequency_Hz : float
+        Of the desired torque.
+
+    Returns
+    -------
+    Trajectory
+        22 cycles, analysed after 10; below 0.5 Hz 8 cycles, analysed after 4.
+
+    Raises
+    ------
+    UserError
+        For a frequency that is not positive.
+    """
+    _positive("frequency_Hz", frequency_Hz)
+    _finite("amplitude_Nm", amplitude_Nm)
+    p = PLANTS.trajectory.fixed
+    slow = frequency_Hz < p.slow_below_Hz
+    cycles, settle = (p.slow_cycles, p.slow_settle_cycles) if slow else (p.cycles, p.settle_cycles)
+    t = _time(cycles / frequency_Hz)
+    tau = amplitude_Nm * np.sin(2 * np.pi * frequency_Hz * t)
+    rest = np.zeros(len(t))
+    name = f"fixed output, {amplitude_Nm:g} Nm at {frequency_Hz:g} Hz"
+    start = round(settle / frequency_Hz * RATE_HZ)
+    return Trajectory(name, rest, rest, rest, tau, start, len(t), True)
+
+
+def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:
+    """Slow sinusoid from full extension, 90 degrees peak to peak.
+
+    Parameters
+    ----------
+    frequency_Hz : float
+        Of the path; the reference trials have 0.1, 0.15, 0.2 and 0.25 Hz.
+    tau_Nm : float
+        Desired torque.
+
+    Returns
+    -------
+    Trajectory
+        45 s, analysed from 10 s.
+
+    Raises
+    ------
+    UserError
+        For a frequency that is not positive.
+    """
+    _positive("frequency_Hz", frequency_Hz)
+    p = PLANTS.trajectory.backdriven
+    a, w = np.deg2rad(p.amplitude_deg), 2 * np.pi * frequency_Hz
+
+    def path(t: Array) -> tuple[Array, Array, Array]:
+        return a - a * np.cos(w * t), a * w * np.sin(w * t), a * w**2 * np.cos(w * t)
+
+    window = (p.settle_s, p.duration_s)
+    return _made(f"backdriven at {frequency_Hz:g} Hz", p.duration_s, window, path, tau_Nm)
+
+
+def bread(tau_Nm: float = 0.0) -> Trajectory:
+    """Cutting bread: a rise to the middle of the range, then slices about it.
+
+    Parameters
+    ----------
+    tau_Nm : float
+        Desired torque; the reference trials have 0 and 2 Nm.
+
+    Returns
+    -------
+    Trajectory
+        25 s, analysed from 10 s.
+    """
+    p = PLANTS.trajectory.bread
+    w = 2 * np.pi * p.frequency_Hz
+
+    def path(t: Array) -> tuple[Array, Array, Array]:
+        s = np.minimum(t / p.rise_s, 1.0)
+        rising = t < p.rise_s
+        m = p.middle_rad
+        theta = m * s * s * (3 - 2 * s)
+        omega = m * 6 * s * (1 - s) / p.rise_s
+        alpha = np.where(rising, m * 6 * (1 - 2 * s) / p.rise_s**2, 0.0)
+        late = np.maximum(t - p.rise_s, 0.0)
+        fade = np.exp(-late / p.fade_s)
+        gain, gain1, gain2 = 1 - fade, fade / p.fade_s, -fade / p.fade_s**2
+        sin, cos = np.sin(w * late), np.cos(w * late)
+        a = p.amplitude_rad * ~rising
+        return (
+            theta + a * gain * sin,
+            omega + a * (gain1 * sin + gain * w * cos),
+            alpha + a * (gain2 * sin + 2 * gain1 * w * cos - gain * w * w * sin),
+        )
+
+    return _made("bread cutting", p.duration_s, (p.settle_s, p.duration_s), path, tau_Nm)
+
+
+def impedance(tau_Nm: float = 0.0) -> Trajectory:
+    """Reaching from 0 to 90 degrees and back with minimum jerk each way.
+
+    Parameters
+    ----------
+    tau_Nm : float
+        Desired torque besides the impedance.
+
+    Returns
+    -------
+    Trajectory
+        Ten cycles of 4 s; the middle five, from 12 to 32 s, are analysed.
+    """
+    p = PLANTS.trajectory.impedance
+    reach, half = np.deg2rad(p.reach_deg), p.half_s
+
+    def path(t: Array) -> tuple[Array, Array, Array]:
+        phase = np.mod(t, 2 * half)
+        back = phase >= half
+        s = np.where(back, phase - half, phase) / half
+        theta = s**3 * (10 - 15 * s + 6 * s**2)
+        omega = 30 * s**2 * (1 - s) ** 2 / half
+        alpha = 60 * s * (1 - s) * (1 - 2 * s) / half**2
+        sign = np.where(back, -1.0, 1.0)
+        return reach * np.where(back, 1 - theta, theta), reach * sign * omega, reach * sign * alpha
+
+    return _made("reaching", p.duration_s, (p.settle_s, p.end_s), path, tau_Nm)
