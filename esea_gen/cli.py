@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import tempfile
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,7 +20,8 @@ from rich.table import Table
 from rich.text import Text
 
 from esea_gen import __version__
-from esea_gen.device import Device, load_device, shipped_devices
+from esea_gen.device import Device, load_device
+from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
 
 app = typer.Typer(
@@ -102,14 +104,15 @@ def write_json(path: Path | None, content: Any) -> None:
         write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
-def _formats(real: list[str] | None) -> list[str]:
+def _formats(real: list[str] | None, known: Collection[str] | None = None) -> list[str]:
     from esea_gen.emit.formats import FORMATS
 
+    allowed = list(known or FORMATS)
     chosen = real or list(FORMATS)
     for name in chosen:
-        if name not in FORMATS:
+        if name not in allowed:
             raise UserError(
-                f"Unknown number format '{name}'.", f"Choose from {', '.join(FORMATS)}."
+                f"Unknown number format '{name}'.", f"Choose from {', '.join(allowed)}."
             )
     return list(dict.fromkeys(chosen))
 
@@ -117,8 +120,9 @@ def _formats(real: list[str] | None) -> list[str]:
 def _bundles(device: Device, real: list[str] | None) -> list[Any]:
     from esea_gen.emit.build import render_device
     from esea_gen.emit.dialect import render_dialect
+    from esea_gen.emit.formats import ALL_FORMATS
 
-    bundles = render_device(device, _formats(real))
+    bundles = render_device(device, _formats(real, ALL_FORMATS))
     if real is None:
         bundles.append(render_dialect(device))
     return bundles
@@ -138,7 +142,12 @@ def _main(
 @app.command()
 def build(
     device: DeviceArgument,
-    real: RealOption = None,
+    real: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--real", metavar="f64|f32|q31", help="Number format; f64 and f32 when not given."
+        ),
+    ] = None,
     folder: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output; generated/<device>.")
     ] = None,
@@ -218,10 +227,23 @@ def _recorded(loaded: Device, recording: Path | None, data: Path | None) -> dict
 
 
 def _bound_note(result: Any, block: str) -> str:
+    residuals = [c.residual for c in result.comparisons if c.block == block and c.residual]
+    if block not in result.bounds and residuals:
+        worst, limit = max(residuals)
+        return f"gives the request back to {worst:.2g} Nm (limit {limit:.2g} Nm)"
     # How much the derived bound allows: one that allows a lot proves little, and shows as that.
-    bound = result.bounds[block]["identified domain"].outputs
-    percent = max(100 * e / result.full_scale[k] for k, e in bound.items())
-    return f"within the derived bound ({percent:.2g} % in the domain)"
+    scale = result.full_scales[block]
+    (name, bound), *_ = sorted(result.bounds[block].items())
+    percent = max((100 * e / scale[k] for k, e in bound.outputs.items()), default=0.0)
+    if name == "identified domain":
+        return f"within the derived bound ({percent:.2g} % in the domain)"
+    items = [c for c in result.comparisons if c.block == block and c.real == "f32"]
+    apart = max((100 * d / scale[k] for c in items for k, d in c.drift.items() if k in scale))
+    turned = sum(c.turned for c in items)
+    return (
+        f"{name}: each within the derived bound ({percent:.2g} %), {turned} decisions turned by "
+        f"rounding; a free run comes {apart:.2g} % apart, not bounded"
+    )
 
 
 def _print_verification(loaded: Device, result: Any) -> None:
@@ -233,7 +255,8 @@ def _print_verification(loaded: Device, result: Any) -> None:
     for c in result.comparisons:
         groups.setdefault((c.block, c.real), []).append(c)
     for (block, real), items in groups.items():
-        worst = max((100 * e / result.full_scale[k], k) for c in items for k, e in c.errors.items())
+        scale = result.full_scales[block]
+        worst = max((100 * e / scale[k], k) for c in items for k, e in c.errors.items())
         passed = all(c.passed for c in items)
         note = "equal to CasADi's C bit for bit" if real == "f64" and passed else ""
         table.add_row(
@@ -264,27 +287,33 @@ def identify(
     folder: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output; identified/<device>.")
     ] = None,
+    inverse: Annotated[
+        bool, typer.Option("--inverse", help="Refit the published inverse's play operators too.")
+    ] = False,
     json_file: JsonOption = None,
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
     from esea_gen.identify import identify as run
+    from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page
 
     with progress_line() as say:
-        result = run(
-            mapping,
-            data,
-            progress=lambda share, what: say(f"{100 * share:.0f} % {what}"),
-        )
+
+        def tell(share: float, what: str) -> None:
+            say(f"{100 * share:.0f} % {what}")
+
+        result, refit = run(mapping, data, progress=tell), None
+        if inverse:
+            result, refit = refit_identified(result, tell)
     target = folder or Path("identified") / result.device.name
-    content = result.to_dict()
+    content = result.to_dict() | ({} if refit is None else {"inverse": refit.to_dict()})
     page, text = target / f"{result.device.name}.html", identification_page(result)
     if page.is_dir():
         raise UserError(f"{page} is a folder.", "Give another --out folder.")
     path = result.write(target)
     write_text(page, text)
     write_json(json_file, content)
-    for line in result.summary():
+    for line in [*result.summary(), *(refit.summary() if refit else [])]:
         out.print(line)
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
@@ -318,10 +347,28 @@ def emulate(
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
     board: BoardOption = "netduinoplus2",
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", help="Of a drive: how much of the tuning case; 3."),
+    ] = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Run the firmware in an emulator and compare every bit with the host library."""
+    """Run the firmware in an emulator and compare every bit with the host library.
+
+    A sensing device is given deflections.  Of a drive all tasks run interleaved, on what they were
+    given in the tuning case in closed loop with the virtual exoskeleton.
+    """
     loaded = load_device(device)
+    if loaded.file.sliding_mode is not None:
+        if recording is not None or data is not None:
+            raise UserError(
+                f"{loaded.origin}: a drive is not run on a recorded deflection.",
+                "Leave --recording and --data out: its inputs are recorded from the simulation.",
+            )
+        _emulate_drive(loaded, board, 3.0 if seconds is None else seconds, json_file)
+        return
+    if seconds is not None:
+        raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave it out.")
     deflections = _recorded(loaded, recording, data)
     if not deflections:
         from esea_gen.verify.equivalence import domain_chirp
@@ -368,13 +415,7 @@ def emulate_deflections(
     results = {}
     with tempfile.TemporaryDirectory() as scratch:
         image = build_firmware(loaded, board, Path(scratch) / "image")
-        with Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            console=err,
-            transient=True,
-        ) as p:
+        with _bar() as p:
             for name, theta in deflections.items():
                 task = p.add_task(name, total=len(theta))
                 result = run_in_emulator(
@@ -385,6 +426,74 @@ def emulate_deflections(
                 )
                 results[name] = result.to_dict()
     return results
+
+
+def _bar() -> Progress:
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    return Progress(*columns, console=err, transient=True)
+
+
+def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path | None) -> None:
+    if not (math.isfinite(seconds) and seconds >= loaded.period_s):
+        raise UserError(
+            f"--seconds {seconds:g} is less than a period.", "Give a number of seconds, such as 3."
+        )
+    results = emulate_tasks(loaded, board, round(seconds / loaded.period_s))
+    content = {t: r.to_dict() for t, r in results.items()}
+    write_json(json_file, {"device": loaded.name, "case": "tuning", "tasks": content})
+    table = Table("task", "runs", "bits", "instructions a run", "stack, B")
+    for name, r in results.items():
+        same = "the host's" if r.identical else "DIFFER"
+        n = r.instructions
+        count = f"{n['min']} / {n['median']} / {n['max']}" if n else "-"
+        table.add_row(name, str(r.steps), same, count, str(r.step_stack_bytes))
+    out.print(table)
+    first = next(iter(results.values()))
+    if first.instructions:
+        out.print(
+            "instructions: min / median / max, emulated, not cycles; "
+            f"flash {first.flash_bytes} B, RAM {first.ram_bytes} B, deepest stack "
+            f"{first.stack_peak_bytes} of {first.stack_bytes} B"
+        )
+    for r in results.values():
+        if r.first_difference is not None:
+            out.print(f"{r.task}: {r.first_difference}")
+    if not all(r.identical for r in results.values()):
+        raise typer.Exit(1)
+
+
+def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
+    """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop.
+
+    Parameters
+    ----------
+    loaded : Device
+        A device with a drive.
+    board : str
+        Board.
+    ticks : int
+        How many milliseconds of the tuning case.
+
+    Returns
+    -------
+    dict of str to EmulatorResult
+        By task.
+    """
+    from esea_gen.bench.recorded import record_drive
+    from esea_gen.verify.emulator import run_tasks_in_emulator
+    from esea_gen.verify.firmware import build_firmware, find_board
+
+    find_board(board)
+    with _bar() as p, tempfile.TemporaryDirectory() as scratch:
+        bar = p.add_task("recording the tuning case", total=None)
+        inputs = record_drive(loaded, ticks).inputs
+        p.update(bar, description="building firmware")
+        image = build_firmware(loaded, board, Path(scratch) / "image")
+
+        def told(done: int, runs: int) -> None:
+            p.update(bar, description="tuning case", completed=done, total=runs)
+
+        return run_tasks_in_emulator(loaded, image, inputs, progress=told)
 
 
 @app.command()
@@ -429,7 +538,8 @@ def new(
     ] = None,
 ) -> None:
     """Write a commented device file to edit; its numbers are copied, each marked as assumed."""
-    from esea_gen.device import SCHEMA_FILE, copy_device
+    from esea_gen.device import copy_device
+    from esea_gen.devices.fields import SCHEMA_FILE
 
     device = copy_device(load_device(base), name)
     path = target or Path(f"{name}.toml")
@@ -447,7 +557,7 @@ def new(
 
 
 def _schema_text() -> str:
-    from esea_gen.device import json_schema
+    from esea_gen.devices.file import json_schema
 
     return json.dumps(json_schema(), indent=2) + "\n"
 
@@ -470,11 +580,12 @@ def schema(
 def coverage(device: DeviceArgument, json_file: JsonOption = None) -> None:
     """Which sides of every minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
-    from esea_gen.verify.streams import at_the_limits, streams
+    from esea_gen.verify.streams import at_the_limits, other_memories, streams
 
     loaded = load_device(device)
     found = {
-        b.name: branch_coverage(b, [*streams(b), at_the_limits(b)]) for b in loaded.system.kinds
+        b.name: branch_coverage(b, [*streams(b), at_the_limits(b), *other_memories(b)])
+        for b in loaded.system.kinds
     }
     write_json(json_file, {name: c.to_dict() for name, c in found.items()})
     for name, c in found.items():
@@ -483,6 +594,8 @@ def coverage(device: DeviceArgument, json_file: JsonOption = None) -> None:
         )
         for side in c.uncovered:
             out.print(f"  not seen: {side}")
+        for side in c.detectors:
+            out.print(f"  only by a fault of the arithmetic, not proven: {side}")
     if any(c.uncovered for c in found.values()):
         raise typer.Exit(1)
 
@@ -551,24 +664,51 @@ def _show(result: Any, json_file: Path | None) -> None:
         out.print(line)
 
 
-@reproduce.command("chapter4")
-def reproduce_tables(json_file: JsonOption = None, figure: FigureOption = None) -> None:
-    """Tables 4.4 and 4.5: the published inverses and the exact one, thesis beside ours."""
-    from esea_gen.twin.chapter4 import reproduce_chapter4
+def _picture(figure: Path | None, draw: Callable[[], Any]) -> None:
+    from esea_gen.twin.plots import save
 
+    if figure is None:
+        return
+    try:
+        figure.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"{figure}: cannot be written ({error.strerror}).", "Give another file."
+        ) from error
+    save(draw(), figure)
+
+
+def _check_picture(figure: Path | None) -> None:
     if figure is not None and figure.suffix not in (".png", ".svg", ".pdf"):
         raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
+
+
+@reproduce.command("chapter3")
+def reproduce_forward(json_file: JsonOption = None, figure: FigureOption = None) -> None:
+    """The forward model's published behaviour: torque range, loops, relaxation."""
+    from esea_gen.twin.chapter3 import reproduce_chapter3
+
+    _check_picture(figure)
+    with progress_line() as say:
+        result = reproduce_chapter3(say)
+    _show(result, json_file)
+    _picture(figure, result.figure)
+
+
+@reproduce.command("chapter4")
+def reproduce_tables(json_file: JsonOption = None, figure: FigureOption = None) -> None:
+    """Tables 4.4 and 4.5: the published inverses and the exact one; the forward model's figures."""
+    from esea_gen.twin.chapter3 import reproduce_chapter3
+    from esea_gen.twin.chapter4 import reproduce_chapter4
+
+    _check_picture(figure)
     with progress_line() as say:
         result = reproduce_chapter4(say)
-    _show(result, json_file)
-    if figure is not None:
-        try:
-            figure.parent.mkdir(parents=True, exist_ok=True)
-            result.figure().savefig(figure)
-        except OSError as error:
-            raise UserError(
-                f"{figure}: cannot be written ({error.strerror}).", "Give another file."
-            ) from error
+        forward = reproduce_chapter3(say)
+    write_json(json_file, result.to_dict() | {"chapter_3": forward.to_dict()})
+    for line in [*result.table(), "", *forward.table()]:
+        out.print(line)
+    _picture(figure, result.figure)
 
 
 @reproduce.command("discretisation")
@@ -579,6 +719,239 @@ def reproduce_discretisation(json_file: JsonOption = None) -> None:
     with progress_line() as say:
         result = discretisation(say)
     _show(result, json_file)
+
+
+@app.command()
+def uncertainty(
+    device: DeviceArgument,
+    runs: Annotated[int, typer.Option("--runs", help="Runs of the Monte-Carlo.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of its draws.")] = 1,
+    residual_deg: Annotated[
+        float,
+        typer.Option("--residual-deg", help="Nonlinearity that the encoders' correction leaves."),
+    ] = 0.1,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--recording", metavar="MAPPING", help="What the device was identified with."),
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
+    from esea_gen.twin.uncertainty import identified_spread, torque_uncertainty
+
+    _check_picture(figure)
+    loaded = load_device(device)
+    with progress_line() as say:
+        say("covariance of the identification")
+        spread = identified_spread(loaded, recording, data) if recording else None
+        result = torque_uncertainty(
+            loaded, runs, seed, spread=spread, residual_deg=residual_deg, progress=say
+        )
+    _show(result, json_file)
+    _picture(figure, result.figure)
+
+
+@reproduce.command("bandwidth")
+def reproduce_bandwidth(
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")],
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """Published bandwidths and steps of a metal series elastic actuator, from its recordings."""
+    from esea_gen.twin.spring_rig import check_on_data
+
+    _check_picture(figure)
+    with progress_line() as say:
+        result = check_on_data(data, say)
+    _show(result, json_file)
+    _picture(figure, result.figure)
+    if not result.reproduced:
+        raise typer.Exit(1)
+
+
+@app.command()
+def simulate(
+    experiment: Annotated[
+        str,
+        typer.Argument(
+            metavar="EXPERIMENT",
+            help="tuning, grid, twists, backdriven, bread, impedance, step, frequency or "
+            "output-impedance.",
+        ),
+    ],
+    controller: Annotated[
+        str,
+        typer.Option(
+            "--controller",
+            metavar="NAME",
+            help="smc, smc-published, mpc, mpc-no-preview, or a device file.",
+        ),
+    ] = "smc",
+    plant: Annotated[
+        str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
+    ] = "real",
+    person: Annotated[
+        str | None,
+        typer.Option(
+            "--person",
+            metavar="none|ideal|uncertain|random",
+            help="Who moves the load; suits plant and experiment when not given.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first run.")] = 0,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Runs of each case.")] = 1,
+    real: Annotated[
+        str, typer.Option("--real", metavar="f64|f32", help="Number format of the controller.")
+    ] = "f32",
+    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 for one a core.")] = -1,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--resume", metavar="DIR", help="Journal: go on where a run was cut off."),
+    ] = None,
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Also every run as CSV.")
+    ] = None,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """Run an experiment of the thesis: a controller's C against the virtual exoskeleton."""
+    from esea_gen.twin.experiments import EXPERIMENTS, Setting, default_person
+    from esea_gen.twin.experiments import simulate as run
+
+    _check_picture(figure)
+    if experiment not in EXPERIMENTS:
+        raise UserError(
+            f"Unknown experiment '{experiment}'.", f"Choose from {', '.join(EXPERIMENTS)}."
+        )
+    (real,) = _formats([real])
+    who = person or default_person(experiment, plant)
+    with _counted(f"{experiment}, {controller}") as tell:
+        result = run(
+            experiment,
+            Setting(controller, plant, who, real),
+            seed=seed,
+            runs=runs,
+            workers=jobs if runs > 1 else 1,
+            folder=resume,
+            progress=tell,
+        )
+    _show(result, json_file)
+    if csv_file is not None:
+        write_text(csv_file, result.csv())
+    _picture(figure, result.figure)
+
+
+@app.command()
+def passivity(
+    controller: Annotated[
+        str,
+        typer.Option(
+            "--controller",
+            metavar="NAME",
+            help="smc, smc-published, mpc, mpc-no-preview, or a device file.",
+        ),
+    ] = "smc",
+    plant: Annotated[
+        str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
+    ] = "real",
+    points: Annotated[
+        int, typer.Option("--points", metavar="N", help="Gains along each axis.")
+    ] = 9,
+    push: Annotated[
+        float,
+        typer.Option("--push", metavar="RAD_S", help="Speed that the push gives a hand alone."),
+    ] = 0.5,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
+    sliding: Annotated[
+        bool, typer.Option("--sliding/--no-sliding", help="Also the sliding condition.")
+    ] = True,
+    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 for one a core.")] = -1,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """Passivity of the rendered impedance over its gains, with pushed hands; sliding condition."""
+    from esea_gen.twin.interaction import study_interaction
+
+    _check_picture(figure)
+    with _counted(f"passivity, {controller}") as tell:
+        result = study_interaction(
+            controller,
+            plant,
+            points=points,
+            push_rad_s=push,
+            seed=seed,
+            sliding=sliding,
+            workers=jobs,
+            progress=tell,
+        )
+    _show(result, json_file)
+    _picture(figure, result.figure)
+
+
+@app.command()
+def tune(
+    controller: Annotated[
+        str,
+        typer.Option(
+            "--controller",
+            metavar="NAME",
+            help="smc, smc-published, mpc, mpc-no-preview, or a device file.",
+        ),
+    ] = "smc",
+    plant: Annotated[
+        str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
+    ] = "real",
+    parameter: Annotated[
+        str | None,
+        typer.Option("--parameter", metavar="NAME", help="Tunable; the thesis' procedure without."),
+    ] = None,
+    values: Annotated[
+        str, typer.Option("--values", metavar="A,B,C", help="Values of the parameter.")
+    ] = "",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
+    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 for one a core.")] = 1,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
+    from esea_gen.twin.tune import tune as run
+
+    _check_picture(figure)
+    try:
+        row = [float(v) for v in values.split(",")] if values.strip() else []
+    except ValueError:
+        raise UserError(
+            f"--values {values}: not a list of numbers.", "Write them as 1,1.5,2."
+        ) from None
+    with _counted(f"tuning, {controller}") as tell:
+        result = run(
+            controller,
+            plant,
+            parameter=parameter,
+            values=row,
+            seed=seed,
+            workers=jobs,
+            progress=tell,
+        )
+    _show(result, json_file)
+    _picture(figure, result.figure)
+
+
+@contextmanager
+def _counted(text: str) -> Iterator[Callable[[int, int, int], None]]:
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    with Progress(*columns, console=err, transient=True) as p:
+        task = p.add_task(text, total=None)
+        yield lambda done, total, failed: p.update(
+            task,
+            completed=done,
+            total=total,
+            description=f"{text}, {failed} failed" if failed else text,
+        )
 
 
 traces = typer.Typer(help="Reference traces: how every shipped System behaves.")
@@ -607,6 +980,98 @@ def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
 
     for line in accept_traces(folder):
         out.print(line)
+
+
+@app.command()
+def ranges(
+    device: DeviceArgument, json_file: JsonOption = None, figure: FigureOption = None
+) -> None:
+    """Fixed point: range, format, headroom and proven error of every value, and what to do."""
+    from esea_gen.emit.fixed.report import range_report
+
+    _check_picture(figure)
+    loaded = load_device(device)
+    with progress_line() as say:
+        result = range_report(loaded.name, loaded.system, say)
+    _show(result, json_file)
+    _picture(figure, result.figure)
+
+
+@app.command("torque-check")
+def torque_check(
+    device: DeviceArgument,
+    mass: Annotated[
+        float | None, typer.Option("--mass", metavar="KG", help="Mass that is hung up.")
+    ] = None,
+    arm: Annotated[
+        float | None, typer.Option("--arm", metavar="M", help="From the axis to where it hangs.")
+    ] = None,
+    angle: Annotated[
+        float, typer.Option("--angle", metavar="DEG", help="Of the arm off the horizontal.")
+    ] = 0.0,
+    mass_uncertainty: Annotated[
+        float, typer.Option("--mass-uncertainty", metavar="KG", help="Standard uncertainty.")
+    ] = 0.005,
+    arm_uncertainty: Annotated[
+        float, typer.Option("--arm-uncertainty", metavar="M", help="Standard uncertainty.")
+    ] = 0.001,
+    angle_uncertainty: Annotated[
+        float, typer.Option("--angle-uncertainty", metavar="DEG", help="Standard uncertainty.")
+    ] = 1.0,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--recording", metavar="FILE", help="CSV: time_s, tau_Nm and perhaps step."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--resume", metavar="FILE", help="JSON of a check to go on with."),
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Check the torque sensor with a hanging mass: procedure, limits, a recording's verdict."""
+    from esea_gen.lab.reference import Reference
+    from esea_gen.lab.torque_check import TorqueCheck, instructions
+    from esea_gen.lab.torque_recording import apply_recording, read_check, read_recording
+
+    loaded = load_device(device)
+    check = None
+    if resume is not None:
+        if mass is not None or arm is not None:
+            raise UserError(
+                "--resume already knows the load.", "Leave --mass and --arm out, or start anew."
+            )
+        check = TorqueCheck.resumed(loaded, read_check(resume))
+    elif mass is not None and arm is not None:
+        check = TorqueCheck(
+            loaded,
+            Reference(
+                mass,
+                arm,
+                math.radians(angle),
+                mass_uncertainty,
+                arm_uncertainty,
+                math.radians(angle_uncertainty),
+            ),
+        )
+    elif recording is not None or mass is not None or arm is not None:
+        lacking = " and ".join(n for n, v in (("--mass", mass), ("--arm", arm)) if v is None)
+        raise UserError(
+            f"the reference torque is not known: {lacking} missing.", "Give mass (kg) and arm (m)."
+        )
+    if recording is not None:
+        assert check is not None
+        apply_recording(check, read_recording(recording))
+    elif check is None or not check.measurements:
+        for line in instructions(loaded, check):
+            out.print(line)
+        if check is not None:
+            write_json(json_file, check.to_dict())
+        return
+    write_json(json_file, check.to_dict())
+    for line in check.report():
+        out.print(line)
+    if check.verdict != "pass":
+        raise typer.Exit(1)
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from esea_gen.block import UNIT_SUFFIXES, Block, Port, Simulator, Tunable
 
 if TYPE_CHECKING:
-    from esea_gen.device import Device
+    from esea_gen.devices.file import DeviceData
 
 
 @dataclass(frozen=True)
@@ -499,7 +499,7 @@ def _of_axis(name: str, axis: str) -> str:
     return f"{name.removesuffix(unit)}_{axis}{unit}"
 
 
-def sensing_system(device: Device) -> System:
+def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
     """The measuring System: velocity estimate and torque sensor in one task.
 
     A device with several axes has an instance of both Blocks for each, all in the same task; the
@@ -508,8 +508,10 @@ def sensing_system(device: Device) -> System:
 
     Parameters
     ----------
-    device : Device
+    device : DeviceData
         What to build for.
+    velocity, sensor : Block
+        Velocity estimate and torque sensor.
 
     Returns
     -------
@@ -521,15 +523,15 @@ def sensing_system(device: Device) -> System:
     inputs: dict[str, tuple[str, ...]] = {}
     outputs: dict[str, str] = {}
     for axis in device.axes:
-        velocity, sensor = (f"{b}_{axis}" if axis else b for b in ("velocity", "sensor"))
-        blocks |= {velocity: device.velocity, sensor: device.sensor}
-        wires[f"{sensor}.omega_rad_s"] = f"{velocity}.omega_mid_rad_s"
-        inputs[_of_axis("theta_rad", axis)] = (f"{velocity}.theta_rad", f"{sensor}.theta_rad")
+        rate, torque = (f"{b.name}_{axis}" if axis else b.name for b in (velocity, sensor))
+        blocks |= {rate: velocity, torque: sensor}
+        wires[f"{torque}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
+        inputs[_of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{torque}.theta_rad")
         for port in ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm"):
-            outputs[_of_axis(port, axis)] = f"{sensor}.{port}"
-        outputs[_of_axis("omega_rad_s", axis)] = f"{velocity}.omega_rad_s"
-        outputs[f"{sensor}_status"] = f"{sensor}.status"
-        outputs[f"{velocity}_status"] = f"{velocity}.status"
+            outputs[_of_axis(port, axis)] = f"{torque}.{port}"
+        outputs[_of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
+        outputs[f"{torque}_status"] = f"{torque}.status"
+        outputs[f"{rate}_status"] = f"{rate}.status"
     return System(
         device.name,
         device.period_s,

@@ -15,13 +15,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from esea_gen.bench.fixed import fixed_rows
 from esea_gen.bench.peers import (
+    REALS,
     CompiledPeer,
     EvaluatorPeer,
     NumpyPeer,
@@ -29,9 +30,11 @@ from esea_gen.bench.peers import (
     Sources,
     count_board_instructions,
     count_host_instructions,
-    finite,
     peer_sources,
 )
+from esea_gen.bench.row import Row, compare
+from esea_gen.bench.steps import drive_load, drive_rows, step_cost_rows, step_table
+from esea_gen.bench.twin import twin_rows, twin_table
 from esea_gen.block import Block
 from esea_gen.device import Device, load_device
 from esea_gen.emit.formats import FORMATS
@@ -42,105 +45,8 @@ from esea_gen.verify.streams import Stream
 
 STEPS = 4000
 COUNTED_STEPS = 400
-MEASURE_S = 0.0015  # one measurement; long against the clock, short against what else runs
 AIM = 2.0
-
-
-@dataclass(frozen=True)
-class Row:
-    """One comparison.
-
-    Parameters
-    ----------
-    name : str
-        What against what.
-    ours, peer : float
-        The two figures.
-    ratio : float
-        Peer over ours: how many times less ours takes.
-    unit : str
-        ``ns``, ``s`` or ``instructions``.
-    low, high : float
-        Range of the middle half of the ratios; not part of the JSON.
-    """
-
-    name: str
-    ours: float
-    peer: float
-    ratio: float
-    unit: str
-    low: float
-    high: float
-
-    def to_dict(self) -> dict[str, str | float]:
-        """JSON-ready content."""
-        return {
-            "name": self.name,
-            "ours": finite(self.ours),
-            "peer": finite(self.peer),
-            "ratio": finite(self.ratio),
-            "unit": self.unit,
-        }
-
-    @classmethod
-    def exact(cls, name: str, ours: float, peer: float, unit: str) -> Row:
-        """A row of two figures that do not scatter.
-
-        Parameters
-        ----------
-        name : str
-            What against what.
-        ours, peer : float
-            The two figures.
-        unit : str
-            Their unit.
-
-        Returns
-        -------
-        Row
-            Its range is the ratio itself.
-        """
-        return cls(name, ours, peer, peer / ours, unit, peer / ours, peer / ours)
-
-
-def compare(name: str, ours: Peer, peer: Peer, steps: int, pairs: int) -> Row:
-    """Time two peers in turns.
-
-    Parameters
-    ----------
-    name : str
-        Name of the row.
-    ours, peer : Peer
-        What to time.
-    steps : int
-        Steps in a pass.
-    pairs : int
-        How many pairs.
-
-    Returns
-    -------
-    Row
-        In ns a step.
-    """
-    passes = {}
-    for p in (ours, peer):
-        p.run(1)
-        passes[p.name] = max(1, int(MEASURE_S / max(p.run(1), 1e-9)))
-    a, b = np.empty(pairs), np.empty(pairs)
-    for k in range(pairs):
-        turn = [(a, ours), (b, peer)]
-        for store, p in turn if k % 2 == 0 else turn[::-1]:
-            store[k] = 1e9 * p.run(passes[p.name]) / (passes[p.name] * steps)
-    low, ratio, high = np.quantile(b / a, [0.25, 0.5, 0.75])
-    return Row(
-        name,
-        float(np.median(a)),
-        float(np.median(b)),
-        float(ratio),
-        "ns",
-        float(low),
-        float(high),
-    )
+DRIVE = "elbow_drive"
 
 
 def benchmark_stream(device: Device, block: Block, steps: int = STEPS) -> Stream:
@@ -195,7 +101,7 @@ def step_rows(
     if NumpyPeer.fits(device):
         slow.append(NumpyPeer(device, stream))
     rows = []
-    for real in FORMATS:
+    for real in REALS:
         ours = compiled[real]
         for key in ("casadi f64", "casadi f32", f"floor {real}"):
             name = f"{block.name} step {real} vs {compiled[key].name}"
@@ -248,7 +154,7 @@ def instruction_rows(
         except UserError as error:
             say(f"left out: {error}")
             continue
-        for real in FORMATS:
+        for real in REALS:
             for key in ("casadi f64", "casadi f32", f"floor {real}"):
                 name = f"{block.name} step {real} vs {sources[key].name}, {where}"
                 rows.append(Row.exact(name, seen[real], seen[key], "instructions"))
@@ -306,6 +212,7 @@ def run_benchmarks(
     pairs: int = 101,
     builds: int = 3,
     say: Callable[[str], None] | None = None,
+    drive: str = DRIVE,
 ) -> list[Row]:
     """All benchmarks.
 
@@ -319,6 +226,8 @@ def run_benchmarks(
         Cold and warm builds; 0 leaves them out.
     say : callable, optional
         Told in words what is being done.
+    drive : str
+        Device with a drive, for its tasks and the twin; empty for none.
 
     Returns
     -------
@@ -336,6 +245,13 @@ def run_benchmarks(
     with _on_one_processor():
         rows = step_rows(loaded, block, pairs, tell)
     rows += instruction_rows(loaded, block, tell)
+    rows += fixed_rows(loaded, tell)
+    with _on_one_processor():
+        rows += step_cost_rows(loaded, max(3, pairs // 4), tell, COUNTED_STEPS, STEPS)
+        if drive:
+            driven = load_device(drive)
+            rows += twin_rows(driven, pairs, tell)
+            rows += drive_rows(driven, max(3, pairs // 4), tell, COUNTED_STEPS)
     if builds:
         rows += build_rows(device, builds, tell)
     return rows
@@ -371,9 +287,9 @@ def table(rows: list[Row]) -> str:
     lines = [f"{'':{width}}  {'ours':>10}  {'peer':>10}  {'peer/ours':>9}  middle half"]
     for r in rows:
         spread = "" if r.low == r.high else f"  {r.low:.2f} to {r.high:.2f}"
-        digits = 2 if r.unit == "s" else 1
+        form = {"s": ".2f", "Nm": ".1e", "rad/s": ".1e"}.get(r.unit, ".1f")
         lines.append(
-            f"{r.name:{width}}  {r.ours:10.{digits}f}  {r.peer:10.{digits}f}  "
+            f"{r.name:{width}}  {r.ours:10{form}}  {r.peer:10{form}}  "
             f"{r.ratio:9.2f}{spread}  {r.unit}"
         )
     return "\n".join(lines)
@@ -397,13 +313,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, default=Path("bench.json"), metavar="FILE")
     parser.add_argument("--pairs", type=int, default=101, help="pairs of measurements a row")
     parser.add_argument("--builds", type=int, default=3, help="cold and warm builds; 0 for none")
+    parser.add_argument(
+        "--drive", default=DRIVE, metavar="DEVICE", help="device with a drive; empty for none"
+    )
     chosen = parser.parse_args(arguments)
 
     def say(text: str) -> None:
         print(text, file=sys.stderr)
 
     try:
-        rows = run_benchmarks(chosen.device, max(1, chosen.pairs), max(0, chosen.builds), say)
+        driven = load_device(chosen.drive) if chosen.drive else None
+        pairs, builds = max(1, chosen.pairs), max(0, chosen.builds)
+        rows = run_benchmarks(chosen.device, pairs, builds, say, chosen.drive)
         content: list[dict[str, Any]] = [r.to_dict() for r in rows]
         chosen.json.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
     except UserError as error:
@@ -413,6 +334,10 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"esea-gen: {chosen.json}: {error.strerror or error}", file=sys.stderr)
         return 2
     print(table(rows))
+    for line in [*step_table(rows), *(drive_load(driven, rows) if driven else [])]:
+        print(line)
+    for line in twin_table(rows):
+        print(line)
     aimed = next(r for r in rows if r.name.endswith("f32 vs CasADi C (f64)"))
     met = "met" if aimed.ratio >= AIM else "MISSED"
     print(f"aim, f32 at least {AIM:g} times faster than CasADi C: {aimed.ratio:.2f}, {met}")

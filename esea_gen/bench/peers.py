@@ -28,11 +28,13 @@ from esea_gen.emit.render import Renderer, reference_c
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CFLAGS, compile_sources, find_compiler
 from esea_gen.model.elastomer import stop_grid
+from esea_gen.system import System
 from esea_gen.verify.streams import Stream
 
 # As in a program: a call from one file to another is direct, not through a table that a loader
 # may redirect.
 LIBRARY_FLAGS = ("-fvisibility=hidden",)
+REALS = ("f64", "f32")
 M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 BARE_FLAGS = ("-std=gnu99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
 
@@ -85,7 +87,9 @@ def _columns(stream: Stream, block: Block) -> Array:
     )
 
 
-def peer_sources(device: Device, block: Block, stream: Stream) -> dict[str, Sources]:
+def peer_sources(
+    device: Device, block: Block, stream: Stream, system: System | None = None
+) -> dict[str, Sources]:
     """The C of every compiled peer.
 
     Parameters
@@ -96,12 +100,15 @@ def peer_sources(device: Device, block: Block, stream: Stream) -> dict[str, Sour
         Whose step is compared.
     stream : Stream
         What it is run on.
+    system : System, optional
+        The System that holds the Block; the device's own when not given.
 
     Returns
     -------
     dict of str to Sources
         ``f64``, ``f32``, ``casadi f64``, ``casadi f32``, ``floor f64``, ``floor f32``.
     """
+    system = system or device.system
     simulator = block.simulator()
     sizes = {
         "inputs": sum(p.size for p in block.inputs),
@@ -118,8 +125,9 @@ def peer_sources(device: Device, block: Block, stream: Stream) -> dict[str, Sour
         "work": (block.step.sz_iw(), block.step.sz_w()),
     }
     out: dict[str, Sources] = {}
-    for real, fmt in FORMATS.items():
-        renderer = Renderer(device.system, fmt, "-", "-", device.title)
+    for real in REALS:
+        fmt = FORMATS[real]
+        renderer = Renderer(system, fmt, "-", "-", device.title)
         renderer.env.filters["number17"] = repr
 
         def text(name: str, renderer: Renderer = renderer, **more: Any) -> str:
@@ -127,8 +135,10 @@ def peer_sources(device: Device, block: Block, stream: Stream) -> dict[str, Sour
 
         common = {n: text(n) for n in ("bench.h", "stream.h", "clock.c")}
         files = renderer.files()
-        headers = {n: t for n, t in files.items() if n.endswith(".h") and "reference" not in n}
-        own = {n: t for n, t in files.items() if "reference" not in n and n != "main.c"}
+        headers = {
+            n: t for n, t in files.items() if n.endswith(".h") and not n.startswith("reference/")
+        }
+        own = {n: t for n, t in files.items() if not n.startswith("reference/") and n != "main.c"}
         out[real] = Sources(
             f"generated {real}",
             own | common | {"struct.c": text("struct.c", floor=False)},
@@ -148,7 +158,7 @@ def peer_sources(device: Device, block: Block, stream: Stream) -> dict[str, Sour
         real_t = "" if real == "f64" else "#define casadi_real float\n"
         casadi = {
             n.removeprefix("reference/"): t
-            for n, t in reference_c(device.system).items()
+            for n, t in reference_c(system).items()
             if n.endswith(".c")
         }
         out[f"casadi {real}"] = Sources(

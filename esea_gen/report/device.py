@@ -13,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.block import Block, unit_of
-from esea_gen.device import Device, _field_extra, shipped_devices
+from esea_gen.device import Device
+from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
@@ -295,7 +297,7 @@ class Findings:
                 "unit": unit_of(key),
                 "status": q.status,
                 "source": q.source,
-                "meaning": _field_extra(key)["text"],
+                "meaning": field_facts(key)["text"],
                 "section": key.rsplit(".", 1)[0],
             }
             for key, q in self.device.quantities()
@@ -848,6 +850,11 @@ def gather(
     UserError
         For bad input, a missing host compiler, or, with ``ESEA_REQUIRE_TOOLS=1``, any missing tool.
     """
+    if device.file.sliding_mode is not None:
+        raise UserError(
+            f"{device.name} has a drive; this page is of a torque sensor alone.",
+            "Report on the device it extends, and see verify, simulate, tune and passivity for it.",
+        )
     say = progress or (lambda _: None)
     say("reading")
     source = None if recording is None else load_mapping(recording, data)

@@ -30,7 +30,7 @@ POINTS_PER_PAGE = 120_000
 MOST_PANELS = 16
 
 # Matplotlib types its keys one by one.
-_STYLE: Any = {
+STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 9.0,
@@ -98,7 +98,7 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
 
 def _svg(figure: Figure, name: str, alternative: str) -> Markup:
     buffer = io.StringIO()
-    with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
+    with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
@@ -165,8 +165,21 @@ def _thin(n: int, most: int) -> npt.NDArray[np.intp]:
     return picked if n == 0 or picked[-1] == n - 1 else np.append(picked, n - 1)
 
 
-def _envelope(y: Array, most: int) -> npt.NDArray[np.intp]:
-    """Samples of a time signal to draw: lowest and highest of each stretch, so no peak is lost."""
+def envelope(y: Array, most: int) -> npt.NDArray[np.intp]:
+    """Samples of a time signal to draw: lowest and highest of each stretch, so no peak is lost.
+
+    Parameters
+    ----------
+    y : ndarray
+        The signal, shape (n,).
+    most : int
+        Most samples to draw.
+
+    Returns
+    -------
+    ndarray
+        Indices, rising.
+    """
     n = len(y)
     if n <= most:
         return np.arange(n)
@@ -205,7 +218,7 @@ def loops(trace: Trace, name: str, points: int) -> Markup:
     columns = panels if panels <= 4 else 3 if panels <= 6 else 4
     rows = math.ceil(panels / columns)
     lines = 1 if trace.measured_Nm is None else 2
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         width = 9.6 if columns > 1 else 5.2
         height = 0.5 + rows * max(2.5, min(3.2, 0.85 * width / columns))
         figure, grid = _new(
@@ -282,7 +295,7 @@ def over_time(
     measured = trace.measured_Nm
     panels = 1 + (measured is not None) + (rounding is not None)
     share = max(points // (panels + 1), 200)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure, grid = _new(
             9.6,
             2.3 + 1.25 * (panels - 1),
@@ -295,9 +308,9 @@ def over_time(
         cells: list[Axes] = list(grid[:, 0])
         axes = cells.pop(0)
         if measured is not None:
-            keep = _envelope(measured, share)
+            keep = envelope(measured, share)
             axes.plot(trace.time_s[keep], measured[keep], color=MEASURED, lw=2.0, label="measured")
-        keep = _envelope(trace.model_Nm, share)
+        keep = envelope(trace.model_Nm, share)
         axes.plot(
             trace.time_s[keep], trace.model_Nm[keep], color=MODEL, lw=0.8, label=trace.model_name
         )
@@ -306,7 +319,7 @@ def over_time(
         if measured is not None:
             axes = cells.pop(0)
             error = 100 * (trace.model_Nm - measured) / full_scale_Nm
-            keep = _envelope(error, share)
+            keep = envelope(error, share)
             axes.plot(trace.time_s[keep], error[keep], color=INK, lw=0.7)
             axes.set_ylabel("C − measured,\n% full scale")
             used.append(axes)
@@ -324,7 +337,7 @@ def over_time(
         if rounding is not None:
             axes = cells.pop(0)
             difference = 1e6 * rounding[1]
-            keep = _envelope(difference, share)
+            keep = envelope(difference, share)
             axes.plot(rounding[0][keep], difference[keep], color=ROUNDING, lw=0.6)
             axes.set_ylabel("float32 −\nfloat64, µN·m")
             used.append(axes)
@@ -382,7 +395,7 @@ def error_overview(rows: Sequence[StreamError], fit: float | None, name: str) ->
         values.append(fit)
     floor = 10.0 ** (math.floor(math.log10(min(values, default=1e-6))) - 2)
     top = 10.0 ** (math.ceil(math.log10(max(values, default=1.0))) + 0.5)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure, axes = _new(9.6, 1.0 + 0.27 * len(rows))
         y = np.arange(len(rows))[::-1]
         for label, key, marker, colour, face in (
@@ -449,7 +462,7 @@ def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup
         Inline SVG.
     """
     shown = [(n, abs(s / v)) for n, v, s in rows if s is not None and v != 0]
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure, axes = _new(9.6, 0.75 + 0.27 * max(len(shown), 1))
         y = np.arange(len(shown))[::-1]
         for (_, s), k in zip(shown, y, strict=True):

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.device import _field_extra
+from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify import Identification
 from esea_gen.model.elastomer import RATE_KEYS
@@ -30,7 +30,7 @@ def identification_page(result: Identification) -> str:
     content = finite(result.to_dict())
     device = result.device
     parameters = [
-        {"key": key, "meaning": _field_extra(_dotted(key))["text"], **p}
+        {"key": key, "meaning": field_facts(_dotted(key))["text"], **p}
         for key, p in content["parameters"].items()
     ]
     assumed = [

@@ -1,0 +1,486 @@
+"""What predictive control costs: bound, worst seen and typical instructions; peers beside it.
+
+    python -m esea_gen.bench.predictive
+
+Instructions are counted on the object code (the bound) and in an emulator (what was seen); they are
+not cycles.  Times are of this machine, the thread's own, in turns with each peer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from esea_gen.bench.bound import Bound, step_bound
+from esea_gen.bench.predictive_loop import recorded_rows
+from esea_gen.bench.predictive_peer import step_times
+from esea_gen.block import Array
+from esea_gen.control.box_qp import box_qp
+from esea_gen.control.horizon import Horizon
+from esea_gen.control.predictive_drive import predictive_controller
+from esea_gen.device import load_device
+from esea_gen.emit.program import Program
+from esea_gen.emit.program_c import ProgramRenderer, loop_lines, render_program
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import HostLibrary, find_compiler
+from esea_gen.twin.trajectories import backdriven, bread, fixed_sinusoid
+
+CORES = {
+    "Cortex-M4F": ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
+    "Cortex-M7": ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-sp-d16", "-mfloat-abi=hard"),
+    "Cortex-A9": ("-mcpu=cortex-a9", "-marm", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
+}
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections", "-g")
+CLOCKS_HZ = {"Cortex-M4F": 168e6, "Cortex-M7": 216e6, "Cortex-A9": 667e6}
+CYCLES_PER_INSTRUCTION = (1.0, 1.5, 2.0)
+AIM_BOUND, AIM_TYPICAL = 120_000, 45_000
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Cost of a step on one core.
+
+    Parameters
+    ----------
+    bound : Bound
+        For every input.
+    code_bytes, table_bytes, state_bytes : int
+        Instructions of the step's functions with their constants, tables, and the caller's state.
+    """
+
+    bound: Bound
+    code_bytes: int
+    table_bytes: int
+    state_bytes: int
+
+
+def _build(renderer: ProgramRenderer, folder: Path, core: str, extra: dict[str, str]) -> Path:
+    gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
+    files = renderer.files() | extra
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    sources = [str(folder / n) for n in files if n.endswith(".c")]
+    out = folder / "program.elf"
+    link = ["-nostartfiles", "--specs=nosys.specs", f"-T{folder / 'bare.ld'}", "-Wl,--gc-sections"]
+    command = [gcc, *CORES[core], *FLAGS, f"-I{folder}", *sources, *link, "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"the compiler refuses the program:\n{done.stderr}")
+    return out
+
+
+def _board(renderer: ProgramRenderer, rows: Array, tunables: dict[str, float]) -> dict[str, str]:
+    program: Any = renderer.system.kinds[0]
+    fmt = renderer.fmt
+    renderer.env.filters["literal"] = lambda v: fmt.literal(float(np.float32(v)))
+    board = renderer.render(
+        "predictive/board.c.j2",
+        block=program,
+        rows=np.asarray(rows).tolist(),
+        timer="tim2",
+        tunables=tunables,
+    )
+    return {"board.c": board, "bare.ld": renderer.render("bench/bare.ld.j2")}
+
+
+def _entry(renderer: ProgramRenderer) -> dict[str, str]:
+    # Only to be linked, so that calls have their targets; never run.
+    program: Any = renderer.system.kinds[0]
+    stem = f"{renderer.prefix}_{program.name}"
+    coeffs = bool(program.coefficients)
+    text = f'#include "{renderer.prefix}.h"\n'
+    text += f"static {stem}_coeffs_t coeffs;\n" if coeffs else ""
+    text += f"{stem}_state_t state;\n{stem}_in_t in;\n{stem}_out_t out;\nvoid entry(void);\n"
+    text += (
+        f"void entry(void) {{ {stem}_step({'&coeffs, ' if coeffs else ''}&state, &in, &out); }}\n"
+    )
+    return {"entry.c": text, "bare.ld": renderer.render("bench/bare.ld.j2")}
+
+
+def cost_on(program: Program, core: str) -> Cost:
+    """Bound, stack and memory of a program's f32 step on one core, from its object code.
+
+    Parameters
+    ----------
+    program : Program
+        Any Program.
+    core : str
+        ``Cortex-M4F``, ``Cortex-M7`` or ``Cortex-A9``.
+
+    Returns
+    -------
+    Cost
+        Instructions, not cycles.
+
+    Raises
+    ------
+    UserError
+        When the cross compiler is not installed.
+    BoundError
+        When the code holds what no bound can be given for.
+    """
+    renderer = render_program(program, "f32")
+    source = f"{renderer.prefix}_{program.name}.c"
+    loops = renderer.emitted[program.name].loops  # type: ignore[attr-defined]
+    with tempfile.TemporaryDirectory() as scratch:
+        elf = _build(renderer, Path(scratch), core, _entry(renderer))
+        text = (Path(scratch) / source).read_text(encoding="utf-8")
+        bound = step_bound(
+            elf, f"{renderer.prefix}_{program.name}_step", source, loop_lines(text, loops), loops
+        )
+        symbols = _sizes(elf)
+    code = sum(symbols.get(f, 0) for f in bound.by_function)
+    tables = sum(size for name, size in symbols.items() if name.startswith(f"{program.name}_"))
+    tables -= sum(symbols.get(f, 0) for f in bound.by_function if f.startswith(program.name))
+    return Cost(bound, code, tables, symbols["state"])
+
+
+def _sizes(elf: Path) -> dict[str, int]:
+    said = subprocess.run(
+        ["arm-none-eabi-nm", "-S", str(elf)], capture_output=True, text=True, check=True
+    ).stdout
+    return {m[2]: int(m[1], 16) for m in re.finditer(r"^\w+ (\w+) \w (\S+)$", said, re.MULTILINE)}
+
+
+def seen_on_m4f(
+    program: Program, rows: Array, tunables: dict[str, float] | None = None
+) -> tuple[Array, Any]:
+    """Instructions of each step of a stream on an emulated Cortex-M4F.
+
+    Parameters
+    ----------
+    program : Program
+        Any Program.
+    rows : ndarray
+        Shape (steps, numbers): the inputs, port by port.
+    tunables : dict, optional
+        Other than the defaults.
+
+    Returns
+    -------
+    instructions : ndarray
+        Shape (steps,).
+    first : ndarray of float32
+        First output of each step.
+
+    Raises
+    ------
+    UserError
+        When compiler or emulator is not installed.
+    """
+    from esea_gen.verify.emulator import find_qemu
+
+    qemu = find_qemu()
+    renderer = render_program(program, "f32")
+    with tempfile.TemporaryDirectory() as scratch:
+        board = _board(renderer, rows, tunables or {})
+        elf = _build(renderer, Path(scratch), "Cortex-M4F", board)
+        machine = ["-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-nodefaults"]
+        semihosting = ["-semihosting-config", "enable=on,target=native", "-icount", "shift=0"]
+        done = subprocess.run(
+            [qemu, *machine, *semihosting, "-kernel", str(elf)],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=300,
+            stdin=subprocess.DEVNULL,
+        )
+    found = re.findall(r"^([0-9a-f]{8}) ([0-9a-f]{8})$", done.stdout + done.stderr, re.MULTILINE)
+    if len(found) != len(rows):
+        raise RuntimeError(f"the emulated board answered {len(found)} of {len(rows)} steps")
+    first = np.array([int(b, 16) for _, b in found], dtype=np.uint32).view(np.float32)
+    return np.array([int(a, 16) for a, _ in found], dtype=float), first
+
+
+def stress_rows(program: Program, count: int, seed: int = 0) -> Array:
+    """Inputs meant to take long: every port over its whole range, memories that turn back.
+
+    Parameters
+    ----------
+    program : Program
+        From :func:`esea_gen.control.predictive_drive.predictive_controller`.
+    count : int
+        How many.
+    seed : int
+        Of the random numbers.
+
+    Returns
+    -------
+    ndarray
+        Shape (count, numbers).
+    """
+    rng = np.random.default_rng(seed)
+    rows = []
+    for k in range(count):
+        share = 10 ** rng.uniform(-2, 0)
+        row: list[float] = []
+        delta = 0.0
+        for p in program.inputs:
+            half = 0.5 * (p.high - p.low)
+            value = 0.5 * (p.low + p.high) + share * half * rng.uniform(-1, 1, p.size)
+            if p.name == "mode":
+                value = np.ones(1)
+            elif p.name == "delta_rad":
+                value = rng.uniform(-0.25, 0.25, 1)
+                delta = float(value[0])
+            elif p.name == "play_rad":
+                # All stops nearly saturated: a small turn lets them go, a small return ties them.
+                radius = 0.0197 * np.arange(1, p.size + 1)
+                value = delta - rng.choice([-1, 1]) * radius * rng.uniform(0.9, 1.0)
+            elif k % 2 and p.name in ("omega_rad_s", "omega_l_rad_s"):
+                value = value * 0.05
+            row += [float(v) for v in value]
+        rows.append(row)
+    return np.array(rows)
+
+
+# -- times on this machine ------------------------------------------------------------------------
+
+
+def _turns(candidates: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
+    best: dict[str, list[float]] = {k: [] for k in candidates}
+    for _ in range(rounds):
+        for name, run in candidates.items():
+            start = time.thread_time()
+            run()
+            best[name].append(time.thread_time() - start)
+    return {k: float(np.median(v)) for k, v in best.items()}
+
+
+def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> list[str]:
+    """The box QP against other solvers on the same problems, with the accuracy each reached.
+
+    Parameters
+    ----------
+    n : int
+        Variables.
+    count : int
+        Problems, as predictive control gives them, a third with active bounds.
+    rounds : int
+        Repetitions, in turns.
+
+    Returns
+    -------
+    list of str
+        Lines: microseconds a problem, largest error against a dense solution, ratio to ours.
+
+    Notes
+    -----
+    Peers are called through CasADi's generated-code-free interface, one call a problem, in a map
+    over all of them, so that Python is not in the loop; their set-up of a new problem is included,
+    as ours is.
+    """
+    rng = np.random.default_rng(1)
+    problems = []
+    for k in range(count):
+        t = np.arange(n)
+        s = np.cumsum(np.exp(-t / rng.uniform(2, 20)))
+        j = 17.0 * np.array([[s[a - b] if a >= b else 0 for b in range(n)] for a in range(n)]) / n
+        target = rng.normal(size=n) * (0.3 if k % 3 else 30.0)
+        problems.append((j.T @ j + 0.4 * np.eye(n), -j.T @ target))
+    inputs = {
+        "H": np.array([[h[i, k] for i in range(n) for k in range(i + 1)] for h, _ in problems]),
+        "f": np.array([f for _, f in problems]),
+        "low": -np.ones((count, n)),
+        "high": np.ones((count, n)),
+        "start": np.zeros((count, n)),
+    }
+    runs: dict[str, Callable[[], Any]] = {}
+    found: dict[str, Array] = {}
+    for real in ("f64", "f32"):
+        renderer = render_program(box_qp(n), real)
+        runner = HostLibrary(renderer.system, renderer).block("box_qp")
+        arrays = inputs
+
+        def ours(runner: Any = runner, arrays: Any = arrays) -> Any:
+            return runner.run(arrays, trace=False)[0]["x"]
+
+        runs[f"ours {real}"] = ours
+    h = ca.DM(np.hstack([a for a, _ in problems]))
+    g = ca.DM(inputs["f"].T)
+    low, high = ca.DM(inputs["low"].T), ca.DM(inputs["high"].T)
+    dense = {"h": ca.Sparsity.dense(n, n), "a": ca.Sparsity(0, n)}
+    peers: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("daqp", {}),
+        ("qpoases", {"printLevel": "none", "nWSR": 1000}),
+        ("osqp", {"osqp": {"verbose": False, "eps_abs": 1e-5, "eps_rel": 1e-5}}),
+        ("proxqp", {"proxqp": {"eps_abs": 1e-5, "verbose": False}}),
+    )
+    for name, options in peers:
+        solver = ca.conic("peer", name, dense, {"error_on_fail": False, **options})
+        mapped = solver.map(count)
+
+        def peer(mapped: Any = mapped) -> Any:
+            return np.array(mapped(h=h, g=g, lbx=low, ubx=high)["x"]).T
+
+        runs[name] = peer
+    for name, run in runs.items():
+        found[name] = run()
+    best = np.array([_dense_minimum(h, f) for h, f in problems])
+    times = _turns(runs, rounds)
+    lines = [f"{'box QP, ' + str(n) + ' variables':24} {'us':>8} {'error':>10} {'/ ours f32':>11}"]
+    for name, seconds in times.items():
+        error = float(np.max(np.abs(found[name] - best)))
+        ratio = seconds / times["ours f32"]
+        lines.append(f"{name:24} {1e6 * seconds / count:8.2f} {error:10.1e} {ratio:11.2f}")
+    return lines
+
+
+def _dense_minimum(h: Array, f: Array) -> Array:
+    # Active set of a tight augmented-Lagrangian-free reference: coordinate descent to the end.
+    x = np.zeros(len(f))
+    for _ in range(20000):
+        before = x.copy()
+        for i in range(len(x)):
+            x[i] = np.clip(x[i] - (h[i] @ x + f[i]) / h[i, i], -1, 1)
+        if np.max(np.abs(x - before)) < 1e-13:
+            break
+    return x
+
+
+def step_rows() -> list[str]:
+    """The whole step against CasADi's C of the same rollout and Jacobian.
+
+    Returns
+    -------
+    list of str
+        Lines.
+    """
+    seen = step_times(load_device("elbow_drive"))
+    lines = [
+        f"{'whole step (ours) / CasADi C, no QP':36} {'ours us':>8} {'peer us':>8} {'ratio':>6}"
+    ]
+    for real, ours in seen.ours_us.items():
+        peer = seen.peer_us[real]
+        lines.append(f"{real:36} {ours:8.2f} {peer:8.2f} {peer / ours:6.2f}")
+    lines.append(
+        f"Jacobians differ by {seen.difference:.1e} of the largest element; CasADi's C has "
+        f"{seen.peer_bytes // 1000} kB"
+    )
+    return lines
+
+
+def horizon_rows(core: str, lengths: Sequence[int] = (5, 10, 20, 40)) -> list[str]:
+    """Bound against the horizon's length.
+
+    Parameters
+    ----------
+    core : str
+        As in :func:`cost_on`.
+    lengths : sequence of int
+        Numbers of intervals.
+
+    Returns
+    -------
+    list of str
+        Lines.
+    """
+    device = load_device("elbow_drive")
+    lines = [f"{'intervals':>9}  {'bound':>9}  {'of it QP':>9}  state bytes"]
+    for n in lengths:
+        program = predictive_controller(device, horizon=Horizon(intervals=n, delay_s=0.002))
+        c = cost_on(program, core)
+        qp = sum(i for f, (i, _) in c.bound.by_function.items() if "_qp_" in f)
+        lines.append(f"{n:9d}  {c.bound.instructions:9d}  {qp:9d}  {c.state_bytes}")
+    return lines
+
+
+def run_benchmarks(say: Callable[[str], None], horizons: bool) -> list[str]:
+    """Everything that is printed.
+
+    Parameters
+    ----------
+    say : callable
+        Told in words what is being done.
+    horizons : bool
+        Whether the bound is tabulated over the horizon's length.
+
+    Returns
+    -------
+    list of str
+        Lines.
+
+    Raises
+    ------
+    UserError
+        When a compiler or emulator is not installed.
+    """
+    device = load_device("elbow_drive")
+    program = predictive_controller(device)
+    lines = []
+    for core, clock in CLOCKS_HZ.items():
+        say(f"bound on {core}")
+        c = cost_on(program, core)
+        rates = ", ".join(
+            f"{clock / (x * c.bound.instructions):.0f} Hz at {x:g}" for x in CYCLES_PER_INSTRUCTION
+        )
+        lines.append(
+            f"{core}: bound {c.bound.instructions} instructions, stack {c.bound.stack_bytes} B, "
+            f"code {c.code_bytes} B, state {c.state_bytes} B; at {clock / 1e6:.0f} MHz {rates} "
+            "cycles an instruction"
+        )
+        if core == "Cortex-M4F":
+            say("worst and typical, emulated")
+            worst, _ = seen_on_m4f(program, stress_rows(program, 400))
+            usual = []
+            for trajectory in (fixed_sinusoid(1.7, 0.6), backdriven(0.2), bread()):
+                rows = recorded_rows(device, trajectory, 250)
+                free = {"load_free": 0.0 if trajectory.clamped else 1.0}
+                usual.append(seen_on_m4f(program, rows, free)[0])
+            seen = np.concatenate(usual)
+            lines.append(
+                f"{core}: worst of 400 stress inputs {worst.max():.0f}; in closed loop (tuning, "
+                f"backdriven, bread; 250 steps each) median {np.median(seen):.0f}, largest "
+                f"{seen.max():.0f}; aims {AIM_BOUND} (bound), {AIM_TYPICAL} (typical)"
+            )
+    say("box QP and its peers")
+    lines += ["", *qp_rows()]
+    say("the whole step and CasADi's C")
+    lines += ["", *step_rows()]
+    if horizons:
+        say("horizons")
+        lines += ["", *horizon_rows("Cortex-M4F")]
+    return lines
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of the command line's.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--horizons", action="store_true", help="also the bound over the horizon")
+    chosen = parser.parse_args(arguments)
+    try:
+        lines = run_benchmarks(lambda x: print(x, file=sys.stderr, flush=True), chosen.horizons)
+    except UserError as error:
+        print(f"esea-gen: {error}", file=sys.stderr)
+        return 2
+    print("\n".join(lines))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
+
+
+__all__ = ["Cost", "cost_on", "qp_rows", "seen_on_m4f", "stress_rows"]

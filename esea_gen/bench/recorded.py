@@ -1,0 +1,256 @@
+"""What a drive's tasks and Blocks are given in use: the tuning case, recorded in closed loop.
+
+Benchmarks and emulator run on it: 1.7 Nm at 0.6 Hz against the real plant, output fixed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.block import Array, Simulator
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.hostlib.closed_loop import PATH, ClosedLoop, ClosedLoopRun
+from esea_gen.hostlib.library import CBoard, HostLibrary, compile_device, run_schedule
+from esea_gen.system import System, SystemSimulator
+from esea_gen.twin.experiments import ARM_S, EXPERIMENTS, OFF, ON_S, TORQUE, plant_variant
+from esea_gen.twin.people import PlantVariant
+from esea_gen.twin.trajectories import RATE_HZ, Trajectory
+from esea_gen.verify.streams import Stream, single
+
+
+@dataclass(frozen=True)
+class RecordedDrive:
+    """The tuning case, recorded in closed loop with the real plant.
+
+    Parameters
+    ----------
+    inputs : dict of str to dict of str to ndarray
+        Per task one array per external input, one element for each of its runs; ``{"": zeros}`` for
+        a task without inputs.
+    outputs : dict of str to dict of str to ndarray
+        Per task what the controller's f32 C gave, at each of its runs.
+    run : ClosedLoopRun
+        Everything, at every tick.
+    plant : PlantVariant
+        The plant that it ran with.
+    """
+
+    inputs: dict[str, dict[str, Array]]
+    outputs: dict[str, dict[str, Array]]
+    run: ClosedLoopRun
+    plant: PlantVariant
+
+
+def _tuning_case(ticks: int) -> Trajectory:
+    (case,) = EXPERIMENTS["tuning"].cases()
+    longest = len(case.trajectory.tau_desired_Nm)
+    if not 1 <= ticks <= longest:
+        raise UserError(
+            f"{ticks} ms of the tuning case are asked for.",
+            f"Give 1 to {longest} ms ({longest / RATE_HZ:g} s).",
+        )
+    return case.trajectory
+
+
+def tuning_signals(loop: ClosedLoop, ticks: int) -> dict[str, Array]:
+    """What a controller is told in the tuning case: off at first, armed, then torque control.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        Which signals it takes.
+    ticks : int
+        How many milliseconds.
+
+    Returns
+    -------
+    dict of str to ndarray
+        One row a tick.
+
+    Raises
+    ------
+    UserError
+        When the tuning case is shorter than that.
+    """
+    t = np.arange(ticks) / RATE_HZ
+    known = {k: v[:ticks] for k, v in _tuning_case(ticks).signals().items()} | {
+        "mode": np.where(t < ON_S, float(OFF), float(TORQUE)),
+        "rearm": (t >= ARM_S).astype(float),
+        "stop": np.zeros(ticks),
+        "frame_error_motor": np.zeros(ticks),
+        "frame_error_load": np.zeros(ticks),
+    }
+    return {k: v for k, v in known.items() if k in loop.signals or k in PATH}
+
+
+def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
+    """Run the tuning case and keep what went into every task and came out.
+
+    Parameters
+    ----------
+    device : Device
+        A device with a drive.
+    ticks : int
+        How many milliseconds, from the start.
+    seed : int
+        Of the plant's disturbance.
+
+    Returns
+    -------
+    RecordedDrive
+        Inputs are float32 numbers.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive, or the tuning case is shorter.
+    """
+    _tuning_case(ticks)  # before anything takes time
+    plant = plant_variant(device, "real", "none", seed)
+    loop = ClosedLoop(device.system, plant, "f32")
+    signals = tuning_signals(loop, ticks)
+    run = loop.run(signals, plant.values, seed=seed)
+    inputs: dict[str, dict[str, Array]] = {}
+    outputs: dict[str, dict[str, Array]] = {}
+    for task in device.system.tasks:
+        at = np.arange(task.phase, ticks, task.every)
+        sources = {
+            x.name: signals[x.name] if x.name in loop.signals else run.plant[x.name]
+            for x in device.system.task_inputs(task)
+        }
+        inputs[task.name] = {n: np.asarray(a[at], np.float32) for n, a in sources.items()} or {
+            "": np.zeros(len(at), np.float32)
+        }
+        outputs[task.name] = {
+            x.name: run.controller[x.name][at].astype(np.uint32 if x.port.flags else np.float32)
+            for x in device.system.task_outputs(task)
+        }
+    return RecordedDrive(inputs, outputs, run, plant)
+
+
+class _Listener:
+    """A Block's simulator that keeps what it was given."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+        self.given: list[dict[str, Any]] = []
+
+    def step(self, **inputs: Any) -> dict[str, Any]:
+        self.given.append(inputs)
+        return self._simulator.step(**inputs)
+
+
+def block_streams(device: Device, drive: RecordedDrive, steps: int) -> dict[str, Stream]:
+    """What each Block of a drive is given in the recorded case.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    drive : RecordedDrive
+        Long enough: ``steps`` runs of the slowest task.
+    steps : int
+        Length of each stream, from the start.
+
+    Returns
+    -------
+    dict of str to Stream
+        By instance; float32 numbers, computed by the symbolic System from the recorded inputs.
+    """
+    board = SystemSimulator(device.system)
+    heard = {i: _Listener(s) for i, s in board.blocks.items()}
+    board.blocks = dict(heard)  # type: ignore[arg-type]
+    run_schedule(
+        board, _shortened(device.system, drive, {t.name: steps for t in device.system.tasks})
+    )
+    return {
+        i: Stream(
+            "tuning case",
+            {
+                p.name: single(
+                    [np.asarray(g[p.name]).reshape(p.size) for g in x.given[:steps]]
+                ).reshape((steps,) if p.size == 1 else (steps, p.size))
+                for p in device.system.blocks[i].inputs
+            },
+        )
+        for i, x in heard.items()
+    }
+
+
+def _shortened(
+    system: System, drive: RecordedDrive, runs: Mapping[str, int]
+) -> dict[str, dict[str, Array]]:
+    # As many ticks as the slowest task needs for its runs.
+    end = max(system.task(t).phase + (n - 1) * system.task(t).every + 1 for t, n in runs.items())
+    out = {}
+    for t in system.tasks:
+        count = len(range(t.phase, end, t.every))
+        columns = drive.inputs[t.name]
+        if any(len(a) < count for a in columns.values()):
+            raise ValueError(f"the recording has fewer than {count} runs of {t.name}")
+        out[t.name] = {n: a[:count] for n, a in columns.items()}
+    return out
+
+
+class _KeepingBoard(CBoard):
+    """A board that keeps what its tasks were given: external inputs, then latches held."""
+
+    def __init__(self, library: HostLibrary) -> None:
+        super().__init__(library)
+        self.rows: dict[str, list[list[float]]] = {t.name: [] for t in self.system.tasks}
+
+    def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
+        task = self.system.task(task_name)
+        given = [inputs[x.name] for x in self.system.task_inputs(task)]
+        read = self.system.latches_read(task)
+        if read:
+            held = getattr(self._state, f"{task_name}_held")
+            given += [getattr(held, x.name) for x in read]
+        row: list[float] = []
+        for value in given:
+            row += [float(v) for v in value] if hasattr(value, "__len__") else [float(value)]
+        self.rows[task_name].append(row)
+        return super().step(task_name, **inputs)
+
+
+def task_rows(device: Device, drive: RecordedDrive, runs: Mapping[str, int]) -> dict[str, Array]:
+    """Everything that each task reads in the recorded case, as its f32 C finds it.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    drive : RecordedDrive
+        The case.
+    runs : mapping of str to int
+        How many runs of each task.
+
+    Returns
+    -------
+    dict of str to ndarray
+        By task, shape (runs, numbers): the external inputs, then the latches that the task holds
+        when it starts, element by element.
+
+    Raises
+    ------
+    ValueError
+        When the recording is shorter.
+    RuntimeError
+        When the replay does not give the bits of the closed loop.
+    """
+    system = device.system
+    board = _KeepingBoard(compile_device(device, "f32"))
+    again = run_schedule(board, _shortened(system, drive, runs))
+    for task, columns in again.items():
+        for name, values in columns.items():
+            if values.tobytes() != drive.outputs[task][name][: len(values)].tobytes():
+                raise RuntimeError(f"{name} of task {task} is not what the closed loop recorded")
+    return {t: np.asarray(board.rows[t][:n], dtype=float) for t, n in runs.items()}
+
+
+__all__ = ["RecordedDrive", "block_streams", "record_drive", "task_rows", "tuning_signals"]
