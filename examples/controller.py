@@ -6,7 +6,7 @@ the symbols at every step, also when the slow task is preempted and runs late.  
 writes only below the folder given as its argument (by default, ``controller`` in the current one).
 
 This is not yet a controller for a motor: nothing may reach a motor that has not passed the limits
-Block, and that Block does not exist yet.
+Block (docs/limits.md).
 """
 
 from __future__ import annotations
@@ -183,74 +183,13 @@ def controlled(device: Device) -> System:
 # --8<-- [end:system]
 
 
-# --8<-- [start:board]
-class Board:
-    """The System's C, called as firmware calls it: one state, shared by both tasks.
-
-    Parameters
-    ----------
-    system : System
-        What to render and compile.
-    real : str
-        Number format.
-    """
-
-    def __init__(self, system: System, real: str) -> None:
-        self.library = compile_system(system, real)
-        self.prefix = self.library.prefix
-        self.coeffs, self.state = self._new("coeffs"), self._new("state")
-        params = self._new("params")
-        self._call("default_params", params)
-        if self._call("prepare", params, self.coeffs):
-            raise ValueError("a tunable is outside its range")
-        self._call("init", self.coeffs, self.state)
-
-    def _new(self, kind: str, values: dict[str, float] | None = None) -> Any:
-        return self.library.ffi.new(f"{self.prefix}_{kind}_t *", values or {})
-
-    def _call(self, verb: str, *arguments: Any) -> Any:
-        return getattr(self.library.lib, f"{self.prefix}_{verb}")(*arguments)
-
-    def release(self, tick: int) -> None:
-        """Move the latches: at every base tick, before the tasks.
-
-        Parameters
-        ----------
-        tick : int
-            The base tick.
-        """
-        self._call("release", self.state, tick)
-
-    def step(self, task: str, **inputs: float) -> dict[str, float]:
-        """One run of a task.
-
-        Parameters
-        ----------
-        task : str
-            Its name.
-        **inputs : float
-            Its external inputs.
-
-        Returns
-        -------
-        dict of str to float
-            Its external outputs.
-        """
-        out = self._new(f"{task}_out")
-        self._call(f"{task}_step", self.coeffs, self.state, self._new(f"{task}_in", inputs), out)
-        return {name: getattr(out, name) for name in dir(out)}
-
-
-# --8<-- [end:board]
-
-
 # --8<-- [start:run]
 def run(board: Any, inputs: dict[str, Any], late: int = 0) -> dict[str, Any]:
     """Run the schedule; every run of ``control`` is preempted and ends late.
 
     Parameters
     ----------
-    board : Board or SystemSimulator
+    board : CBoard or SystemSimulator
         The C, or the symbols.
     inputs : dict of str to ndarray
         One value per base tick.
@@ -318,16 +257,16 @@ def main(folder: Path) -> None:
     inputs = stream()
     model = run(system.simulator(), inputs)
     for real in ("f64", "f32"):
-        board = Board(system, real)
-        for name, text in board.library.files.items():
+        library = compile_system(system, real)
+        for name, text in library.files.items():
             path = folder / real / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
-        on_time = run(board, inputs)
+        on_time = run(library.board(), inputs)
         worst = {k: np.abs(on_time[k] - model[k]).max() for k in ("tau_Nm", "u_Nm")}
         print(f"{real} against the symbols: tau {worst['tau_Nm']:.1e} Nm, u {worst['u_Nm']:.1e} Nm")
         for late in range(1, EVERY):
-            delayed = run(Board(system, real), inputs, late)
+            delayed = run(library.board(), inputs, late)
             same = all(np.array_equal(x, on_time[k][: len(x)]) for k, x in delayed.items())
             print(f"  control {late} ms late: {'the same bits' if same else 'DIFFERS'}")
     # --8<-- [end:main]

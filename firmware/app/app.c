@@ -111,6 +111,7 @@ static bool reset(esea_app_t *app)
     app->steps = 0u;
     app->sequence_gaps = 0u;
     memset(app->started, 0, sizeof app->started);
+    app->released = false;
     if (esea_link_init(&app->control) != 0u) {
         esea_app_fail(app, ESEA_FAULT_PREPARE_REFUSED);
         return false;
@@ -138,7 +139,11 @@ static void run_task(esea_app_t *app, uint32_t task, uint32_t sequence, const es
     app->next_tick[task] = sequence + esea_link_every(task);
     app->mode = ESEA_MODE_RUNNING;
 
-    esea_link_release(&app->control, sequence);
+    /* Once a tick, before its first task: a second release would show what that task just wrote. */
+    if (!app->released || sequence != app->released_tick)
+        esea_link_release(&app->control, sequence);
+    app->released = true;
+    app->released_tick = sequence;
     ticks = measure(app, task, in, &out);
     count(&app->steps);
     esea_link_encode(task, sequence, ticks, &out, &app->sending, &message);

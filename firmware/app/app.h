@@ -27,6 +27,8 @@ typedef struct {
     ESEA_FAULT fault;
     uint32_t next_tick[ESEA_LINK_TASKS]; /* sequence number expected next, a task */
     bool started[ESEA_LINK_TASKS];       /* whether the task has run since the reset */
+    uint32_t released_tick;              /* tick of the last release of the latches */
+    bool released;                       /* whether there was one since the reset */
     uint32_t empty_ticks;                /* ticks of measuring nothing */
     /* Counters; they stay at their maximum.  The first two start again at a reset. */
     uint32_t steps;
