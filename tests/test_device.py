@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen.block import unit_of
-from esea_gen.device import json_schema, load_device, parse_device, shipped_devices
+from esea_gen.device import load_device, parse_device
+from esea_gen.devices.file import json_schema, shipped_devices
 from esea_gen.errors import UserError
 
 ELBOW = shipped_devices()["elbow"].read_text()

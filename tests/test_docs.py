@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import esea_gen
+from esea_gen.hostlib.library import compile_system
 
 from .conftest import ROOT, require_tool
 
@@ -88,8 +89,9 @@ def test_symbols_do_not_depend_on_preemption(system, model, late):
 def test_the_c_does_what_the_symbols_say(system, model, real, late):
     require_tool("gcc")
     inputs = controller.stream()
-    c = controller.run(controller.Board(system, real), inputs, late)
-    on_time = controller.run(controller.Board(system, real), inputs)
+    library = compile_system(system, real)
+    c = controller.run(library.board(), inputs, late)
+    on_time = controller.run(library.board(), inputs)
     for name, values in c.items():
         assert len(values) >= len(model[name]) - 1
         assert np.array_equal(values, on_time[name][: len(values)]), name

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from esea_gen.device import load_device, shipped_devices
+from esea_gen.device import load_device
+from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.library import HostLibrary, compile_device

@@ -230,6 +230,7 @@ def test_a_wrong_column_is_explained(tmp_path: Path) -> None:
         (7, "0.05,,0.1", ["line 7, column 'x': '' is not a number"]),
         (9, "0.07,0.1,nan", ["line 9, column 'y' is nan", "1 such value", "Cut these rows"]),
         (9, "0.07,inf,1", ["line 9, column 'x' is inf"]),
+        (6, "0.04,1,2,0.1", ["line 6 has 4 cells, but there are 3 columns", "decimal comma"]),
         (6, "0.04,0.1", ["line 6 has 2 cells, too few for column 'y' (cell 3)"]),
         (
             6,
@@ -330,6 +331,10 @@ def test_mat_files(tmp_path: Path) -> None:
     bad[41] = np.nan
     says(after(t=t, x=bad, y=y), "rig.mat: element 42, column 'x' is nan")
     says(refused(tmp_path, mapping, b"no mat", "rig.mat"), "rig.mat: is not a MATLAB file")
+    scipy.io.savemat(tmp_path / "as_text.mat", {"t": t})
+    raw = (tmp_path / "as_text.mat").read_bytes()
+    error = refused(tmp_path, MAPPING.replace("rig.csv", "rig.mat"), raw, "rig.mat")
+    says(error, "rig.mat: is a MATLAB file, but the mapping reads it as text", "kind = 'mat'")
     seven = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(400)
     says(refused(tmp_path, mapping, seven, "rig.mat"), "MATLAB 7.3", "-v7")
 

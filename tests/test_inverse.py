@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from esea_gen.block import Block
-from esea_gen.device import Device, parse_device, threshold
+from esea_gen.block import Block, threshold
+from esea_gen.device import Device, parse_device
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system

@@ -112,10 +112,14 @@ def leaky(gain: float) -> Block:
         "leak",
         "a one-pole filter",
         period_s=1e-3,
-        state=(Port("s", -100, 100, "state"),),
-        inputs=(Port("x", -1, 1, "input"),),
-        outputs=(Port("y", -100, 100, "output"),),
-        step=lambda c, s, u, guard, label: ({"s": gain * s.s + u.x}, {"y": gain * s.s + u.x}),
+        # With units: ports without one and with whole ends are taken as counting.
+        state=(Port("s_rad", -100, 100, "state"),),
+        inputs=(Port("x_rad", -1, 1, "input"),),
+        outputs=(Port("y_rad", -100, 100, "output"),),
+        step=lambda c, s, u, guard, label: (
+            {"s_rad": gain * s.s_rad + u.x_rad},
+            {"y_rad": gain * s.s_rad + u.x_rad},
+        ),
     )
 
 
@@ -124,7 +128,7 @@ def test_a_filter_that_forgets_has_a_bound_for_all_time():
     # By hand: |s| <= 100; one step errs by at most u (99 + 100) and the constant's u 99; all of
     # that over 1 - 0.99.
     u = 2.0**-24
-    assert 0.2 * u * 300 / 0.01 < bound.states["s"] < 1.5 * u * 300 / 0.01
+    assert 0.2 * u * 300 / 0.01 < bound.states["s_rad"] < 1.5 * u * 300 / 0.01
 
 
 def test_an_integrator_has_none():
@@ -162,7 +166,7 @@ def test_a_filter_that_switches_is_not_called_linear():
 
 def test_an_integrator_has_none_in_a_narrow_range_either():
     with pytest.raises(RangeError, match="stable"):
-        block_bound(leaky(1.0), F32, {"s_s": (-10, 10)})
+        block_bound(leaky(1.0), F32, {"s_s_rad": (-10, 10)})
 
 
 def test_powers_and_roots():

@@ -1,0 +1,56 @@
+"""The forward model's published behaviour, recomputed with the emitted C."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from esea_gen.twin.chapter3 import reproduce_chapter3
+
+from .conftest import require_tool
+from .test_elastomer import P
+
+
+@pytest.fixture(scope="module")
+def chapter3():
+    require_tool("gcc")
+    return reproduce_chapter3()
+
+
+def test_the_numbers_beside_the_reference(chapter3):
+    content = chapter3.to_dict()
+    for name, tolerance in (
+        ("sweep_peak_Nm", 0.005),
+        ("hysteresis_Nm", 0.0005),
+        ("slow_peak_Nm", 0.005),
+        ("loop_mJ", 0.1),
+        ("slow_largest_Nm", 0.005),
+    ):
+        entry = content[name]
+        assert entry["ours"] == pytest.approx(entry["reference"], abs=tolerance), name
+    assert content["sweep_peak_Nm"]["ours"] == pytest.approx(
+        content["sweep_peak_Nm"]["thesis"], 0.01
+    )
+    json.dumps(content, allow_nan=False)
+
+
+def test_relaxation_ends_at_the_spring_and_the_stops(chapter3):
+    # At rest the Maxwell element has nothing: cubic and saturated stops are left (spec/3).
+    for name, (time_s, torque) in chapter3.relaxation.items():
+        theta = np.deg2rad(float(name.split()[0]))
+        stops = sum(
+            P["alpha"] * np.exp(-P["beta"] * r) * min(theta, r)
+            for r in P["omega"] * np.arange(1, 11)
+        )
+        assert time_s[-1] > 299
+        assert torque[-1] == pytest.approx(P["k3"] * theta**3 + P["k1"] * theta + stops, abs=1e-6)
+        assert np.all(np.diff(torque) <= 1e-12)  # it only falls
+
+
+def test_table_and_figure(chapter3):
+    assert len(chapter3.table()) == 2 + len(chapter3.figures)
+    left, right = chapter3.figure().axes
+    assert len(left.lines) == 3
+    assert len(right.lines) == 2

@@ -1,0 +1,633 @@
+"""Encoder front end: against a model in whole numbers, np.interp, and deliberate faults."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import esea_gen
+from esea_gen.block import Block
+from esea_gen.device import Device, copy_device, parse_device
+from esea_gen.devices.file import json_schema
+from esea_gen.emit.walker import walk
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import CRunner, compile_system
+from esea_gen.model.encoder import FrameError, encoder, step_max_counts
+from esea_gen.model.joint import deflection
+from esea_gen.system import System, Task
+from esea_gen.verify.equivalence import CasadiReference, compare, derive_bounds
+from esea_gen.verify.streams import at_the_limits, streams
+
+from .conftest import require_tool
+
+BITS = {
+    name: 1 << i
+    for i, name in enumerate(
+        [
+            "INPUT_INVALID",
+            "STATE_REPAIRED",
+            "FRAME_ERROR",
+            "IMPLAUSIBLE_STEP",
+            "HELD_TOO_LONG",
+            "SETTLING",
+            "NOT_ZEROED",
+            "REFERENCE_LOST",
+        ]
+    )
+}
+TURN = 2 * math.pi
+
+
+def q(value, status="assumed") -> str:
+    return f'{{ value = {value}, status = "{status}", source = "a test" }}'
+
+
+def device_text(bits: int = 12, motor: str = "", load: str = "", more: str = "") -> str:
+    return (
+        'schema = 1\nextends = "elbow_drive"\nname = "bench"\ntitle = "bench"\n'
+        f"[encoder]\nresolution_bits = {q(bits)}\n[encoder.motor]\n{motor}\n"
+        f"[encoder.load]\n{load}\n{more}"
+    )
+
+
+def make(bits: int = 12, motor: str = "", load: str = "", more: str = "") -> Device:
+    return parse_device(device_text(bits, motor, load, more), "bench.toml")
+
+
+def row(values, at: float = 0.0) -> str:
+    return (
+        f'correction_rad = {{ values = {[float(v) for v in values]}, status = "identified", '
+        f'source = "a test" }}\ncorrection_orientation_rad = {q(at)}'
+    )
+
+
+def reading(device: Device, *blocks: Block) -> System:
+    names = [b.name for b in blocks]
+    return System(
+        device.name,
+        device.period_s,
+        dict(zip(names, blocks, strict=True)),
+        (Task("read", tuple(names)),),
+        {},
+        {f"{b.name}_{p.name}": (f"{b.name}.{p.name}",) for b in blocks for p in b.inputs},
+        {f"{n}_{p}": f"{n}.{p}" for n in names for p in ("theta_rad", "usable", "status")},
+    )
+
+
+def compiled(device: Device, real: str, side: str = "motor") -> CRunner:
+    require_tool("gcc")
+    block = encoder(device, side)
+    return compile_system(reading(device, block), real).block(block.name)
+
+
+ZEROED = f"zero_rad = {q(0.25)}"
+VARIANTS = {
+    "plain": (12, ZEROED),
+    "turned": (12, f"zero_rad = {q(-2.9)}\ndirection = {q(-1)}"),
+    "fine": (14, f"zero_rad = {q(3.1)}\nheld_max = {q(5)}\nstep_max_rad = {q(0.03)}"),
+    "coarse": (8, f"zero_rad = {q(0.0)}\nheld_max = {q(1)}\ndirection = {q(-1)}"),
+}
+
+
+@cache
+def variant(name: str, real: str) -> tuple[Device, CRunner]:
+    device = make(*VARIANTS[name])
+    return device, compiled(device, real)
+
+
+class Whole:
+    """The front end in Python's whole numbers, from its description; turns are never counted."""
+
+    MIDDLE = (-0.6 + 3.0) / 2
+
+    def __init__(self, device: Device) -> None:
+        own = device.file.encoder.motor
+        self.full = 2 ** int(device.file.encoder.resolution_bits.value)
+        self.sign = -1 if own.direction and own.direction.value < 0 else 1
+        self.zero = own.zero_rad.value
+        self.held_max = int(own.held_max.value) if own.held_max else 3
+        if own.step_max_rad:
+            self.step = int(own.step_max_rad.value / TURN * self.full)
+        else:
+            self.step = math.ceil((12e-3 + math.radians(0.5)) / TURN * self.full) + 1
+        self.position: int | None = None  # counts since count 0 of turn 0, over all turns
+        self.bad = self.agreeing = 0
+        self.lost = False
+
+    def begin(self, count: int) -> None:
+        middle = Fraction(self.MIDDLE + self.zero) / Fraction(TURN) * self.full * self.sign
+        self.position = count + self.full * round((middle - count) / self.full)
+        self.agreeing = 1
+
+    def read(self, count: int, error: int) -> tuple[float, int]:
+        status = 0
+        good = False
+        if error:
+            status |= BITS["FRAME_ERROR"]
+        elif self.agreeing == 0:
+            good = not self.lost
+            if good:
+                self.begin(count)
+        else:
+            ahead = (count - self.position) % self.full
+            step = ahead if ahead <= self.full // 2 else ahead - self.full
+            if abs(step) <= self.step * (self.bad + 1):
+                good = not self.lost
+                if good:
+                    self.position += step
+                    self.agreeing = min(self.agreeing + 1, 4)
+            else:
+                status |= BITS["IMPLAUSIBLE_STEP"]
+                if self.agreeing < 4 and not self.lost:
+                    good = True
+                    self.begin(count)
+        if good:
+            self.bad = 0
+        else:
+            self.bad = min(self.bad + 1, self.held_max + 1)
+        if self.bad > self.held_max:
+            status |= BITS["HELD_TOO_LONG"]
+            if status & BITS["IMPLAUSIBLE_STEP"] and self.agreeing == 4:
+                self.lost = True
+            self.agreeing = 0
+        if self.agreeing < 4:
+            status |= BITS["SETTLING"]
+        if self.lost:
+            status |= BITS["REFERENCE_LOST"]
+        position = 0 if self.position is None else self.position
+        return self.sign * position * TURN / self.full - self.zero, status
+
+
+def counts_of(device: Device, theta) -> np.ndarray:
+    """Counts of an ideal encoder at joint angles."""
+    own, full = device.file.encoder.motor, 2 ** int(device.file.encoder.resolution_bits.value)
+    sign = -1 if own.direction and own.direction.value < 0 else 1
+    return (
+        np.floor(sign * (np.asarray(theta) + own.zero_rad.value) / TURN * full).astype(int) % full
+    )
+
+
+# A joint's motion and what goes wrong, in pieces.
+PIECES = st.lists(
+    st.tuples(
+        st.floats(-12, 12),  # speed, rad/s: up to the joint's limit
+        st.integers(1, 80),
+        st.sampled_from(["clean", "clean", "errors", "single", "corrupt", "noise", "slip"]),
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+def recording(device: Device, pieces, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    full = 2 ** int(device.file.encoder.resolution_bits.value)
+    theta, slip = rng.uniform(-0.6, 3.0), 0
+    counts, errors = [], []
+    for speed, steps, kind in pieces:
+        for k in range(steps):
+            # Turns back at the ends of four turns either way.
+            theta = float(np.clip(theta + speed * 1e-3, -20, 20))
+            if kind == "slip" and k == 0:
+                slip += int(rng.integers(full))
+            count = (int(counts_of(device, theta)) + slip) % full
+            if kind == "noise":
+                count = (count + int(rng.integers(-2, 3))) % full
+            if kind == "corrupt" and rng.random() < 0.4:
+                count = int(rng.integers(full))
+            wrong = (kind == "errors" and rng.random() < 0.6) or (kind == "single" and k == 0)
+            counts.append(int(rng.integers(full)) if wrong else count)
+            errors.append(int(rng.integers(1, 128)) if wrong else 0)
+    return np.array(counts), np.array(errors)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("real", ["f64", "f32"])
+@settings(deadline=None, max_examples=40)
+@given(PIECES, st.integers(0, 999))
+def test_it_does_what_the_whole_numbers_say(name, real, pieces, seed):
+    device, runner = variant(name, real)
+    counts, errors = recording(device, pieces, seed)
+    runner.reset()
+    got, _ = runner.run({"count": counts, "frame_error": errors}, trace=False)
+    model = Whole(device)
+    expected = [model.read(int(c), int(e)) for c, e in zip(counts, errors, strict=True)]
+    assert got["status"].astype(int).tolist() == [s for _, s in expected]
+    # [angle]: three roundings of at most 2^-24 of 40 rad.
+    tolerance = 1e-12 if real == "f64" else 8e-6
+    assert got["theta_rad"] == pytest.approx([a for a, _ in expected], abs=tolerance)
+    doubt = BITS["HELD_TOO_LONG"] | BITS["SETTLING"] | BITS["REFERENCE_LOST"] | BITS["NOT_ZEROED"]
+    assert np.array_equal(got["usable"] == 1, (got["status"].astype(int) & doubt) == 0)
+    assert set(np.unique(got["usable"])) <= {0.0, 1.0}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_the_joint_angle_through_turns_at_the_speed_limit(name):
+    device, runner = variant(name, "f64")
+    t = np.arange(4000) * 1e-3
+    theta = 1.2 + 12 / (TURN * 0.4) * 0.99 * np.sin(TURN * 0.4 * t)  # 4.7 rad either way
+    runner.reset()
+    counts = counts_of(device, theta)
+    got, _ = runner.run({"count": counts, "frame_error": 0 * counts}, trace=False)
+    assert np.ptp(theta) > 1.4 * TURN
+    full = 2 ** int(device.file.encoder.resolution_bits.value)
+    # A count is the lower end of its interval in the encoder's own direction.
+    assert np.max(np.abs(got["theta_rad"] - theta)) <= TURN / full * 1.0000001
+    assert np.all(got["usable"][3:] == 1)
+    assert not np.any(got["usable"][:3])
+    assert not np.any(got["status"][3:])
+
+
+def test_f32_angles_in_the_joints_range_are_exact_to_a_third_of_a_microradian():
+    _, double = variant("fine", "f64")
+    device, single = variant("fine", "f32")
+    theta = np.linspace(-0.6, 3.0, 6001)
+    counts = counts_of(device, theta)
+    inputs = {"count": counts, "frame_error": 0 * counts}
+    out = []
+    for runner in (double, single):
+        runner.reset()
+        out.append(runner.run(inputs, trace=False)[0]["theta_rad"].astype(float))
+    # Through the angle of the encoder, up to 6.2 rad: half a unit in the last place is 2.4e-7; the
+    # zero's own rounding is a constant.  A count of 14 bits is 383 microradian.
+    assert np.max(np.abs(out[1] - out[0])) < 1.0e-6
+
+
+@pytest.mark.parametrize("bits", [8, 12, 14, 20, 24])
+def test_the_derived_f32_bound_holds_for_any_number_of_steps(bits):
+    device = make(bits, ZEROED)
+    bounds = derive_bounds(device, encoder(device, "motor"))
+    bound = bounds["port ranges"]
+    assert math.isinf(bound.steps)
+    assert 1e-6 < bound.outputs["theta_rad"] < 1e-5
+    assert not any(bound.states.values())  # counters are exact
+
+
+# -- single faults ----------------------------------------------------------------------------
+
+
+def still(steps: int, count: int = 1000) -> dict[str, np.ndarray]:
+    return {"count": np.full(steps, float(count)), "frame_error": np.zeros(steps)}
+
+
+def status_of(got) -> np.ndarray:
+    return got["status"].astype(int)
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+@pytest.mark.parametrize(
+    ("bad", "error", "flag"),
+    [
+        (1200, 0, "IMPLAUSIBLE_STEP"),
+        (1000 + 2048, 0, "IMPLAUSIBLE_STEP"),
+        (1001, FrameError.PARITY, "FRAME_ERROR"),
+        (1001, FrameError.FIELD_WEAK | FrameError.OVERFLOW, "FRAME_ERROR"),
+        (np.nan, 0, "INPUT_INVALID"),
+        (np.inf, 0, "INPUT_INVALID"),
+        (-1, 0, "INPUT_INVALID"),
+        (4096, 0, "INPUT_INVALID"),
+        (1001, np.nan, "INPUT_INVALID"),
+        (1001, -np.inf, "INPUT_INVALID"),
+        (1001, 128, "INPUT_INVALID"),
+    ],
+)
+def test_a_bad_frame_leaves_the_angle_alone(real, bad, error, flag):
+    _, runner = variant("plain", real)
+    for length in (1, 3, 4):
+        runner.reset()
+        inputs = still(60)
+        inputs["count"][20 : 20 + length] = bad
+        inputs["frame_error"][20 : 20 + length] = error
+        got, _ = runner.run(inputs)
+        assert np.all(got["theta_rad"] == got["theta_rad"][10])
+        here = status_of(got)[20 : 20 + length]
+        assert np.all(here[:3] == BITS[flag])
+        assert np.all(got["usable"][4 : 20 + min(length, 3)] == 1)
+        assert runner.state[f"n_{flag.lower()}"][0] >= length
+        if length <= 3:
+            assert not np.any(status_of(got)[20 + length :])
+        else:
+            assert got["usable"][23] == 0
+            assert here[3] & BITS["HELD_TOO_LONG"]
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_what_cannot_be_read_for_long_starts_again_from_the_absolute_angle(real):
+    device, runner = variant("plain", real)
+    runner.reset()
+    theta = np.concatenate([np.full(50, 0.1), np.full(400, 2.3)])  # moves while nobody looks
+    inputs = {"count": counts_of(device, theta), "frame_error": np.zeros(450)}
+    inputs["frame_error"][40:200] = FrameError.NO_ANSWER
+    got, _ = runner.run(inputs, trace=False)
+    assert np.all(got["usable"][43:203] == 0)
+    assert np.all(got["usable"][203:] == 1)
+    assert got["theta_rad"][203:] == pytest.approx(np.full(247, 2.3), abs=2e-3)
+    assert not np.any(status_of(got) & BITS["REFERENCE_LOST"])
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_a_slip_is_not_followed_until_init(real):
+    device, runner = variant("plain", real)
+    reach = 4 * step_max_counts(device, "motor")
+    for slip, seen in ((reach + 1, True), (-reach - 1, True), (2048, True), (reach, False)):
+        runner.reset()
+        inputs = still(500)
+        inputs["count"][100:] = (1000 + slip) % 4096
+        got, _ = runner.run(inputs, trace=False)
+        word = status_of(got)
+        assert (got["usable"][-1] == 0) == seen
+        assert bool(word[-1] & BITS["REFERENCE_LOST"]) == seen
+        if seen:
+            assert np.all(got["theta_rad"][100:] == got["theta_rad"][50])
+            runner.reset()
+            after, _ = runner.run({k: v[100:] for k, v in inputs.items()}, trace=False)
+            assert np.all(after["usable"][3:] == 1)
+
+
+def test_a_corrupt_first_frame_is_forgotten():
+    _, runner = variant("plain", "f64")
+    for wrong in (0, 1, 2):
+        runner.reset()
+        inputs = still(30)
+        inputs["count"][wrong] = 3000
+        got, _ = runner.run(inputs, trace=False)
+        assert np.all(got["usable"][10:] == 1)
+        assert got["theta_rad"][-1] == pytest.approx(1000 / 4096 * TURN - 0.25)
+        # Never usable while the wrong angle is out.
+        assert not np.any(got["usable"][np.abs(got["theta_rad"] - got["theta_rad"][-1]) > 1e-3])
+
+
+def test_a_turn_beyond_the_range_loses_the_reference():
+    device, runner = variant("plain", "f64")
+    for sign in (1, -1):
+        runner.reset()
+        theta = 1.2 + sign * np.arange(4000) * 11e-3
+        counts = counts_of(device, theta)
+        got, _ = runner.run({"count": counts, "frame_error": 0 * counts}, trace=False)
+        lost = (status_of(got) & BITS["REFERENCE_LOST"]) != 0
+        first = int(np.argmax(lost))
+        assert np.all(lost[first:])
+        assert 4 * TURN - 0.3 < abs(theta[first]) < 5 * TURN + 0.3
+        assert np.max(np.abs(got["theta_rad"] - theta)[:first]) < 2e-3
+        assert not np.any(got["usable"][first:])
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e9, -1e9])
+def test_corrupt_states_start_afresh(real, bad):
+    _, runner = variant("plain", real)
+    for name in ("count_last", "turn", "held", "settled", "lost"):
+        runner.reset()
+        before, _ = runner.run(still(20), trace=False)
+        state = runner.state
+        state[name] = bad
+        runner.state = state
+        got, states = runner.run(still(20))
+        assert status_of(got)[0] == BITS["STATE_REPAIRED"] | BITS["SETTLING"]
+        assert got["usable"].tolist() == [0] * 3 + [1] * 17
+        assert np.all(got["theta_rad"] == before["theta_rad"][-1])
+        assert all(np.all(np.isfinite(v)) for v in states.values())
+
+
+# -- zero, direction, settings ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_without_a_calibration_it_is_not_usable(real):
+    runner = compiled(esea_gen.load_device("elbow"), real, "load")
+    got, _ = runner.run(still(20), trace=False)
+    assert not np.any(got["usable"])
+    assert np.all(status_of(got)[3:] == BITS["NOT_ZEROED"])
+    # What a calibration does: the angle where the joint is at 0, then init.
+    zero = float(got["theta_rad"][-1])
+    runner.prepare({"zero_rad": zero, "zeroed": 1.0})
+    after, _ = runner.run(still(20), trace=False)
+    assert after["theta_rad"] == pytest.approx(np.zeros(20), abs=1e-6)
+    assert np.all(after["usable"][3:] == 1)
+    # On the other side of the turn's end the joint still stands near its range.
+    runner.prepare({"zero_rad": -3.0, "zeroed": 1.0})
+    after, _ = runner.run(still(20, 4000), trace=False)
+    assert after["theta_rad"][-1] == pytest.approx(4000 / 4096 * TURN + 3.0 - TURN, abs=1e-6)
+
+
+def test_largest_believable_step():
+    count = TURN / 4096
+    assert step_max_counts(make(12), "motor") == math.ceil((0.012 + math.radians(0.5)) / count) + 1
+    # No joint: the deflection rate's limit.
+    plain = esea_gen.load_device("elbow")
+    assert step_max_counts(plain, "load") == math.ceil((0.025 + math.radians(0.5)) / count) + 1
+    assert step_max_counts(make(12, f"step_max_rad = {q(5.5 * count)}"), "motor") == 5
+    with pytest.raises(ValueError, match="side must be"):
+        step_max_counts(plain, "top")
+
+
+@pytest.mark.parametrize("name", ["plain", "fine"])
+def test_the_largest_believable_step_is_the_last_one_believed(name):
+    device, runner = variant(name, "f32")
+    most, full = (
+        step_max_counts(device, "motor"),
+        2 ** int(device.file.encoder.resolution_bits.value),
+    )
+    for step, ok in ((most, True), (-most, True), (most + 1, False), (-most - 1, False)):
+        for start in (full - 2, 2, full // 2):
+            runner.reset()
+            inputs = still(10, start)
+            inputs["count"][8:] = (start + step) % full
+            got, _ = runner.run(inputs, trace=False)
+            assert bool(status_of(got)[8] & BITS["IMPLAUSIBLE_STEP"]) != ok
+            moved = got["theta_rad"][8] - got["theta_rad"][7]
+            assert moved == pytest.approx(step * TURN / full if ok else 0, abs=1e-5)
+
+
+# -- correction ---------------------------------------------------------------------------------
+
+
+def measured_error(phi):
+    """A part's integral nonlinearity: 1 deg, eccentricity and four poles."""
+    return np.radians(0.7 * np.sin(phi + 0.4) + 0.3 * np.sin(4 * phi - 1))
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+@pytest.mark.parametrize(("size", "direction"), [(4, 1), (16, -1), (64, 1)])
+def test_correction_against_interp(real, size, direction):
+    rng = np.random.default_rng(size)
+    nodes = np.arange(size) * TURN / size
+    values = rng.uniform(-1, 1, size) * min(0.09, 0.1 * TURN / size)
+    motor = f"zero_rad = {q(0.0)}\ndirection = {q(direction)}\norientation_rad = {q(0.3)}\n"
+    device = make(12, motor + row(values, 0.3))
+    runner = compiled(device, real)
+    counts = np.arange(-5, 4096 + 300) % 4096
+    got, _ = runner.run({"count": counts, "frame_error": 0 * counts}, trace=False)
+    raw = np.unwrap(counts * TURN / 4096)
+    whole = direction * (raw + np.interp(counts * TURN / 4096, nodes, values, period=TURN))
+    start = round((1.2 - whole[0]) / TURN) * TURN
+    assert got["theta_rad"] == pytest.approx(whole + start, abs=1e-12 if real == "f64" else 2e-6)
+    cost = sum(walk(encoder(device, "motor").step).cost().values())
+    bare = sum(walk(encoder(make(12, motor), "motor").step).cost().values())
+    assert cost - bare <= 5 * size + 2
+
+
+def test_correction_takes_out_a_parts_nonlinearity():
+    phi = np.linspace(0, TURN, 4096, endpoint=False)
+    left = {}
+    for size in (16, 64):
+        # The raw angle is the true one and its error; characterised at the nodes.
+        nodes = np.arange(size) * TURN / size
+        true = nodes.copy()
+        for _ in range(60):
+            true = nodes - measured_error(true)
+        device = make(14, f"zero_rad = {q(0.0)}\n" + row(true - nodes))
+        runner = compiled(device, "f32")
+        raw = phi + measured_error(phi)
+        counts = np.floor(raw / TURN * 2**14 + 0.5).astype(int) % 2**14
+        got, _ = runner.run({"count": counts, "frame_error": 0 * counts}, trace=False)
+        error = (got["theta_rad"] - phi + math.pi) % TURN - math.pi
+        left[size] = math.degrees(np.max(np.abs(error)))
+    # docs/encoder.md: of 1 deg, interpolation leaves 0.3 deg (1 - cos(4 pi / N)) and half a count.
+    assert np.degrees(np.max(np.abs(measured_error(phi)))) > 0.95
+    for size, degrees in left.items():
+        bound = 0.3 * (1 - math.cos(4 * math.pi / size)) + 0.7 * (1 - math.cos(math.pi / size))
+        assert degrees < 1.15 * bound + 0.5 * 360 / 2**14 + 0.003
+        assert degrees > 0.5 * bound
+    assert left[64] < 0.025
+
+
+# -- device files -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["elbow", "knee", "knee_printed", "wrist"])
+def test_shipped_devices_say_nothing_new(name):
+    # Nothing of the new keys enters the content that the hash covers.
+    device = esea_gen.load_device(name)
+    for key in ("motor", "load", "correction_rad", "zero_rad"):
+        assert f'"{key}"' not in device.canonical()
+
+
+@pytest.mark.parametrize(
+    ("motor", "message"),
+    [
+        (f"direction = {q(0)}", "direction = 0 is neither 1 nor -1"),
+        (f"direction = {q(0.5)}", "not a whole number"),
+        (f"zero_rad = {q(4)}", "zero_rad = 4 rad is above its limit 3.14159 rad"),
+        (f"zero_deg = {q(4)}", "kept in 'rad'. Convert the number and name the key zero_rad"),
+        (f"held_max = {q(11)}", "held_max = 11 is above its limit 10"),
+        (row([0, 0, 0]), "has 3 values; it takes 4, 8, 16, 32, 64"),
+        (row([0, 0.01, 0, -0.2]), "value 3 (counted from 0) is -0.2 rad, outside -0.09 to 0.09"),
+        (row([0.03, -0.03] * 32), "no encoder's error is as steep"),
+        (row([0.0] * 63 + [0.05]), "from value 62 to the next"),
+        (row([0.01, 0, 0, 0], 0.5), "mounted at orientation_rad = 0 rad, 0.5 rad away"),
+        (
+            f"orientation_rad = {q(0.1)}\n" + row([0.01, 0, 0, 0], 0.15),
+            "Characterise it again as it is mounted",
+        ),
+        (row([0, 0, 0, 0]).split("\n")[0], "without correction_orientation_rad"),
+        (f"correction_orientation_rad = {q(0)}", "without correction_rad"),
+        ("correction_rad = [0, 0, 0, 0]", "A row of numbers is written { values ="),
+        (row([0, 0, 0, 0]).replace("[0.0, ", '["0", '), "should be a valid number"),
+        (row([0, 0, 0, 0]).replace("[0.0, ", "[nan, "), "finite number"),
+        (row([0, 0, 0, 0]).replace('"a test" }\n', '"*/" }\n'), "end or break a comment"),
+    ],
+)
+def test_bad_settings_are_refused(motor, message):
+    with pytest.raises(UserError) as error:
+        make(12, motor)
+    assert message in str(error.value)
+    assert "bench.toml" in str(error.value)
+
+
+def test_the_orientation_may_be_written_a_turn_apart():
+    device = make(12, f"orientation_rad = {q(3.14)}\n" + row([0.01, 0, 0, 0], -3.14))
+    assert device.file.encoder.motor.correction_rad.values == (0.01, 0, 0, 0)
+
+
+def test_what_cannot_be_told_apart_is_refused():
+    with pytest.raises(UserError, match=r"largest believable step, 912 counts .*half a turn"):
+        encoder(make(12, f"step_max_rad = {q(1.4)}"), "motor")
+    # The last one that can, with two bad frames bridged: 3 * 682 = 2046 counts.
+    encoder(make(12, f"step_max_rad = {q(682.5 / 4096 * TURN)}\nheld_max = {q(2)}"), "motor")
+    with pytest.raises(UserError, match="683 counts"):
+        encoder(make(12, f"step_max_rad = {q(683.5 / 4096 * TURN)}\nheld_max = {q(2)}"), "motor")
+    wide = f"[joint]\ntheta_min_rad = {q(-2.6)}\n"
+    with pytest.raises(UserError, match=r"spans 6\.3 rad, not below one turn"):
+        encoder(make(12, more=wide), "motor")
+
+
+def test_a_row_is_replaced_copied_and_described(tmp_path):
+    base = row([0.01, 0, 0, 0])
+    device = make(12, base)
+    again = parse_device(device.toml(), "again.toml")
+    assert again.digest == device.digest
+    copied = copy_device(device, "mine").file.encoder.motor.correction_rad
+    assert copied.values == (0.01, 0, 0, 0)
+    assert copied.status == "assumed"
+    assert copied.source == "copied from bench: a test"
+    side = json_schema()["properties"]["encoder"]["properties"]["motor"]
+    about = side["properties"]["correction_rad"]
+    assert about["properties"]["values"]["type"] == "array"
+    assert about["properties"]["values"]["items"]["maximum"] == 0.09
+    assert about["required"] == ["values", "status", "source"]
+    assert "correction_rad" not in side["required"]
+    other = make(12, row([0.02, 0, 0, 0]))
+    assert other.digest != device.digest
+
+
+# -- the emitted C ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["plain", "table"])
+def test_the_c_equals_the_block(name):
+    require_tool("gcc")
+    motor = f"zero_rad = {q(0.4)}\ndirection = {q(-1)}\n" + row(
+        measured_error(np.arange(16) / 2.55)
+    )
+    device = make(14, motor) if name == "table" else make(12, ZEROED)
+    block = encoder(device, "motor")
+    system = reading(device, block)
+    reference, bounds = CasadiReference(system), derive_bounds(device, block)
+    for real in ("f64", "f32"):
+        library = compile_system(system, real)
+        for stream in [*streams(block, steps=1200), at_the_limits(block, steps=1200)]:
+            oracle = reference if real == "f64" else None
+            result = compare(device, block, library, stream, bounds, oracle)
+            assert result.passed, (real, stream.name, result.problems, result.status_differences)
+
+
+def test_both_encoders_feed_the_deflection():
+    require_tool("gcc")
+    device = make(14, f"zero_rad = {q(0.5)}", f"zero_rad = {q(-1.0)}\ndirection = {q(-1)}")
+    blocks = {b.name: b for b in (encoder(device, "motor"), encoder(device, "load"))}
+    blocks["joint"] = deflection(device)
+    wires = {}
+    for side in ("motor", "load"):
+        wires[f"joint.theta_{side}_rad"] = f"encoder_{side}.theta_rad"
+        wires[f"joint.{side}_usable"] = f"encoder_{side}.usable"
+    inputs = {
+        f"{side}_{port}": (f"encoder_{side}.{port}",)
+        for side in ("motor", "load")
+        for port in ("count", "frame_error")
+    }
+    outputs = {"theta_rad": "joint.theta_rad", "sensing_ok": "joint.sensing_ok"}
+    tasks = (Task("read", tuple(blocks)),)
+    system = System(device.name, device.period_s, blocks, tasks, wires, inputs, outputs)
+    t = np.arange(3000) * 1e-3
+    load = 1.2 + 1.5 * np.sin(TURN * 0.5 * t)
+    motor = load + 0.2 * np.sin(TURN * 1.3 * t)
+    full = 2**14
+    stream = {
+        "motor_count": np.floor((motor + 0.5) / TURN * full) % full,
+        "load_count": np.floor(-(load - 1.0) / TURN * full) % full,
+        "motor_frame_error": 0 * t,
+        "load_frame_error": 0 * t,
+    }
+    stream["load_frame_error"][1000:1010] = FrameError.FIELD_STRONG
+    got, _ = compile_system(system, "f32").task("read").run(stream, trace=False)
+    ok = got["sensing_ok"] == 1
+    assert np.max(np.abs(got["theta_rad"] - (motor - load))[3:1000]) < 2.01 * TURN / full
+    # Three frames are bridged, the rest and three of settling are not.
+    assert np.flatnonzero(~ok).tolist() == [0, 1, 2, *range(1003, 1013)]

@@ -1,0 +1,216 @@
+"""The thesis' experiments on the virtual exoskeleton, and what they say of the controllers."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from esea_gen.errors import UserError
+from esea_gen.twin.experiments import (
+    EXPERIMENTS,
+    IMPEDANCE,
+    Case,
+    Setting,
+    controller_device,
+    default_person,
+    desired_torque,
+    judge,
+    plant_variant,
+    run_case,
+    simulate,
+)
+
+from .conftest import require_tool
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiler():
+    require_tool("gcc")
+
+
+def shorter(case: Case, seconds: float) -> Case:
+    t = case.trajectory
+    n = round(1000 * seconds)
+    cut = {
+        k: getattr(t, k)[:n]
+        for k in ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "tau_desired_Nm")
+    }
+    return dataclasses.replace(case, trajectory=dataclasses.replace(t, end=n, **cut))
+
+
+def rms(experiment: str, controller: str, plant: str = "real", case: int = 0) -> float:
+    person = default_person(experiment, plant)
+    found = EXPERIMENTS[experiment].cases()[case]
+    if len(found.trajectory.tau_desired_Nm) > 25000:
+        found = shorter(found, 25)
+    run = run_case(found, Setting(controller, plant, person), seed=1)
+    figures = judge(found, run, 0.221)
+    assert not figures["unstable"]
+    assert not figures["fault"]
+    return figures["rms_true_Nm"]
+
+
+def test_improved_sliding_mode_against_the_printed_one():
+    # Trials on the reference plant gave 0.513 Nm in the tuning case for the law as printed, and the
+    # thesis measured 0.590 on its device.
+    printed = rms("tuning", "smc-published")
+    assert 0.45 < printed < 0.60
+    assert rms("tuning", "smc") < 0.4 * printed
+    assert rms("backdriven", "smc", case=3) < 0.65 * rms("backdriven", "smc-published", case=3)
+    assert rms("bread", "smc") < 0.55 * rms("bread", "smc-published")
+
+
+def test_predictive_control_with_preview():
+    assert rms("tuning", "mpc") < 0.05  # median over ten seeds: 0.040
+    with pytest.raises(UserError, match="impedance in one layer is not wired"):
+        simulate("impedance", Setting("mpc", person="uncertain"))
+
+
+def test_the_ideal_plant_is_easier():
+    assert rms("tuning", "smc", "ideal") < 0.7 * rms("tuning", "smc", "real")
+
+
+def test_json_holds_every_case_and_seed(tmp_path):
+    result = simulate("tuning", Setting(person="none"), seed=3, runs=2, folder=tmp_path)
+    content = result.to_dict()
+    json.dumps(content, allow_nan=False)
+    assert [(c["name"], c["seed"]) for c in content["cases"]] == [
+        ("1.7 Nm 0.6 Hz", 3),
+        ("1.7 Nm 0.6 Hz", 4),
+    ]
+    for c in content["cases"]:
+        assert c["unstable"] is False
+        assert 0 < c["rms_true_Nm"] < c["max_true_Nm"]
+        assert c["rms_model_Nm"] > 0
+    assert content["cases"][0]["rms_true_Nm"] != content["cases"][1]["rms_true_Nm"]
+    assert content["percentiles"]["1.7 Nm 0.6 Hz"]["rms_true_Nm"]["count"] == 2
+    rows = list(csv.DictReader(io.StringIO(result.csv())))
+    assert [float(r["rms_true_Nm"]) for r in rows] == [c["rms_true_Nm"] for c in content["cases"]]
+    # Resumed from the journal: the same numbers, nothing run again.
+    told: list[tuple[int, int, int]] = []
+    again = simulate(
+        "tuning",
+        Setting(person="none"),
+        seed=3,
+        runs=2,
+        folder=tmp_path,
+        progress=lambda *a: told.append(a),
+    )
+    assert again.cases() == result.cases()
+    assert told[0][0] == 2
+
+
+def test_the_figures_are_what_they_say():
+    case = shorter(EXPERIMENTS["tuning"].cases()[0], 20)
+    run = run_case(case, Setting(), seed=0)
+    figures = judge(case, run, 0.221)
+    w = case.trajectory.window
+    true = run.plant["tau_e_Nm"][w] - case.trajectory.tau_desired_Nm[w]
+    assert figures["rms_true_Nm"] == pytest.approx(np.sqrt(np.mean(true**2)))
+    assert figures["max_true_Nm"] == np.max(np.abs(true))
+    # The sensor's error is not the control's: what is modelled differs from what is true.
+    assert figures["rms_model_Nm"] != figures["rms_true_Nm"]
+    run.plant["tau_e_Nm"][w.stop - 1] += 4.0
+    assert judge(case, run, 0.221)["unstable"] == 1.0
+    run.plant["tau_e_Nm"][w.stop - 1] -= 4.0
+    run.plant["omega_g_rad_s"][5] = 12.5
+    assert judge(case, run, 0.221)["unstable"] == 1.0
+
+
+def test_a_wrong_model_shows_in_the_true_torque_only():
+    # The elastomer 10 % stiffer than the device file says: the sensor cannot see that.
+    case = shorter(EXPERIMENTS["tuning"].cases()[0], 20)
+    stiff = dataclasses.replace(case, plant={"elastomer_scale": 1.1})
+    plain, wrong = (judge(c, run_case(c, Setting(), 0), 0.221) for c in (case, stiff))
+    assert wrong["rms_true_Nm"] > plain["rms_true_Nm"] + 0.03
+    assert wrong["rms_model_Nm"] < plain["rms_model_Nm"] + 0.03
+
+
+def test_impedance_asks_for_spring_and_damper():
+    case = shorter(EXPERIMENTS["impedance"].cases()[2], 6)
+    assert case.mode == IMPEDANCE
+    case = dataclasses.replace(case, trajectory=dataclasses.replace(case.trajectory, start=3000))
+    run = run_case(case, Setting(person="uncertain"), 0)
+    wanted = desired_torque(case, run)
+    k = 4321
+    t = case.trajectory
+    by_hand = 1.5 * (t.theta_p_rad[k] - run.plant["theta_l_rad"][k]) + 0.25 * (
+        t.omega_p_rad_s[k] - run.plant["omega_l_rad_s"][k]
+    )
+    assert wanted[k] == pytest.approx(by_hand)
+    figures = judge(case, run, 0.221)
+    assert figures["rms_normalised"] == pytest.approx(
+        figures["rms_true_Nm"] / np.max(np.abs(wanted[t.window][:3000]))
+    )
+
+
+def test_step_frequency_and_output_impedance():
+    step = simulate("step", Setting("smc", "ideal"))
+    for name in ("1 Nm", "2 Nm"):
+        assert step.steps[name].stable, name
+        assert abs(step.steps[name].steady_error_percent) < 5
+    # At rest it hunts by less than what one count of an encoder is worth (1.5 mrad, 14 mNm).
+    assert all(m.tail_rms < 0.02 for m in step.steps.values())
+    response = simulate("frequency", Setting("smc", "ideal")).response
+    assert response is not None
+    band = response.bandwidth()
+    assert 3 < band.bandwidth_Hz < 8
+    assert response.gain[0] == pytest.approx(1, abs=0.07)
+    port = simulate("output-impedance", Setting("smc", "ideal", "ideal")).port
+    assert port is not None
+    # Transparent: far below the drive's own inertia where it follows, and rising with frequency.
+    inertia = np.abs(port.per_angle) / (2 * np.pi * port.frequency_Hz) ** 2
+    assert inertia[port.frequency_Hz < 2].max() < 0.2 * 0.663
+
+
+def test_twists_change_the_cable():
+    cases = EXPERIMENTS["twists"].cases()
+    assert len(cases) == 36
+    assert len({tuple(sorted(c.plant.items())) for c in cases}) == 3
+    assert len({c.name for c in cases}) == 36
+
+
+def test_random_plants_differ_and_are_kept_by_their_seed():
+    device = controller_device("smc")
+    a, b, again = (plant_variant(device, "random", "random", k).values for k in (1, 2, 1))
+    assert a == again
+    assert a["Jh_kgm2"] != b["Jh_kgm2"]
+    assert a["cable_backlash_rad"] != b["cable_backlash_rad"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["flying"], "Unknown experiment 'flying'. Choose from tuning, grid"),
+        (["tuning", "--controller", "pid"], "Unknown controller 'pid'"),
+        (["tuning", "--plant", "bad"], "Unknown plant 'bad'. Choose from ideal, real, random"),
+        (["bread", "--person", "me"], "Unknown person 'me'"),
+        (["bread", "--person", "none"], "bread needs somebody who moves the load"),
+        (["tuning", "--real", "f16"], "Unknown number format 'f16'"),
+        (["tuning", "--figure", "a.txt"], "not a picture's name"),
+    ],
+)
+def test_bad_input_is_explained(arguments, said):
+    done = subprocess.run(
+        [sys.executable, "-m", "esea_gen.cli", "simulate", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    assert said in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+def test_a_device_without_a_drive_is_refused(tmp_path):
+    path = tmp_path / "plain.toml"
+    path.write_text('schema = 1\nextends = "elbow"\nname = "plain"\ntitle = "plain"\n')
+    with pytest.raises(UserError, match="no drive to be simulated"):
+        simulate("tuning", Setting(str(path)))

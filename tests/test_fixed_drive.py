@@ -1,0 +1,294 @@
+"""Fixed point beyond the sensor: every Block of torque control, the whole System, long signals."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import esea_gen
+from esea_gen.bench.fixed import PROGRAMS, run_filter
+from esea_gen.cli import app
+from esea_gen.device import parse_device
+from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.errors import any_bound, block_bound
+from esea_gen.emit.fixed.report import range_report
+from esea_gen.emit.fixed.search import Planner, plan_block
+from esea_gen.emit.fixed.values import LoweringError
+from esea_gen.emit.ranges import RangeError
+from esea_gen.hostlib import compile_device
+from esea_gen.hostlib.fixed import FixedBoard
+from esea_gen.hostlib.library import run_schedule
+from esea_gen.identify import recorded_deflections
+from esea_gen.system import System, Task
+from esea_gen.verify.equivalence import domain_chirp
+from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
+from esea_gen.verify.streams import streams
+from esea_gen.verify.traces import reference_stream
+
+from .conftest import require_tool
+
+HDRB = Path(__file__).parent / "data" / "hdrb" / "hdrb.toml"
+# The published inverse: the exact one cannot be lowered.
+DRIVE = """schema = 1
+extends = "elbow_drive"
+name = "elbow_published"
+title = "Elbow exoskeleton with the published inverse"
+
+[inverse]
+kind = "published"
+"""
+FORGETFUL = {"limits", "sliding_mode"}  # rate limits and integrals keep what rounding adds
+
+
+@pytest.fixture(scope="module")
+def drive():
+    require_tool("gcc")
+    return parse_device(DRIVE, "elbow_published.toml")
+
+
+@pytest.fixture(scope="module")
+def library(drive):
+    return compile_device(drive, "q31")
+
+
+@pytest.fixture(scope="module")
+def bounds(drive):
+    return bounds_of(drive)
+
+
+def test_every_block_of_torque_control_bit_for_bit_and_inside_its_bound(drive, library, bounds):
+    turned = {}
+    for block in drive.system.kinds:
+        plan, runner = plan_block(block), library.block(block.name)
+        for stream in streams(block, steps=300):
+            found = compare_fixed(drive, plan, runner, stream, bounds[block.name])
+            assert found.passed, f"{block.name}, {stream.name}: {found.problems}"
+            turned[block.name] = turned.get(block.name, 0) + found.turned
+    # Rounding turns a decision only where a value stands at its threshold to the last bit.
+    assert sum(turned.values()) <= 4
+
+
+def test_bounds_of_torque_control(drive, bounds):
+    assert {n for n, b in bounds.items() if not math.isinf(b.steps)} == FORGETFUL
+    for block in drive.system.kinds:
+        for p in block.outputs:
+            if not p.flags:
+                share = bounds[block.name].outputs[p.name] / max(abs(p.low), abs(p.high))
+                assert share < 1e-4, (block.name, p.name)
+
+
+def test_a_wrong_decision_is_not_explained_by_rounding(drive, library):
+    """The comparison can fail: a condition of the C that is always false shows."""
+    block = next(b for b in drive.system.kinds if b.name == "limits")
+    plan, runner = plan_block(block), library.block("limits")
+    stream = streams(block, steps=200)[0]
+    _, states = runner.run_raw(stream.inputs)
+    before = states_before(plan, stream, states)
+    assert not single_steps(plan, stream, before).turned.any()
+    steps = [dataclasses.replace(s) for s in plan.step.steps]
+    k = next(i for i, s in enumerate(steps) if s.expr.bits == 1)
+    steps[k] = dataclasses.replace(steps[k], expr=ex.literal(0, 1))
+    broken = dataclasses.replace(plan, step=dataclasses.replace(plan.step, steps=tuple(steps)))
+    found = single_steps(broken, stream, before)
+    assert found.turned.any()
+    assert found.unexplained.any()
+
+
+def test_the_whole_system_in_q31(drive, library):
+    """Eight seconds of the reference stream through both tasks: C in q31 against C in f64."""
+    system, stream = drive.system, reference_stream(drive)
+    length = len(next(iter(stream.values())))
+    inputs = {}
+    for task in system.tasks:
+        given = {x.name: stream[x.name][task.phase :: task.every] for x in system.task_inputs(task)}
+        inputs[task.name] = given or {"": np.zeros(len(range(task.phase, length, task.every)))}
+    got = run_schedule(FixedBoard(library), inputs)
+    exact = run_schedule(compile_device(drive, "f64").board(), inputs)
+    moved = 0
+    for task in system.tasks:
+        for x in system.task_outputs(task):
+            a, b = (y[task.name][x.name].astype(np.float64) for y in (got, exact))
+            if x.port.flags:
+                names = [f.name for f in x.port.flags]
+                turned = np.bitwise_xor(a.astype(np.int64), b.astype(np.int64))
+                if "RATE_LIMITED" in names:  # its threshold is zero: the command's last bits decide
+                    bit = 1 << names.index("RATE_LIMITED")
+                    assert np.sum(turned & bit != 0) <= 2
+                    turned &= ~bit
+                assert not turned.any(), x.name
+                continue
+            if x.port.unit == "1":
+                assert np.array_equal(a, b), x.name
+                continue
+            # Measured: 0.05 % of the motor command (from the rates), below 0.03 % of all else.
+            full = max(abs(x.port.low), abs(x.port.high))
+            assert np.max(np.abs(a - b)) < 0.001 * full, x.name
+            moved += np.ptp(b) > 0
+    assert moved > 10
+
+
+def test_a_board_takes_tunables_in_units_and_refuses_bad_ones(library):
+    system = library.system
+    instance, tunable = system.tunables[0]
+    FixedBoard(library, {instance: {tunable.name: tunable.default}})
+    with pytest.raises(ValueError, match=rf"{instance}\.{tunable.name}"):
+        FixedBoard(library, {instance: {tunable.name: 2 * tunable.high + 1}})
+    with pytest.raises(ValueError, match=rf"{instance}\.{tunable.name}"):
+        FixedBoard(library, {instance: {tunable.name: float("nan")}})
+
+
+def test_an_arm_is_judged_where_it_is_taken():
+    """A narrowed reference in one arm of a choice is no broken interval on the other side."""
+    x = ex.read("x", 32, *ex.INT32)
+    narrow = ex.Expr("ref", (), 32, 0, 9, (), "x")
+    small = ex.compare("le", x, ex.literal(9))
+    both = ex.logic("and", ex.compare("le", ex.literal(0), x), small)
+    chosen = ex.choose(both, ex.cast(narrow, 64), ex.literal(-1, 64), 64)
+    values = {"x": np.array([5, 10, -(2**31)], dtype=object)}
+    assert ex.evaluate(chosen, values, 3).tolist() == [5, -1, -1]
+    wrong = ex.choose(small, ex.cast(narrow, 64), ex.literal(-1, 64), 64)
+    with pytest.raises(ex.OverflowProofError):
+        ex.evaluate(wrong, values, 3)
+
+
+def test_what_does_not_forget_has_a_bound_of_one_step(drive):
+    block = next(b for b in drive.system.kinds if b.name == "sliding_mode")
+    plan = plan_block(block)
+    with pytest.raises(RangeError, match="not stable"):
+        block_bound(plan)
+    bound = any_bound(plan)
+    assert bound.steps == 1
+    assert bound.outputs["u_command_Nm"] < 5e-5 * 0.221
+    # In 32 bits alone the ratio s/phi loses what its clip gives back.
+    narrow = any_bound(Planner(block).plan())
+    assert narrow.outputs["u_command_Nm"] > 50 * bound.outputs["u_command_Nm"]
+    assert any("clip" in why for why in plan.why_wide.values())
+
+
+# -- signals ---------------------------------------------------------------------------------------
+
+
+def _published_motions(h):
+    """The excitations of thesis chapter 3, in degrees: sweeps, slow cycles, ramp and hold."""
+    for degrees, end_Hz in ((11.5, 1.0), (5.0, 1.5)):
+        t = np.arange(round(end_Hz / (0.5 / 60) / h)) * h
+        yield f"sweep {degrees}", np.deg2rad(degrees) * np.sin(np.pi * (0.5 / 60) * t * t)
+    t = np.arange(round(200 / h)) * h
+    for degrees in (10.0, 11.5):
+        yield f"slow {degrees}", np.deg2rad(degrees) * np.sin(2 * np.pi * 0.01 * t)
+    for degrees in (5.0, 10.0):
+        end = np.deg2rad(degrees)
+        ramp = np.arange(0.0, end, np.deg2rad(20.0) * h)
+        held = np.full(round(60.0 / h), end)
+        yield f"hold {degrees}", np.concatenate([np.zeros(1000), ramp, held])
+
+
+def _share_of_full_scale(device, theta):
+    """Largest torque error of the sensing task in q31 against f64, and the largest torque."""
+    task = device.system.tasks[0]
+    inputs = {x.name: theta for x in device.system.task_inputs(task)}
+    got, exact = (
+        compile_device(device, real).task(task.name).run(inputs, trace=False)[0]
+        for real in ("q31", "f64")
+    )
+    names = [n for n in exact if n.startswith("tau") and n.endswith("_Nm")]
+    error = max(float(np.max(np.abs(got[n] - exact[n]))) for n in names)
+    return error / device.tau_full_scale_Nm, max(float(np.max(np.abs(exact[n]))) for n in names)
+
+
+def test_published_motions_stay_within_the_aim(elbow):
+    require_tool("gcc")
+    for name, theta in _published_motions(elbow.period_s):
+        share, torque = _share_of_full_scale(elbow, theta)
+        assert 0 < share < 0.0005, name
+        assert torque > 1.0, name
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "elbow",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("wrist", "knee", "knee_printed")),
+    ],
+)
+def test_the_recorded_rubber_stays_within_the_aim(name):
+    require_tool("gcc")
+    device = esea_gen.load_device(name)
+    found = recorded_deflections(device, HDRB, None)
+    assert found
+    for title, theta in found.items():
+        share, torque = _share_of_full_scale(device, theta)
+        assert 0 < share < 0.0005, title
+        assert torque > 0.1, title
+
+
+# -- report and benchmark --------------------------------------------------------------------------
+
+
+def test_ranges_names_what_cannot_be_lowered_and_draws(tmp_path):
+    figure, content = tmp_path / "ranges.png", tmp_path / "ranges.json"
+    done = CliRunner().invoke(
+        app, ["ranges", "elbow", "--figure", str(figure), "--json", str(content)]
+    )
+    assert done.exit_code == 0, done.output
+    found = json.loads(content.read_text())["blocks"]
+    assert set(found) == {"velocity", "sensor"}
+    rows = {r["name"]: r for r in found["velocity"]["values"]}
+    # 0.35 rad in units of 2^-31 rad, inwards.
+    limit = math.floor(float(np.float32(0.35)) * 2**31)
+    assert rows["theta_q0_31"]["raw"][1] in (limit, math.floor(0.35 * 2**31))
+    assert rows["theta_q0_31"]["unit"] == "rad"
+    assert "theta_q0_31" in done.output
+    assert found["sensor"]["proven_error"]["percent_of_range"]["tau_Nm"] < 0.05
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_ranges_refuses_a_picture_of_no_kind(tmp_path):
+    done = CliRunner().invoke(app, ["ranges", "elbow", "--figure", str(tmp_path / "x.txt")])
+    assert done.exit_code != 0
+
+
+def test_the_report_goes_on_behind_a_block_that_is_refused():
+    device = esea_gen.load_device("elbow_drive")
+    inverse, joint = device.inverse, device.system.blocks["joint"]
+    with pytest.raises(LoweringError):
+        plan_block(inverse)
+    system = System(
+        "two",
+        device.period_s,
+        {"inverse": inverse, "joint": joint},
+        (Task("run", ("inverse", "joint")),),
+        {},
+        {
+            p.name: (f"{n}.{p.name}",)
+            for n, b in (("inverse", inverse), ("joint", joint))
+            for p in b.inputs
+        },
+        {"theta_rad": "joint.theta_rad"},
+    )
+    report = range_report("two", system)
+    text = "\n".join(report.table())
+    assert "cannot be lowered: inverse" in text
+    assert "holds zero" in text
+    assert report.blocks[1].plan is not None
+    assert len(report.figure().axes) == 2
+    assert report.to_dict()["blocks"]["inverse"]["lowered"] is False
+
+
+def test_the_filter_written_by_hand_is_the_same_filter(elbow):
+    """It may only be compared if it does the same: against exact arithmetic, gaps and clips too."""
+    for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
+        require_tool(tool)
+    theta = domain_chirp(elbow, 8.0)[-300:].copy()
+    theta[:4], theta[100:103] = np.nan, np.nan
+    theta[200:] = 0.3  # a jump that clips the rate
+    for program in PROGRAMS:
+        found = run_filter(elbow, program, "m3", theta)
+        assert found.error_rad_s < (1e-5 if program == "hand" else 2e-4), program
+        assert found.instructions < (2000 if program == "f32" else 300)

@@ -1,0 +1,648 @@
+"""The virtual exoskeleton against an independent integrator, closed forms, energy balance."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import esea_gen
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.twin.encoders import ENCODERS, encoder_block, sine_of_turns, whole_below
+from esea_gen.twin.people import (
+    PEOPLE,
+    PLANTS,
+    STEP_S,
+    PlantVariant,
+    ideal_plant,
+    random_plant,
+    real_plant,
+)
+from esea_gen.twin.plant import WORKS, plant_block, plant_system, start_state
+from esea_gen.twin.reference import parse_plants
+
+from .conftest import require_tool
+
+N = 74.0
+H = STEP_S
+
+
+class Rig:
+    """A compiled plant, driven step by step from arrays."""
+
+    def __init__(self, device: Device, cable: bool, step_s: float = H) -> None:
+        require_tool("gcc")
+        self.system = plant_system(device, cable, step_s)
+        self.step_s = step_s
+        self.block = self.system.blocks["plant"]
+        self.library = compile_system(self.system, "f64")
+        self.names = {t.name for t in self.block.tunables}
+
+    def run(self, u, initial=None, start_rad=0.0, path=None, noise=0.0, **tunables) -> dict:
+        runner = self.library.task("move")
+        values = {k: v for k, v in tunables.items() if k in self.names}
+        assert runner.prepare({"plant": values}) == 0
+        vectors, _ = start_state(self.block, start_rad, initial or {})
+        state = runner.state
+        for name, vector in vectors.items():
+            state["plant"][name][0, : len(vector)] = vector
+        runner.state = state
+        u = np.asarray(u, dtype=float)
+        t = self.step_s * np.arange(1, len(u) + 1)
+        theta, omega, alpha = path(t) if path else (np.full(len(t), start_rad), 0.0, 0.0)
+        inputs = {"u_Nm": u, "theta_p_rad": theta, "omega_p_rad_s": omega, "noise": noise}
+        out, _ = runner.run({**inputs, "alpha_p_rad_s2": alpha}, trace=False)
+        return {k: v.copy() for k, v in out.items()} | {"t": t}
+
+
+@pytest.fixture(scope="module")
+def device() -> Device:
+    return esea_gen.load_device("elbow_drive")
+
+
+@pytest.fixture(scope="module")
+def rigid(device) -> Rig:
+    return Rig(device, False)
+
+
+@pytest.fixture(scope="module")
+def cabled(device) -> Rig:
+    return Rig(device, True)
+
+
+def with_elastomer(device: Device, maxwell: bool, **values: float) -> Device:
+    e = device.file.elastomer
+    update = {k: getattr(e, k).model_copy(update={"value": v}) for k, v in values.items()}
+    update |= {} if maxwell else {"maxwell": None}
+    return Device(device.file.model_copy(update={"elastomer": e.model_copy(update=update)}), "x")
+
+
+FREE = {"spring_Nm_rad": 0.0, "damping_Nms_rad": 0.0, "own_damping_Nms_rad": 0.0, "feedforward": 0}
+SMOOTH = {"fv_Nms_rad": 0.0, "fc_Nm": 0.0}
+
+# -- an independent integrator --------------------------------------------------------------------
+
+R_RAD = 0.0197 * np.arange(1, 11)
+P_NM_RAD = 10.3 * np.exp(-62.5 * R_RAD)
+
+
+def elastomer_rate(delta: float, rate: float, tau_r: float) -> float:
+    """Right side of the Maxwell element, typed from (3.3) and (3.4)."""
+    eta = (53.9 * abs(delta) ** 2.77 + 0.0288) / (0.732 * abs(rate) ** 0.77 + 0.0130)
+    return 51.6 * (rate - tau_r / eta)
+
+
+def slopes(t, y, u, turn, p, path):
+    """Right side of (5.1) to (5.3), typed from the thesis and the reference plants' description."""
+    xg, vg, xm, vm, xl, vl, u_a, _ = y
+    torque = torque_of(y, turn)
+    drive = N * u_a - p["fv_Nms_rad"] * vg - p["fc_Nm"] * math.tanh(vg / 0.02)
+    amplitude = p["gear_disturbance_rms_rad_s2"] * math.sqrt(2 / 6)
+    waves = (math.sin(p[f"wave_{i}_1_rad"] * xg + p[f"phase_{i}_rad"]) for i in range(1, 7))
+    drive += p["J_kgm2"] * amplitude * sum(waves)
+    if "cable_loss" in p:
+        gap, half = xg - xm, p["cable_backlash_rad"] / 2
+        over = gap - half if gap > half else gap + half if gap < -half else 0.0
+        pull = p["cable_stiffness_Nm_rad"] * over + p["cable_damping_Nms_rad"] * (vg - vm)
+        pull = pull if pull * over > 0 else 0.0
+        lost = p["cable_loss"] * abs(pull) * math.tanh(vm / 0.03)
+        am = (pull - lost - 0.02 * vm - torque) / 0.003
+        ag = (drive - pull) / p["J_kgm2"]
+    else:
+        ag = am = (drive - torque) / p["J_kgm2"]
+    theta, omega, alpha = (float(x) for x in path(t))
+    feed = p["Jh_kgm2"] * alpha + p["own_damping_Nms_rad"] * omega
+    person = p["feedforward"] * (feed + p["gravity_Nm"] * math.sin(theta))
+    person += p["spring_Nm_rad"] * (theta - xl) + p["damping_Nms_rad"] * (omega - vl)
+    person -= p["own_damping_Nms_rad"] * vl + p["gravity_Nm"] * math.sin(xl)
+    al = 0.0 if p["clamped"] else (torque + person) / p["Jh_kgm2"]
+    return [vg, ag, vm, am, vl, al, (u - u_a) / p["tau_c_s"], maxwell_of(y)]
+
+
+def torque_of(y, turn) -> float:
+    delta = y[2] - y[4]
+    stops = np.clip(turn[1] + delta - turn[0], -R_RAD, R_RAD)
+    return 239 * delta**3 + 9.39 * delta + y[7] + float(P_NM_RAD @ stops)
+
+
+def maxwell_of(y) -> float:
+    """(3.3) and (3.4)."""
+    delta, rate = y[2] - y[4], y[3] - y[5]
+    eta = (53.9 * abs(delta) ** 2.77 + 0.0288) / (0.732 * abs(rate) ** 0.77 + 0.0130)
+    return 51.6 * (rate - y[7] / eta)
+
+
+def integrate(p: dict, u_ms: np.ndarray, path) -> np.ndarray:
+    """The plant in scipy, millisecond by millisecond; row k is the end of millisecond k.
+
+    Within a millisecond in which the deflection does not turn a stop operator is a closed form of
+    it.  In one in which it turns, the deflection moves by less than 1e-5 rad.
+    """
+    y, turn, rows = np.zeros(8), (0.0, np.zeros(10)), []
+    for k, u in enumerate(u_ms):
+        span = (k * 1e-3, (k + 1) * 1e-3)
+        arguments = (u, turn, p, path)
+        done = solve_ivp(slopes, span, y, "LSODA", args=arguments, rtol=1e-8, atol=1e-10)
+        y = done.y[:, -1]
+        rows.append([*y, torque_of(y, turn)])
+        delta = y[2] - y[4]
+        turn = (delta, np.clip(turn[1] + delta - turn[0], -R_RAD, R_RAD))
+    return np.array(rows)
+
+
+COLUMNS = {"theta_g_rad": 0, "omega_g_rad_s": 1, "theta_m_rad": 2, "omega_m_rad_s": 3}
+COLUMNS |= {"theta_l_rad": 4, "omega_l_rad_s": 5, "u_a_Nm": 6, "tau_e_Nm": 8}
+
+
+def swing(t):
+    """A path that starts with neither speed nor acceleration."""
+    s = np.sin(np.pi * t)
+    return (
+        0.6 * s**4,
+        2.4 * np.pi * s**3 * np.cos(np.pi * t),
+        2.4 * np.pi**2 * (3 * s**2 - 4 * s**4),
+    )
+
+
+def still(t):
+    return 0.0 * t, 0.0 * t, 0.0 * t
+
+
+@pytest.mark.parametrize(
+    ("kind", "person", "largest_Nm"),
+    [
+        ("ideal", "ideal", 5e-5),
+        ("ideal", "none", 5e-5),
+        ("smooth", "uncertain", 1e-4),
+        ("real", "uncertain", 3e-3),
+        ("real", "none", 3e-3),
+    ],
+)
+def test_against_an_independent_integrator(device, rigid, cabled, kind, person, largest_Nm):
+    variant = {
+        "ideal": ideal_plant(device, person),
+        "smooth": real_plant(device, person, 4).having(cable_backlash_rad=0.0),
+        "real": real_plant(device, person, 4),
+    }[kind].having(torque_noise_Nm=0.0)
+    rig = rigid if kind == "ideal" else cabled
+    p = {t.name: t.default for t in rig.block.tunables} | variant.values
+    path = still if person == "none" else swing
+    k = np.arange(700)
+    u = np.round(0.07 * np.sin(2 * np.pi * 1.3e-3 * k) + 0.02 * np.sin(2 * np.pi * 5e-3 * k), 4)
+    every = round(1e-3 / H)
+    got = rig.run(np.repeat(u, every), path=path, **variant.values)
+    expected = integrate(p, u, path)
+    limits = {"tau_e_Nm": largest_Nm, "u_a_Nm": 1e-7}
+    for name, column in COLUMNS.items():
+        error = np.abs(got[name][every - 1 :: every] - expected[:, column])
+        # The light motor-side part turns a small error of torque into one of speed.
+        limit = limits.get(name, largest_Nm * (30 if name == "omega_m_rad_s" else 1))
+        assert error.max() < limit, name
+        if name == "tau_e_Nm":
+            # Only the instants of contact are worse than this.
+            assert np.sqrt(np.mean(error**2)) < 2e-4
+    assert np.ptp(got["tau_e_Nm"]) > 3
+
+
+# -- closed forms ---------------------------------------------------------------------------------
+
+
+def test_lag_of_the_motor(rigid):
+    u = np.full(500, 0.05)
+    got = rigid.run(u, tau_c_s=0.02, clamped=1)
+    assert got["u_a_Nm"] == pytest.approx(0.05 * -np.expm1(-got["t"] / 0.02), rel=1e-12)
+    # Beyond what the drive follows, its limit stands for the command.
+    got = rigid.run(np.full(500, -3.0), tau_c_s=0.02, clamped=1)
+    assert got["u_a_Nm"][-1] == pytest.approx(0.221 * np.expm1(-got["t"][-1] / 0.02), rel=1e-12)
+
+
+def test_linear_spring_swings_as_the_textbook_says(device):
+    linear = with_elastomer(device, False, k1_Nm_rad=30.0, k3_Nm_rad3=0.0, alpha_Nm_rad=0.0)
+    rig = Rig(linear, False)
+    got = rig.run(np.zeros(20000), {"omega_m_rad_s": 1.0}, clamped=1, **SMOOTH)
+    w = math.sqrt(30 / 0.663)
+    # The step's frequency is off by (w h)^2 / 24 of itself.
+    limit = 1e-6 + (w * H) ** 2 / 24 * w * got["t"][-1] / w
+    assert got["theta_m_rad"] == pytest.approx(np.sin(w * got["t"]) / w, abs=1.2 * limit)
+    assert np.all(got["theta_l_rad"] == 0)
+    assert np.max(np.abs(got["stored_J"] + got["work_elastomer_J"] - 0.5 * 0.663)) < 1e-6
+    # Free, motor and load swing against each other with the reduced inertia.
+    got = rig.run(np.zeros(15000), {"omega_m_rad_s": 1.0}, **FREE, **SMOOTH)
+    w = math.sqrt(30 * (1 / 0.663 + 1 / 0.22))
+    deflection = got["theta_m_rad"] - got["theta_l_rad"]
+    assert deflection == pytest.approx(np.sin(w * got["t"]) / w, abs=1e-5)
+    momentum = 0.663 * got["omega_m_rad_s"] + 0.22 * got["omega_l_rad_s"]
+    assert momentum == pytest.approx(np.full(15000, 0.663), rel=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 1.5])
+def test_friction_holds_below_its_limit(rigid, share):
+    # A torque below the Coulomb friction leaves a creep, one above it a speed: both closed forms.
+    u = share * 0.4688 / N
+    light = {"J_kgm2": 0.05, "Jh_kgm2": 0.02, "joint_max_rad": 10.0}
+    got = rigid.run(np.full(40000, u), **FREE, **light)
+
+    def balance(v):
+        return 0.5551 * v + 0.4688 * math.tanh(v / 0.02) - N * u
+
+    speed = brentq(balance, 0, 5, xtol=1e-14)
+    assert got["omega_l_rad_s"][-1] == pytest.approx(speed, rel=1e-9)
+    assert (speed < 0.03) == (share < 1)
+
+
+def test_cable_pulls_only_when_its_gap_is_closed(cabled):
+    start = {"omega_g_rad_s": 1.0}
+    values = {"cable_backlash_rad": 0.02, "motor_side_damping_Nms_rad": 0.0} | SMOOTH
+    got = cabled.run(np.zeros(200), start, **values)
+    open_s = 0.01 / 1.0
+    free = got["t"] < open_s - H
+    assert np.count_nonzero(free) >= 45
+    assert np.all(got["theta_m_rad"][free] == 0)
+    assert got["theta_g_rad"][free] == pytest.approx(got["t"][free], rel=1e-12)
+    assert got["theta_m_rad"][-1] > 0
+    gap = got["theta_g_rad"] - got["theta_m_rad"]
+    assert np.max(np.abs(gap)) < 0.2
+
+
+def test_cable_at_rest_carries_the_motor_s_torque(cabled):
+    values = {"clamped": 1, "cable_stiffness_Nm_rad": 120.0, "cable_backlash_rad": 0.014}
+    got = cabled.run(np.full(60000, 0.03), **values)
+    # What the smoothed friction still takes up while the parts creep is below a hundredth.
+    end = {k: v[-1] for k, v in got.items()}
+    assert end["tau_e_Nm"] == pytest.approx(N * 0.03, rel=0.03)
+    stretch = (end["tau_e_Nm"] + 0) / 120.0
+    assert end["theta_g_rad"] - end["theta_m_rad"] == pytest.approx(0.007 + stretch, rel=0.03)
+
+
+def test_gear_disturbance_is_six_sines_of_the_gear_angle(device, cabled):
+    values = real_plant(device, seed=9).values
+    got = cabled.run(np.full(20000, 0.06), **{**values, **FREE})
+    assert np.ptp(got["theta_g_rad"]) > 1
+    expected = (
+        0.45
+        * math.sqrt(2 / 6)
+        * sum(
+            np.sin(values[f"wave_{i}_1_rad"] * got["theta_g_rad"] + values[f"phase_{i}_rad"])
+            for i in range(1, 7)
+        )
+    )
+    assert got["d4_rad_s2"] == pytest.approx(expected, abs=1e-10)
+    # Its effective value, over many turns of every sine.
+    angle = np.linspace(0, 1000, 400001)
+    waves = (values[f"wave_{i}_1_rad"] * angle for i in range(1, 7))
+    power = np.mean((0.45 * math.sqrt(2 / 6) * sum(np.sin(w) for w in waves)) ** 2)
+    assert math.sqrt(power) == pytest.approx(0.45, rel=0.05)
+    for i, (low, high) in enumerate(PLANTS.disturbance.bands_1_rad, 1):
+        assert low <= values[f"wave_{i}_1_rad"] <= high
+
+
+def test_person_s_torque(rigid):
+    p = {"Jh_kgm2": 0.3, "spring_Nm_rad": 11.0, "damping_Nms_rad": 0.7, "feedforward": 1.0}
+    p |= {"own_damping_Nms_rad": 0.4, "gravity_Nm": 1.3}
+    got = rigid.run(np.full(5000, 0.02), path=swing, **p)
+    theta, omega, alpha = swing(got["t"])
+    x, v = got["theta_l_rad"], got["omega_l_rad_s"]
+    expected = 11 * (theta - x) + 0.7 * (omega - v) - 0.4 * v - 1.3 * np.sin(x)
+    expected += 0.3 * alpha + 0.4 * omega + 1.3 * np.sin(theta)
+    assert got["tau_h_Nm"] == pytest.approx(expected, abs=1e-9)
+
+
+def test_exact_feedforward_moves_the_limb_along_the_path(device):
+    # Without a torque from the coupling there is nothing left to correct.
+    none = with_elastomer(device, False, k1_Nm_rad=1e-9, k3_Nm_rad3=0.0, alpha_Nm_rad=0.0)
+    values = PEOPLE["ideal"].values() | {"gravity_Nm": 2.0, "coupling_stop_rad": 1.3}
+    got = Rig(none, False).run(np.zeros(5000), path=swing, **values)
+    assert got["theta_l_rad"] == pytest.approx(swing(got["t"])[0], abs=1e-6)
+
+
+def test_torque_noise_has_its_effective_value_and_bandwidth(rigid):
+    white = np.random.default_rng(5).standard_normal(40000)
+    every = round(1e-3 / H)
+    values = {"Jh_kgm2": 100.0, "torque_noise_Nm": 0.3, "torque_noise_Hz": 2.0} | FREE
+    got = rigid.run(np.zeros(len(white) * every), noise=np.repeat(white, every), **values)
+    noise = got["tau_h_Nm"][every - 1 :: every]
+    pole, expected = math.exp(-2 * math.pi * 2.0 * 1e-3), 0.0
+    for k in range(2000):
+        expected = pole * expected + 0.3 * math.sqrt(1 - pole**2) * white[k]
+        assert noise[k] == pytest.approx(expected, abs=1e-12)
+    # 40 s hold 500 time constants of the square: 6 % is two standard deviations.
+    assert np.std(noise[1000:]) == pytest.approx(0.3, rel=0.12)
+
+
+def test_elastomer_s_true_torque_is_scaled(rigid):
+    # Forced by a stiff enough gear: the same deflection, another torque.
+    u = 0.05 * np.sin(np.linspace(0, 6, 4000))
+    heavy = {"J_kgm2": 100.0, "clamped": 1}
+    one = rigid.run(u, {"omega_m_rad_s": 0.3}, **heavy)
+    more = rigid.run(u, {"omega_m_rad_s": 0.3}, elastomer_scale=1.1, **heavy)
+    early = slice(0, 300)
+    assert more["tau_e_Nm"][early] == pytest.approx(1.1 * one["tau_e_Nm"][early], rel=1e-3)
+
+
+# -- stops, trips ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_joint_stops_hold(rigid, sign):
+    target = 5.0 * sign
+    got = rigid.run(
+        np.zeros(30000), path=lambda t: (target * np.minimum(t / 2, 1) ** 2, 0 * t, 0 * t)
+    )
+    limit = 3.0 if sign > 0 else -0.6
+    # The person's spring against the stop's: 15 (5 - x) = 5000 (x - limit).
+    expected = (15 * target + 5000 * limit) / 5015
+    assert got["theta_l_rad"][-1] == pytest.approx(expected, abs=2e-4)
+    assert np.max(np.abs(got["theta_l_rad"])) < abs(limit) + 0.1
+
+
+def test_coupling_stop_holds_the_full_motor_torque(rigid):
+    got = rigid.run(np.full(30000, 0.221), clamped=1, trip_torque_Nm=1.0)
+    assert 0.34 < got["theta_m_rad"][-1] < 0.341
+    assert np.max(got["theta_m_rad"]) < 0.36
+    assert got["tau_e_Nm"][-1] == pytest.approx(N * 0.221, rel=0.01)
+    assert abs(got["omega_m_rad_s"][-1]) < 1e-3
+
+
+def test_trip_by_speed_latches_the_motor_off(rigid):
+    got = rigid.run(np.full(20000, 0.221), trip_speed_rad_s=2.0, trip_torque_Nm=100.0, **FREE)
+    tripped = got["tripped"]
+    first = int(np.argmax(tripped > 0))
+    assert np.all(tripped[:first] == 0)
+    assert np.all(tripped[first:] == 1)
+    speed = np.abs(got["omega_g_rad_s"])
+    assert speed[first] > 2.0 >= np.max(speed[:first])
+    since = got["t"][first:] - got["t"][first]
+    assert got["u_a_Nm"][first:] == pytest.approx(
+        got["u_a_Nm"][first] * np.exp(-since / 0.03488), rel=1e-9
+    )
+    assert speed[-1] < 1.0  # the speed is long gone, the trip stays
+
+
+def test_trip_by_effective_torque(rigid):
+    got = rigid.run(np.full(20000, 0.2), clamped=1, trip_torque_Nm=0.12, trip_window_s=0.5)
+    lag, window = 0.03488, 0.5
+
+    def heat(t):
+        # First-order response to u^2 (1 - exp(-t/lag))^2, term by term.
+        terms = ((1.0, math.inf), (-2.0, lag), (1.0, lag / 2))
+        total = 0.0
+        for factor, tau in terms:
+            rate = 1 / tau
+            gain = (1 / window) / (1 / window - rate)
+            total += factor * gain * (math.exp(-rate * t) - math.exp(-t / window))
+        return 0.2**2 * total
+
+    when = brentq(lambda t: heat(t) - 0.12**2, 1e-3, 3)
+    first = int(np.argmax(got["tripped"] > 0))
+    assert got["tripped"][first] == got["tripped"][-1] == 2
+    assert got["t"][first] == pytest.approx(when, abs=2 * H)
+    # Not tripped where the threshold is above what is ever reached.
+    assert not np.any(rigid.run(np.full(20000, 0.1), clamped=1, trip_torque_Nm=0.12)["tripped"])
+
+
+# -- energy ---------------------------------------------------------------------------------------
+
+
+def balance_error(got: dict) -> float:
+    """Largest gap of the energy balance, over the energy that has moved."""
+    into = got["work_motor_J"] + got["work_person_J"] + got["work_disturbance_J"]
+    out = got["work_loss_J"] + got["work_elastomer_J"] + got["stored_J"]
+    moved = sum(np.max(np.abs(got[f"work_{k}_J"])) for k in WORKS) + np.max(got["stored_J"])
+    return float(np.max(np.abs(into - out)) / moved)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 10**6), st.booleans(), st.floats(0.2, 6.0), st.booleans())
+def test_energy_balance_of_random_plants(device, cabled, rigid, seed, cable, hertz, clamped):
+    values = dict(random_plant(device, seed).values) | {"clamped": clamped}
+    rng = np.random.default_rng(seed)
+    t = np.arange(10000) * H
+    u = rng.uniform(0.02, 0.221) * np.sin(2 * np.pi * hertz * t + rng.uniform(0, 6))
+    noise = np.repeat(rng.standard_normal(2000), 5)
+    got = (cabled if cable else rigid).run(u, path=swing, noise=noise, **values)
+    assert balance_error(got) < 1e-4
+    assert not np.any(got["plant_status"])
+    assert np.all(np.diff(got["work_loss_J"]) > -1e-9)
+    assert np.max(np.abs(got["theta_m_rad"] - got["theta_l_rad"])) < 0.36
+    if clamped:
+        assert np.all(got["theta_l_rad"] == 0)
+        assert np.all(got["work_person_J"] == 0)
+
+
+def test_the_energy_balance_is_armed(cabled, device):
+    # A hundredth of the lost work, counted wrongly, would be seen.
+    got = cabled.run(
+        0.1 * np.sin(np.linspace(0, 30, 20000)), path=swing, **real_plant(device, seed=2).values
+    )
+    assert balance_error(got) < 3e-5
+    assert balance_error(got | {"work_loss_J": 1.01 * got["work_loss_J"]}) > 1e-3
+
+
+@pytest.mark.parametrize(("kind", "order"), [("ideal", 1.7), ("real", 0.3)])
+def test_smaller_steps_come_closer(device, kind, order):
+    variant = (ideal_plant if kind == "ideal" else real_plant)(device)
+    values, runs = {**variant.values, "torque_noise_Nm": 0.0}, {}
+    for steps_ms in (40, 5, 2):
+        rig = Rig(device, variant.cable, 1e-3 / steps_ms)
+        ms = 0.03 * np.sin(2 * np.pi * 0.6e-3 * np.arange(1500))
+        got = rig.run(np.repeat(ms, steps_ms), path=swing, **values)
+        runs[steps_ms] = got["tau_e_Nm"][steps_ms - 1 :: steps_ms]
+
+    def error(steps_ms):
+        return np.sqrt(np.mean((runs[steps_ms] - runs[40]) ** 2))
+
+    assert error(5) < 1e-4  # Nm, the step in use
+    assert math.log2(error(2) / error(5)) / math.log2(2.5) > order
+
+
+# -- guards ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cable", [True, False])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_nothing_that_is_not_a_number_passes(device, cable, bad):
+    block = plant_block(device, cable)
+    calm = {p.name: 0.01 for p in block.inputs}
+    for port in block.inputs:
+        sim = block.simulator()
+        out = sim.step(**calm | {port.name: bad})
+        assert out["plant_status"] == 1
+        assert all(np.all(np.isfinite(v)) for v in [*out.values(), *sim.state.values()])
+    for port in block.state:
+        for i in range(port.size):
+            sim = block.simulator()
+            sim.step(**calm)
+            value = sim.state[port.name]
+            value[i] = bad
+            sim.state = {port.name: value}
+            out = sim.step(**calm)
+            assert out["plant_status"] == 2, port.name
+            assert all(np.all(np.isfinite(v)) for v in [*out.values(), *sim.state.values()])
+
+
+# -- encoders -------------------------------------------------------------------------------------
+
+X = ca.SX.sym("x")
+FLOOR = ca.Function("floor", [X], [whole_below(X)])
+SINE = ca.Function("sine", [X], [sine_of_turns(X)])
+
+
+@settings(deadline=None)
+@given(st.floats(-1e9, 1e9) | st.integers(-(10**6), 10**6).map(float))
+def test_whole_below(x):
+    assert float(FLOOR(x)) == math.floor(x)
+
+
+@settings(deadline=None)
+@given(st.floats(-100, 100))
+def test_sine_of_turns(turns):
+    assert float(SINE(turns)) == pytest.approx(math.sin(2 * math.pi * turns), abs=2e-11 + 1e-12)
+
+
+@pytest.fixture(scope="module")
+def encoders(device):
+    return encoder_block(device)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(st.floats(-6, 6), min_size=3, max_size=3),
+    st.sampled_from([4, 8, 11, 12]),
+    st.sampled_from([10, 16, 17]),
+    st.lists(st.floats(-0.1, 0.1), min_size=9, max_size=9),
+)
+def test_counts(encoders, angles, bits, motor_bits, errors):
+    theta = dict(zip(("motor", "load", "gear"), angles, strict=True))
+    tunables = {"joint_encoder_bits": bits, "motor_encoder_bits": motor_bits}
+    names = ("offset_rad", "wave_1_rad", "phase_1_rad", "wave_2_rad")
+    for side, chunk in (("motor", errors[:4]), ("load", errors[4:8])):
+        tunables |= {f"{side}_{n}": 5 * e for n, e in zip(names, chunk, strict=True)}
+    tunables["gear_offset_rad"] = errors[8]
+    out = encoders.simulator(tunables).step(**{ENCODERS[k]: v for k, v in theta.items()})
+    for side, x in theta.items():
+        seen = (N if side == "gear" else 1) * x + tunables[f"{side}_offset_rad"]
+        if side != "gear":
+            a1, p1, a2 = (tunables[f"{side}_{n}"] for n in names[1:])
+            seen += a1 * math.sin(x + p1) + a2 * math.sin(2 * x)
+        own, full = (motor_bits, 17) if side == "gear" else (bits, 12)
+        steps = seen / (2 * math.pi) * 2**own
+        if abs(steps - round(steps)) > 1e-5:
+            expected = (math.floor(steps) % 2**own) * 2 ** (full - own)
+            assert out[f"count_{side}"] == expected
+        assert out[f"count_{side}"] == int(out[f"count_{side}"]) < 2**full
+
+
+def test_counts_at_the_edges(encoders):
+    quiet = {"theta_m_rad": 0.0, "theta_l_rad": 0.0, "theta_g_rad": 0.0}
+    sim = encoders.simulator()
+    below = sim.step(**quiet | {"theta_m_rad": -1e-12, "theta_g_rad": -1e-300})
+    assert below == {"count_motor": 4095, "count_load": 0, "count_gear": 2**17 - 1}
+    step = 2 * math.pi / 4096
+    counts = [
+        sim.step(**quiet | {"theta_l_rad": (k + 0.5) * step})["count_load"] for k in range(-9, 9)
+    ]
+    assert counts == [k % 4096 for k in range(-9, 9)]
+
+
+# -- numbers and people ---------------------------------------------------------------------------
+
+
+def test_reference_numbers():
+    r = PLANTS.real
+    assert (r.friction_scale, r.cable_stiffness_Nm_rad, r.cable_backlash_rad) == (1.25, 150, 0.01)
+    assert (r.cable_loss, r.motor_side_inertia_kgm2, r.gear_disturbance_rms_rad_s2) == (
+        0.1,
+        0.003,
+        0.45,
+    )
+    assert (r.joint_encoder_bits, r.motor_encoder_bits, r.velocity_filter_Hz) == (12, 17, 30)
+    ideal, uncertain = PEOPLE["ideal"], PEOPLE["uncertain"]
+    assert (ideal.Jh_kgm2, ideal.spring_Nm_rad, ideal.damping_Nms_rad) == (0.22, 15, 1.5)
+    assert (ideal.feedforward, uncertain.feedforward) == (True, False)
+    assert (uncertain.Jh_kgm2, uncertain.gravity_Nm, uncertain.torque_noise_Nm) == (0.15, 1.5, 0.3)
+    assert PEOPLE["none"].clamped
+
+
+def test_real_plant_has_more_friction(device):
+    values = real_plant(device).values
+    assert values["fv_Nms_rad"] == pytest.approx(1.25 * 0.5551)
+    assert values["fc_Nm"] == pytest.approx(1.25 * 0.4688)
+    assert "J_kgm2" not in values
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**31))
+def test_random_plants_stay_in_their_family(device, cabled, seed):
+    plant = random_plant(device, seed)
+    assert plant == random_plant(device, seed)
+    assert plant != random_plant(device, seed + 1)
+    v, family = plant.values, PLANTS.random
+    for key in ("cable_stiffness_Nm_rad", "cable_backlash_rad", "cable_loss", "Jh_kgm2"):
+        low, high = getattr(family, key)
+        assert low <= v[key] <= high
+    for key, base in (("fv_Nms_rad", 0.5551), ("fc_Nm", 0.4688)):
+        assert 0.75 * base <= v[key] <= 1.25 * base
+    assert 0.9 * 0.663 <= v["J_kgm2"] <= 1.1 * 0.663
+    assert 0.8 * 0.03488 <= v["tau_c_s"] <= 1.2 * 0.03488
+    known = {t.name for _, t in cabled.system.tunables}
+    assert set(v) <= known
+
+
+def test_having_keeps_the_rest(device):
+    plant = PlantVariant(device, True, {"fc_Nm": 0.1}).having(PEOPLE["none"], fv_Nms_rad=0.2)
+    assert (plant.values["fc_Nm"], plant.values["fv_Nms_rad"], plant.values["clamped"]) == (
+        0.1,
+        0.2,
+        1.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("cable_loss = 0.10 ", "cable_los = 0.10 ", "real.cable_los is unknown"),
+        ("cable_loss = 0.10 ", "# ", "real.cable_loss is missing"),
+        ("cable_loss = 0.10 ", 'cable_loss = "much" ', "real.cable_loss = 'much' is not a float"),
+        ("cable_loss = 0.10 ", "cable_loss = nan ", "is not a float"),
+        ("feedforward = true", "feedforward = 1", "person.ideal.feedforward = 1 is not a bool"),
+        ("joint_encoder_bits = 12 ", "joint_encoder_bits = 12.5 ", "is not a int"),
+        ("[nominal]", "[nominal", "not valid TOML"),
+    ],
+)
+def test_a_wrong_file_of_numbers_is_refused(old, new, words):
+    from importlib import resources
+
+    text = (resources.files("esea_gen") / "twin" / "plants.toml").read_text()
+    assert old in text
+    with pytest.raises(UserError, match=words):
+        parse_plants(text.replace(old, new, 1))
+
+
+def test_a_device_without_a_drive_is_refused():
+    with pytest.raises(UserError, match=r"section \[actuator\] is missing"):
+        plant_system(esea_gen.load_device("elbow"))
+
+
+def test_a_step_that_does_not_divide_the_tick_is_refused(device):
+    with pytest.raises(UserError, match="does not divide"):
+        plant_system(device, step_s=3e-4)
+
+
+def test_wrong_starts_are_refused(rigid):
+    with pytest.raises(UserError, match="named theta_rad"):
+        start_state(rigid.block, 0.0, {"theta_rad": 1.0})
+    with pytest.raises(UserError, match="outside"):
+        start_state(rigid.block, 0.0, {"theta_l_rad": math.nan})
+
+
+def test_variant_is_a_value(device):
+    assert dataclasses.replace(ideal_plant(device), step_s=1e-4).step_s == 1e-4

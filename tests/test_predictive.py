@@ -1,0 +1,508 @@
+"""Predictive control: rollout, sensitivities and command against a second derivation."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from esea_gen.block import Port, Tunable
+from esea_gen.control.box_qp import packed
+from esea_gen.control.horizon import Horizon, Model, Stops, Tape
+from esea_gen.control.predictive import FLAGS, predictive_program
+from esea_gen.control.predictive_drive import SMOOTH_RAD, SMOOTH_RAD_S, predictive_controller
+from esea_gen.device import load_device, parse_device
+from esea_gen.emit.program_c import render_program
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import CRunner, HostLibrary
+
+from .conftest import require_tool
+
+BIT = {f.name: 1 << i for i, f in enumerate(FLAGS)}
+
+
+def compiled(program, real: str) -> CRunner:
+    require_tool("gcc")
+    renderer = render_program(program, real)
+    return HostLibrary(renderer.system, renderer).block(program.name)
+
+
+class Plain:
+    """The same plant written a second time: stop operators in their clip form (3.5 to 3.7), the
+    torque summed from its parts, nothing split or shared; derivatives by CasADi over all of it."""
+
+    def __init__(self, device, horizon: Horizon, q: float, r: float, free: float = 1.0, **law):
+        f, e = device.file, device.file.elastomer
+        self.device, self.z, self.q, self.r, self.law = device, horizon, q, r, law
+        self.a, self.e = f.actuator, e
+        self.load = free / f.joint.Jh_kgm2.value
+        self.fade = f.disturbance.decay_s.value
+        count = int(e.stops.value)
+        self.radius = [e.omega_rad.value * (i + 1) for i in range(count)]
+        self.weight = [
+            e.alpha_Nm_rad.value * math.exp(-e.beta_1_rad.value * x) for x in self.radius
+        ]
+        self.dead = e.dead_zone_rad.value if e.dead_zone_rad else 0.0
+
+    def beyond(self, delta):
+        return ca.fmax(delta - self.dead, 0) + ca.fmin(delta + self.dead, 0)
+
+    @staticmethod
+    def outside(device, delta: float) -> float:
+        zone = device.file.elastomer.dead_zone_rad
+        return float(np.sign(delta) * max(abs(delta) - (zone.value if zone else 0.0), 0.0))
+
+    def torque(self, delta, tau_r, stops):
+        d = self.beyond(delta)
+        hysteresis = sum(w * s for w, s in zip(self.weight, stops, strict=True))
+        return self.e.k3_Nm_rad3.value * d**3 + self.e.k1_Nm_rad.value * d + tau_r + hysteresis
+
+    def advance(self, s: dict, u, tau_h, d4, h: float) -> dict:
+        a, m = self.a, self.e.maxwell
+        inertia = a.J_kgm2.value
+        keep = math.exp(-h / a.tau_c_s.value)
+        mean = u + (s["u_a"] - u) * (1 - keep) * a.tau_c_s.value / h
+        tau = self.torque(s["delta"], s["tau_r"], s["stops"])
+        om = s["om"] + h / 2 * ((a.gear_ratio.value * mean - tau) / inertia + d4)
+        ol = s["ol"] + h / 2 * self.load * (tau + tau_h)
+        sig = ca.tanh(om / a.coulomb_width_rad_s.value)
+        drag = (a.fv_Nms_rad.value * om + a.fc_Nm.value * sig) / inertia
+        stiff = (
+            a.fv_Nms_rad.value + a.fc_Nm.value / a.coulomb_width_rad_s.value * (1 - sig**2)
+        ) / inertia
+        om_2 = om - h * drag / (1 + h / 2 * stiff)
+        delta = s["delta"] + h * ((om + om_2) / 2 - ol)
+        change = self.beyond(delta) - self.beyond(s["delta"])
+        stops = [
+            ca.fmax(ca.fmin(x + change, r), -r)
+            for x, r in zip(s["stops"], self.radius, strict=True)
+        ]
+        tau_r = s["tau_r"]
+        if m:
+            mid, rate = self.beyond(s["delta"]) + change / 2, change / h
+            eta = (
+                m.A_Nms_rad.value * (mid**2 + SMOOTH_RAD**2) ** (m.m.value / 2)
+                + m.eps1_Nms_rad.value
+            ) / (m.B.value * (rate**2 + SMOOTH_RAD_S**2) ** (m.n.value / 2) + m.eps2.value)
+            x = h * m.kv_Nm_rad.value / eta
+            tau_r = (tau_r + m.kv_Nm_rad.value * change * (1 + x / 2 + x**2 / 6)) / (
+                1 + x + x**2 / 2 + x**3 / 6
+            )
+        tau = self.torque(delta, tau_r, stops)
+        return {
+            "delta": delta,
+            "om": om_2 + h / 2 * ((a.gear_ratio.value * mean - tau) / inertia + d4),
+            "ol": ol + h / 2 * self.load * (tau + tau_h),
+            "tl": s["tl"] + h * ol,
+            "u_a": u + keep * (s["u_a"] - u),
+            "tau_r": tau_r,
+            "stops": stops,
+        }
+
+    def residuals(self, given: dict, z) -> list:
+        """Residuals of the cost, first the errors, then the efforts, for inputs z (casadi SX)."""
+        hz, u_max = self.z, self.a.u_max_Nm.value
+        u_max = predictive_controller(self.device).outputs[0].high if u_max else u_max
+        s = {
+            "delta": given["delta_rad"],
+            "om": given["omega_l_rad_s"] + given["omega_rad_s"],
+            "ol": given["omega_l_rad_s"],
+            "tl": given.get("theta_l_rad", 0.0),
+            "u_a": given["u_a_Nm"],
+            "tau_r": given.get("tau_rate_Nm", 0.0),
+            "stops": [self.beyond(given["delta_rad"]) - x for x in given["play_rad"]],
+        }
+
+        def human(k: int) -> float:
+            t = hz.delay_s + (k + 0.5) * hz.interval_s
+            return given["tau_h_Nm"] + given["tau_h_rate_Nm_s"] * self.fade * (
+                1 - math.exp(-t / self.fade)
+            )
+
+        d4 = given["d4_rad_s2"]
+        if hz.delay_s:
+            s = self.advance(s, given["u_in_force_Nm"], human(0), d4, hz.delay_s)
+        errors, efforts = [], []
+        for k in range(hz.intervals):
+            u = u_max * z[k]
+            efforts.append(math.sqrt(self.r) / self.a.tau_c_s.value * (u - s["u_a"]))
+            for _ in range(hz.substeps):
+                s = self.advance(s, u, human(k), d4, hz.interval_s / hz.substeps)
+            wanted = np.broadcast_to(given["tau_d_Nm"], hz.intervals)[k]
+            e = self.torque(s["delta"], s["tau_r"], s["stops"]) - wanted
+            if self.law:
+                e += self.law["Kp"] * (s["tl"] - given["theta_d_rad"])
+                e += self.law["Kd"] * (s["ol"] - given["omega_d_rad_s"])
+            errors.append(math.sqrt(self.q) * e)
+        return errors + efforts
+
+    def problem(self, given: dict, plan: np.ndarray):
+        """Residuals and Jacobian at a plan, the Jacobian also by central differences."""
+        z = ca.SX.sym("z", self.z.intervals)
+        r = ca.vertcat(*self.residuals(given, z))
+        f = ca.Function("r", [z], [r, ca.jacobian(r, z)])
+        value, jacobian = (np.array(x) for x in f(plan))
+        step = 1e-6
+        difference = np.empty_like(jacobian)
+        for j in range(len(plan)):
+            d = np.zeros(len(plan))
+            d[j] = step
+            ends = (np.array(f(plan + d)[0]), np.array(f(plan - d)[0]))
+            difference[:, j] = (ends[0] - ends[1])[:, 0] / (2 * step)
+        return value[:, 0], jacobian, difference
+
+
+def nested(rng, device) -> np.ndarray:
+    """A memory that some history can have left: each stop within reach of the one before."""
+    e = device.file.elastomer
+    gap, state, last = e.omega_rad.value, [], 0.0
+    for i in range(int(e.stops.value)):
+        r = gap * (i + 1)
+        # Often at its bound: there the derivative switches.
+        last = float(np.clip(last + rng.choice([-1, 1, rng.uniform(-1, 1)]) * gap, -r, r))
+        state.append(last)
+    return np.array(state)
+
+
+def situation(rng, device, program) -> dict:
+    delta = rng.uniform(-0.2, 0.2)
+    calm = 10 ** rng.uniform(-2, 0)
+    given = {
+        "delta_rad": delta,
+        "omega_rad_s": rng.normal() * calm,
+        "omega_l_rad_s": rng.normal() * calm,
+        "u_a_Nm": rng.uniform(-0.1, 0.1),
+        "u_in_force_Nm": rng.uniform(-0.2, 0.2),
+        "tau_rate_Nm": rng.normal() * 0.3,
+        "play_rad": Plain.outside(device, delta) - nested(rng, device),
+        "d4_rad_s2": rng.normal() * 0.5,
+        "tau_h_Nm": rng.normal() * 2 * calm,
+        "tau_h_rate_Nm_s": rng.normal() * 5 * calm,
+        "mode": 1.0,
+        "theta_l_rad": rng.uniform(0, 2),
+        "theta_d_rad": rng.uniform(0, 2),
+        "omega_d_rad_s": rng.normal() * calm,
+    }
+    ports = {p.name: p for p in program.inputs}
+    given["tau_d_Nm"] = rng.normal(size=ports["tau_d_Nm"].size)
+    if ports["tau_d_Nm"].size == 1:
+        given["tau_d_Nm"] = float(given["tau_d_Nm"][0])
+    return {k: v for k, v in given.items() if k in ports}
+
+
+def warm(plan: np.ndarray, share: float) -> np.ndarray:
+    return np.append(plan[:-1] + share * (plan[1:] - plan[:-1]), plan[-1])
+
+
+def check_linearisation(device, horizon: Horizon, seed: int, q=300.0, r=1.0, preview=False, law=()):
+    """Rows of the Jacobian, Hessian and command against :class:`Plain`."""
+    rng = np.random.default_rng(seed)
+    program = predictive_controller(device, horizon=horizon, preview=preview, impedance=bool(law))
+    tunables = {"Q": q, "R": r} | ({"Kp_Nm_rad": law["Kp"], "Kd_Nms_rad": law["Kd"]} if law else {})
+    executor = program.simulator(tunables)
+    plain = Plain(device, horizon, q, r, **dict(law))
+    given = situation(rng, device, program)
+    plan = rng.uniform(-0.5, 0.5, horizon.intervals)
+    executor.state = {"plan": plan}
+    out = executor.step(**given)
+    start = warm(plan, min(1.0, program.period_s / horizon.interval_s))
+    value, jacobian, difference = plain.problem(given, start)
+    n = horizon.intervals
+    mine = np.zeros((2 * n, n))
+    for block, name in ((0, "error_0"), (n, "effort_0")):
+        rows = executor.array(f"{name}_rows")
+        for k in range(n):
+            for j in range(k + 1):
+                mine[block + k, j] = rows[packed(k, j)]
+    scale = np.max(np.abs(jacobian))
+    assert np.max(np.abs(mine - jacobian)) < 1e-9 * scale
+    # The clip's corners are the only places where differences may disagree.
+    smooth = np.abs(jacobian - difference) < 1e-6 * scale
+    hessian = np.array([[executor.array("qp_H")[packed(i, j)] for j in range(n)] for i in range(n)])
+    assert hessian == pytest.approx(jacobian.T @ jacobian, rel=1e-9, abs=1e-12 * scale**2)
+    gradient = jacobian.T @ (value - jacobian @ start)
+    assert executor.array("qp_f") == pytest.approx(gradient, rel=1e-8, abs=1e-10 * scale**2)
+    best = lsq_linear(
+        jacobian, jacobian @ start - value, (-1, 1), tol=1e-14, lsq_solver="exact", method="bvls"
+    ).x
+    assert executor.state["plan"] == pytest.approx(best, abs=1e-6)
+    assert out["status"] == 0
+    assert out["u_Nm"] == pytest.approx(best[0] * program.outputs[0].high, abs=1e-7)
+    return smooth
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return load_device("elbow_drive")
+
+
+@pytest.fixture(scope="module")
+def program(drive):
+    return predictive_controller(drive)
+
+
+@pytest.fixture(scope="module")
+def runners(program):
+    return {real: compiled(program, real) for real in ("f64", "f32")}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sensitivities_and_command_against_a_second_derivation(drive, seed):
+    smooth = check_linearisation(drive, Horizon(), seed)
+    assert np.mean(smooth) > 0.9
+
+
+@pytest.mark.parametrize(
+    "horizon",
+    [
+        Horizon(intervals=2, interval_s=0.05, substeps=10, delay_s=0.0),
+        Horizon(intervals=5, interval_s=0.02, substeps=1, delay_s=0.005),
+        Horizon(intervals=20, interval_s=0.01, substeps=2, delay_s=0.001),
+    ],
+)
+@pytest.mark.parametrize("preview", [False, True])
+def test_any_horizon_and_preview(drive, horizon, preview):
+    check_linearisation(drive, horizon, 11, q=35.0, r=0.3, preview=preview)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_impedance_in_one_layer(drive, seed):
+    check_linearisation(
+        drive, Horizon(intervals=6), seed, q=1.0, r=0.005, preview=True, law={"Kp": 1.5, "Kd": 0.25}
+    )
+
+
+def other(base: str, name: str):
+    """A device with the elastomer of another one and the elbow's drive."""
+    from esea_gen.devices.file import shipped_devices
+
+    text = shipped_devices()["elbow_drive"].read_text()
+    text = text.replace('extends = "elbow"', f'extends = "{base}"')
+    return parse_device(text.replace('name = "elbow_drive"', f'name = "{name}"'), f"{name}.toml")
+
+
+@pytest.mark.parametrize("base", ["wrist", "knee"])
+def test_other_devices(base):
+    # The knee has a dead zone and no rate terms or both, as its file says.
+    device = other(base, f"{base}_drive")
+    horizon = Horizon(intervals=4)
+    for seed in (1, 2, 3):
+        check_linearisation(device, horizon, seed)
+
+
+def mass_on_a_rail(n: int, **more) -> Model:
+    """A made-up plant without memory: a mass with drag; two errors and a quadratic drag term."""
+
+    def substep(t: Tape, h, x, u, p, w):
+        force = t.let("force", u - p.drag * x.v * ca.sqrt(x.v**2 + 1))
+        v = t.let("v_next", x.v + h * force)
+        return {"s": x.s + h * v, "v": v}
+
+    return Model(
+        states=("s", "v"),
+        start=lambda u, tau: {"s": u.s_rad, "v": u.v_rad_s},
+        substep=substep,
+        error=lambda x, p, ref: [p.root * (x.s - ref.wanted), 0.2 * x.v],
+        effort=lambda x, u, p: [0.05 * u],
+        inputs=(
+            Port("s_rad", -10, 10, "place"),
+            Port("v_rad_s", -10, 10, "speed"),
+            Port("u_before_Nm", -2, 2, "command in force"),
+            Port("wanted_rad", -10, 10, "wanted place", n),
+        ),
+        in_force="u_before_Nm",
+        references={"wanted": ("wanted_rad", True)},
+        parameters=("drag", "root"),
+        u_max=2.0,
+        tunables=(
+            Tunable("drag", 0.0, 0.0, 1.0, "quadratic drag"),
+            Tunable("weight", 4.0, 0.1, 100.0, "weight of the place"),
+        ),
+        coefficients=(Port("drag", 0, 1, "drag"), Port("root", 0, 10, "root of the weight")),
+        prepare=lambda t: {"drag": t.drag, "root": ca.sqrt(t.weight)},
+        **more,
+    )
+
+
+@pytest.mark.parametrize("n", [2, 30, 100])
+def test_a_made_up_linear_plant_has_the_closed_solution(n):
+    # Without drag the plant is linear, so that one iteration is the exact optimum, from matrices.
+    h, m = 0.02, 3
+    horizon = Horizon(intervals=n, interval_s=h * m, substeps=m, delay_s=0.0)
+    program = predictive_program(mass_on_a_rail(n), horizon, period_s=0.02, name="rail")
+    rng = np.random.default_rng(n)
+    given = {"s_rad": 1.5, "v_rad_s": -0.4, "u_before_Nm": 0.0, "wanted_rad": rng.normal(size=n)}
+    step = np.linalg.matrix_power(np.array([[1, h], [0, 1]]), m)
+    push = sum(np.linalg.matrix_power([[1, h], [0, 1]], i) @ [[h * h], [h]] for i in range(m))
+    rows, want = [], []
+    for k in range(1, n + 1):
+        base = np.linalg.matrix_power(step, k) @ [1.5, -0.4]
+        gain = np.zeros((2, n))
+        for j in range(k):
+            gain[:, [j]] = np.linalg.matrix_power(step, k - 1 - j) @ push * 2.0
+        rows += [2.0 * gain[0], 0.2 * gain[1]]
+        want += [2.0 * (given["wanted_rad"][k - 1] - base[0]), -0.2 * base[1]]
+    rows, want = np.vstack([*rows, 0.1 * np.eye(n)]), np.append(want, np.zeros(n))
+    for real, off, lost in (("f64", 1e-9, 1e-12), ("f32", 3e-4, 1e-5)):
+        runner = compiled(program, real)
+        out = runner.step(**given)
+        assert out["status"] == 0
+        plan = runner.state["plan"][0].astype(float)
+        # First-order conditions prove the minimum of a strictly convex problem.
+        gradient = rows.T @ (rows @ plan - want)
+        scale = np.diag(rows.T @ rows)
+        step_left = np.clip(plan - gradient / scale, -1, 1) - plan
+        assert np.max(np.abs(step_left)) < off
+        assert np.any(np.abs(plan) == 1)
+        if real == "f64":
+            best, double = np.sum((rows @ plan - want) ** 2), runner
+        assert np.sum((rows @ plan - want) ** 2) <= best * (1 + lost)
+    if n == 2:
+        simulator = program.simulator()
+        simulator.step(**given)
+        assert np.array_equal(simulator.state["plan"], double.state["plan"][0])
+
+
+def test_executor_and_double_precision_c_have_the_same_bits(drive, program, runners):
+    rng = np.random.default_rng(0)
+    simulator, runner = program.simulator(), runners["f64"]
+    runner.reset()
+    for _ in range(6):
+        given = situation(rng, drive, program)
+        a, b = simulator.step(**given), runner.step(**given)
+        assert a == dict(b)
+        for name, value in simulator.state.items():
+            # Every work array too.
+            assert np.array_equal(value, np.ravel(runner.state[name][0])), name
+
+
+def test_single_precision_changes_the_command_by_little(drive, program, runners):
+    rng = np.random.default_rng(1)
+    worst = 0.0
+    for real in runners:
+        runners[real].reset()
+    for _ in range(300):
+        given = situation(rng, drive, program)
+        a, b = (runners[real].step(**given) for real in ("f64", "f32"))
+        assert a["status"] == b["status"] == 0
+        worst = max(worst, abs(float(a["u_Nm"]) - float(b["u_Nm"])))
+    assert worst < 7e-6
+
+
+SPECIAL = [np.nan, np.inf, -np.inf, 3e38, -3e38]
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_nothing_invalid_passes(drive, program, runners, real):
+    rng = np.random.default_rng(2)
+    runner = runners[real]
+    limit = program.outputs[0].high
+    fields = [p.name for p in program.inputs]
+    for name in fields:
+        for value in SPECIAL:
+            given = situation(rng, drive, program)
+            if np.ndim(given[name]):
+                given[name] = given[name].copy()
+                given[name][rng.integers(len(given[name]))] = value
+            else:
+                given[name] = value
+            runner.reset()
+            out = runner.step(**given)
+            assert out["u_Nm"] == 0.0, (name, value)
+            assert out["status"] & BIT["INPUT_INVALID"]
+            assert not np.any(runner.state["plan"])
+            good = runner.step(**situation(rng, drive, program))
+            assert good["status"] == 0
+    for field in runner.state.dtype.names:
+        for value in SPECIAL:
+            given = situation(rng, drive, program)
+            runner.reset()
+            fresh = runner.step(**given)
+            runner.reset()
+            state = runner.state
+            if state[field].dtype.kind != "f":
+                continue
+            if state[field].ndim > 1:
+                state[field][0, rng.integers(state[field].shape[1])] = value
+            else:
+                state[field] = value
+            runner.state = state
+            out = runner.step(**given)
+            assert abs(out["u_Nm"]) <= limit, (field, value)
+            # A corrupt plan is told of; work arrays carry nothing into a step.
+            if field == "plan":
+                assert out["status"] == BIT["STATE_REPAIRED"]
+            else:
+                assert out["status"] == 0
+            assert out["u_Nm"] == fresh["u_Nm"]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 10**6), st.floats(0.01, 60), st.floats(0.1, 6))
+def test_wild_but_valid_inputs_give_a_bounded_command(drive, program, runners, seed, speed, torque):
+    rng = np.random.default_rng(seed)
+    given = situation(rng, drive, program)
+    ports = {p.name: p for p in program.inputs}
+    for name, scale in (
+        ("omega_rad_s", speed),
+        ("omega_l_rad_s", speed),
+        ("tau_rate_Nm", torque),
+        ("tau_h_Nm", 3 * torque),
+        ("tau_d_Nm", 3 * torque),
+    ):
+        given[name] = float(np.clip(rng.normal() * scale, ports[name].low, ports[name].high))
+    given["play_rad"] = rng.uniform(-0.7, 0.7, len(given["play_rad"]))  # no history leaves this
+    for real in ("f64", "f32"):
+        runners[real].reset()
+        for _ in range(2):
+            out = runners[real].step(**given)
+            assert abs(out["u_Nm"]) <= program.outputs[0].high
+            assert not out["status"] & (BIT["CAP_REACHED"] | BIT["NOT_CONVEX"])
+
+
+def test_off_means_no_command_and_no_plan(drive, program, runners):
+    given = situation(np.random.default_rng(5), drive, program) | {"tau_d_Nm": 4.0}
+    for runner in runners.values():
+        runner.reset()
+        assert runner.step(**given)["u_Nm"] != 0
+        out = runner.step(**given | {"mode": 0.0})
+        assert (out["u_Nm"], out["status"]) == (0.0, 0)
+        assert not np.any(runner.state["plan"])
+
+
+def test_bad_horizons_are_refused(drive):
+    for wrong in (
+        {"intervals": 1},
+        {"intervals": 101},
+        {"substeps": 0},
+        {"interval_s": 0.0},
+        {"delay_s": 0.03},
+    ):
+        with pytest.raises(UserError, match=next(iter(wrong))):
+            Horizon(**wrong)
+    with pytest.raises(UserError, match="rise"):
+        Stops((0.1, 0.05), (1.0, 1.0))
+    with pytest.raises(UserError, match="no drive"):
+        predictive_controller(load_device("elbow"))
+
+
+def test_a_substep_that_breaks_the_rules_is_refused():
+    def forgets(t, h, x, u, p, w):
+        return {"s": x.s}
+
+    def asks(t, h, x, u, p, w):
+        d = t.let("d", x.s)
+        t.memory(d)
+        return {"s": x.s, "v": x.v}
+
+    from dataclasses import replace
+
+    model = mass_on_a_rail(2)
+    for substep, message in ((forgets, "states"), (asks, "memory")):
+        with pytest.raises(ValueError, match=message):
+            predictive_program(replace(model, substep=substep), Horizon(2), period_s=0.01)

@@ -1,0 +1,192 @@
+"""Predictive control on the board and in closed loop: bound, warnings, reference experiments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from esea_gen.bench.bound import BoundError, blocks_of, disassemble
+from esea_gen.bench.predictive import (
+    AIM_BOUND,
+    CORES,
+    FLAGS,
+    _build,
+    _entry,
+    cost_on,
+    seen_on_m4f,
+    stress_rows,
+)
+from esea_gen.bench.predictive_loop import Bench
+from esea_gen.bench.predictive_peer import flat_residuals
+from esea_gen.control.box_qp import box_qp, packed
+from esea_gen.control.horizon import Horizon
+from esea_gen.control.predictive_drive import drive_model, predictive_controller
+from esea_gen.control.predictive_system import (
+    predictive_delay_s,
+    predictive_system,
+    with_state_as_output,
+)
+from esea_gen.device import load_device
+from esea_gen.emit.program_c import render_program
+from esea_gen.hostlib.library import HostLibrary
+from esea_gen.twin.people import real_plant
+from esea_gen.twin.trajectories import backdriven, fixed_sinusoid
+
+from .conftest import require_tool
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return load_device("elbow_drive")
+
+
+@pytest.fixture(scope="module")
+def program(drive):
+    return predictive_controller(drive)
+
+
+def test_the_bound_holds_and_meets_its_aim(program):
+    require_tool("arm-none-eabi-gcc")
+    require_tool("qemu-system-arm")
+    cost = cost_on(program, "Cortex-M4F")
+    assert cost.bound.instructions <= AIM_BOUND
+    rows = stress_rows(program, 150)
+    seen, command = seen_on_m4f(program, rows)
+    assert 0.3 * cost.bound.instructions < seen.max() <= cost.bound.instructions
+    # The board's bits are the host's.
+    renderer = render_program(program, "f32")
+    runner = HostLibrary(renderer.system, renderer).block("predictive")
+    stream, at = {}, 0
+    for p in program.inputs:
+        block = rows[:, at : at + p.size].astype(np.float32).astype(float)
+        stream[p.name] = block[:, 0] if p.size == 1 else block
+        at += p.size
+    y, _ = runner.run(stream, trace=False)
+    assert np.array_equal(y["u_Nm"], command)
+    assert cost.bound.stack_bytes < 1024
+    assert cost.state_bytes < 4096
+
+
+@pytest.mark.parametrize("core", list(CORES))
+def test_the_bound_of_a_box_qp_on_every_core(core):
+    require_tool("arm-none-eabi-gcc")
+    # Above 16 variables loops stay loops; one size of these is enough.
+    sizes = (2, 5, 17) if core == "Cortex-M4F" else (2, 5)
+    costs = [cost_on(box_qp(n), core).bound.instructions for n in sizes]
+    assert costs == sorted(costs)
+    # Straight parts alone: a cap of 0 takes one pass through the search, not a third of one.
+    none = cost_on(box_qp(5, cap=0), core).bound.instructions
+    assert none < 0.5 * costs[1]
+
+
+def test_a_box_qp_never_exceeds_its_bound():
+    require_tool("arm-none-eabi-gcc")
+    require_tool("qemu-system-arm")
+    n, rng = 4, np.random.default_rng(0)
+    qp = box_qp(n)
+    rows = []
+    for _ in range(60):
+        a = rng.normal(size=(n, n))
+        h = a @ a.T + 0.01 * np.eye(n)
+        f = h @ rng.normal(size=n) * 3
+        tri = [h[i, j] for i in range(n) for j in range(i + 1)]
+        rows.append([*tri, *f, *[-0.5] * n, *[0.5] * n, *rng.normal(size=n)])
+    seen, _ = seen_on_m4f(qp, np.array(rows))
+    assert seen.max() <= cost_on(qp, "Cortex-M4F").bound.instructions
+
+
+def test_what_cannot_be_bounded_is_an_error(tmp_path):
+    require_tool("arm-none-eabi-gcc")
+    renderer = render_program(box_qp(3), "f32")
+    elf = _build(renderer, tmp_path, "Cortex-M4F", _entry(renderer))
+    functions = disassemble(elf)
+    name = "esea_program_box_qp_step"
+    assert blocks_of(name, functions)
+    i = functions[name][1]
+    jump = type(i)(i.address, "bx", "r3", i.file, i.line)
+    with pytest.raises(BoundError, match="register"):
+        blocks_of(name, functions | {name: [functions[name][0], jump]})
+
+
+@pytest.mark.parametrize("core", list(CORES))
+def test_the_board_c_has_no_warning_and_no_double(program, core, tmp_path):
+    import subprocess
+
+    gcc = require_tool("arm-none-eabi-gcc")
+    renderer = render_program(program, "f32")
+    for name, text in renderer.files().items():
+        (tmp_path / name).write_text(text)
+    strict = [
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-pedantic",
+        "-Wdouble-promotion",
+        "-Wfloat-conversion",
+    ]
+    strict += ["-Wunsuffixed-float-constants", "-Wshadow", "-Wmissing-prototypes"]
+    source = "esea_program_predictive.c"
+    target = tmp_path / "step.o"
+    subprocess.run(
+        [gcc, *CORES[core], *FLAGS, *strict, "-c", tmp_path / source, "-o", target], check=True
+    )
+    symbols = subprocess.run(
+        ["arm-none-eabi-nm", target], capture_output=True, text=True, check=True
+    ).stdout
+    assert "aeabi_d" not in symbols
+    assert "2d" not in symbols
+    assert "malloc" not in symbols
+    assert "mem" not in [line.split()[-1][:3] for line in symbols.splitlines() if " U " in line]
+
+
+def test_a_third_derivation_gives_the_same_jacobian(drive):
+    # CasADi's own differentiation of the flat rollout, with preview and impedance.
+    horizon = Horizon(intervals=4, delay_s=0.002)
+    model = drive_model(drive, horizon, preview=True, impedance=True)
+    flat = flat_residuals(model, horizon)
+    program = predictive_controller(drive, horizon=horizon, preview=True, impedance=True)
+    simulator = program.simulator({"Kp_Nm_rad": 1.5, "Kd_Nms_rad": 0.25})
+    coefficients = np.concatenate(list(simulator.coefficients.values()))
+    for row in stress_rows(program, 20, seed=5):
+        simulator.reset()
+        given, at = {}, 0
+        for p in program.inputs:
+            given[p.name] = row[at : at + p.size]
+            at += p.size
+        simulator.step(**given)
+        jacobian = np.array(flat(row, coefficients, np.zeros(4))[1])
+        mine = np.zeros_like(jacobian)
+        for offset, name in ((0, "error_0_rows"), (4, "effort_0_rows")):
+            for i in range(4):
+                for j in range(i + 1):
+                    mine[offset + i, j] = simulator.array(name)[packed(i, j)]
+        assert np.max(np.abs(mine - jacobian)) < 1e-9 * np.max(np.abs(jacobian))
+
+
+def test_a_state_shown_as_an_output_changes_nothing_else(drive):
+    shown = with_state_as_output(drive.sensor, "play_rad", "play states")
+    one, two = drive.sensor.simulator(), shown.simulator()
+    for k in range(50):
+        u = {"theta_rad": 0.1 * np.sin(0.1 * k), "omega_rad_s": 0.5 * np.cos(0.1 * k)}
+        a, b = one.step(**u), two.step(**u)
+        assert np.array_equal(b.pop("play_rad"), two.state["play_rad"])
+        assert a == b
+    with pytest.raises(ValueError, match="no state"):
+        with_state_as_output(drive.sensor, "tau_Nm", "")
+
+
+def test_the_reference_experiments(drive):
+    # Real plant, uncertain person; medians over ten seeds stand in docs/predictive.md.
+    require_tool("gcc")
+    horizon = Horizon(delay_s=predictive_delay_s(drive))
+    system = predictive_system(
+        drive, drive.velocity, drive.sensor, drive.inverse, horizon=horizon, preview=True
+    )
+    bench = Bench("MPC", drive, system, "predictive", "load_free", horizon)
+    plant = real_plant(drive, seed=1)
+    fixed = bench.run(fixed_sinusoid(1.7, 0.6), plant, 1)
+    assert not fixed.unstable
+    assert fixed.true_Nm < 0.06
+    free = bench.run(backdriven(0.25), plant, 1)
+    assert not free.unstable
+    assert free.true_Nm < 0.07

@@ -1,0 +1,514 @@
+"""Step metrics, frequency response and impedance against closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from esea_gen.errors import UserError
+from esea_gen.twin.frequency import FrequencyResponse
+from esea_gen.twin.plots import (
+    bode,
+    output_impedance,
+    rms_by_case,
+    save,
+    torque_tracking,
+    tuning_trade,
+)
+from esea_gen.twin.response import resample, step_metrics
+from esea_gen.twin.spring_rig import author_bandwidth, check_on_data
+from esea_gen.twin.sweeps import (
+    Sweep,
+    impedance,
+    periodic_response,
+    sweep_response,
+    welch_response,
+)
+
+H = 1e-3
+
+
+def second_order(t, wn, zeta):
+    """Step response of wn^2 / (s^2 + 2 zeta wn s + wn^2), zeta below 1, any sign."""
+    wd = wn * math.sqrt(1 - zeta**2)
+    return np.where(
+        t < 0,
+        0.0,
+        1 - np.exp(-zeta * wn * t) * (np.cos(wd * t) + zeta * wn / wd * np.sin(wd * t)),
+    )
+
+
+# -- step -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tau_s", [0.02, 0.1])
+def test_first_order_step(tau_s):
+    t = np.arange(-0.5, 20 * tau_s, H)
+    m = step_metrics(t, np.where(t < 0, 0, 1 - np.exp(-t / tau_s)), step_s=0.0)
+    assert m.stable
+    assert m.rise_s == pytest.approx(tau_s * math.log(9), rel=1e-3)
+    assert m.settling_2_s == pytest.approx(tau_s * math.log(50), rel=1e-3)
+    assert m.settling_5_s == pytest.approx(tau_s * math.log(20), rel=1e-3)
+    assert m.overshoot_percent == pytest.approx(0, abs=1e-4)
+    assert m.steady_error == pytest.approx(0, abs=1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    zeta=st.floats(0.2, 0.9),
+    f_Hz=st.floats(2.0, 20.0),
+    scale=st.floats(-30.0, 30.0).filter(lambda v: abs(v) > 1e-3),
+    offset=st.floats(-5.0, 5.0),
+    start_s=st.floats(0.1, 2.0),
+)
+def test_second_order_step_in_any_unit_and_at_any_time(zeta, f_Hz, scale, offset, start_s):
+    wn = 2 * np.pi * f_Hz
+    t = np.arange(0, start_s + 15 / (zeta * wn), 0.002 / f_Hz)
+    y = offset + scale * second_order(t - start_s, wn, zeta)
+    m = step_metrics(t, y, step_s=start_s, before=offset, after=offset + 1.25 * scale)
+    assert m.verdict == "stable", m.reason
+    peak = 100 * math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2))
+    assert m.overshoot_percent == pytest.approx(peak, rel=2e-3, abs=0.02)
+    assert m.steady_error_percent == pytest.approx(20, abs=0.05)
+    # The envelope bounds the settling from above.
+    assert m.settling_5_s <= m.settling_2_s
+    assert m.settling_2_s <= -math.log(0.02 * math.sqrt(1 - zeta**2)) / (zeta * wn) * 1.01
+
+
+def test_irregular_samples_and_noise_leave_the_figures():
+    rng = np.random.default_rng(3)
+    t = np.sort(rng.uniform(-1, 3, 4000))
+    y = second_order(t, 2 * np.pi * 3, 0.5) + rng.normal(0, 0.003, len(t))
+    m = step_metrics(t, y, step_s=0.0)
+    assert m.rise_s == pytest.approx(0.0871, abs=0.003)  # wn t_r = 1.64 at zeta 0.5
+    assert m.overshoot_percent == pytest.approx(16.3, abs=1)
+    assert m.tail_rms == pytest.approx(0.003, rel=0.15)
+    loud = step_metrics(t, y + rng.normal(0, 0.03, len(t)), step_s=0.0)
+    assert loud.verdict == "stable"  # noise is no oscillation
+    assert loud.settling_2_s is None
+    assert "none within the record" in "\n".join(loud.table())
+
+
+@pytest.mark.parametrize(
+    ("zeta", "verdict"),
+    [(-0.02, "growing"), (0.0, "sustained oscillation"), (0.03, "stable"), (0.5, "stable")],
+)
+def test_instability_of_an_oscillator(zeta, verdict):
+    t = np.arange(-0.5, 4, H)
+    m = step_metrics(t, second_order(t, 2 * np.pi * 3, zeta), step_s=0.0)
+    assert m.verdict == verdict
+    if verdict != "stable":
+        assert m.oscillation_Hz == pytest.approx(3, abs=0.4)
+        assert m.rise_s is m.settling_2_s is m.overshoot_percent is None
+        assert len(m.table()) == 1
+
+
+def test_other_ways_to_fail():
+    t = np.arange(-1, 3, H)
+    good = second_order(t, 20, 0.7)
+    assert step_metrics(t, np.exp(3 * t), step_s=0.0).verdict == "diverged"
+    assert step_metrics(t, np.where(t > 2, np.nan, good), step_s=0.0).verdict == "diverged"
+    assert step_metrics(t, np.where(t > 2, np.inf, good), step_s=0.0).verdict == "diverged"
+    early = step_metrics(t, np.where(t < -0.5, 2 * np.sin(50 * t), 0), step_s=0.0)
+    assert early.verdict == "diverged"
+    assert "before the step" in early.reason
+    assert step_metrics(t, 0 * t, step_s=0.0).verdict == "no response"
+    assert not step_metrics(t, 0 * t, step_s=0.0).stable
+    for arguments in ({"step_s": 9.0}, {"step_s": -3.0}, {"step_s": 0.0, "after": 0.0}):
+        with pytest.raises(UserError):
+            step_metrics(t, good, **arguments)
+    with pytest.raises(UserError, match="is not after"):
+        step_metrics(np.concatenate([t[:50], t[40:]]), np.zeros(len(t) + 10), step_s=0.0)
+    json.dumps(step_metrics(t, good, step_s=0.0).to_dict(), allow_nan=False)
+
+
+# -- resampling -----------------------------------------------------------------------------------
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1), slope=st.floats(-5, 5), period_s=st.sampled_from([None, 2e-3])
+)
+def test_a_straight_line_stays_one(seed, slope, period_s):
+    t = np.cumsum(np.random.default_rng(seed).uniform(5e-4, 1.5e-3, 800))
+    r = resample(t, [3 + slope * t, t], period_s=period_s)
+    assert np.diff(r.time_s) == pytest.approx(r.period_s, rel=1e-9)
+    assert r.signals[0] == pytest.approx(3 + slope * r.time_s, abs=1e-9)
+    assert r.dropped_s == 0
+
+
+def test_gaps_are_cut_and_fast_parts_do_not_fold():
+    t = np.concatenate([[0.0], 0.3 + H * np.arange(4000), 4.8 + H * np.arange(1000)])
+    r = resample(t, [np.sin(2 * np.pi * 5 * t)])
+    assert (r.time_s[0], r.time_s[-1]) == pytest.approx((0.3, 4.299))
+    assert r.dropped_s == pytest.approx(5.799 - 3.999)
+    assert r.widest_s == pytest.approx(H)
+    # 45 Hz on a 20 ms grid would fold to 5 Hz.
+    slow = resample(t, [np.sin(2 * np.pi * 45 * t), np.sin(2 * np.pi * 5 * t)], period_s=0.02)
+    inner = slice(15, -15)
+    assert np.max(np.abs(slow.signals[0][inner])) < 0.01
+    assert slow.signals[1][inner] == pytest.approx(
+        np.sin(2 * np.pi * 5 * slow.time_s[inner]), abs=0.01
+    )
+    with pytest.raises(UserError, match="longest stretch"):
+        resample(np.arange(40.0), [np.zeros(40)], max_gap_s=0.5)
+    with pytest.raises(UserError, match="sample 7 is nan"):
+        resample(t, [np.where(np.arange(len(t)) == 7, np.nan, t)])
+
+
+# -- frequency response ---------------------------------------------------------------------------
+
+
+def exact(f, wn, zeta, delay_s=0.0):
+    s = 2j * np.pi * f
+    return np.exp(-s * delay_s) / ((s / wn) ** 2 + 2 * zeta * s / wn + 1)
+
+
+@settings(max_examples=30, deadline=None)
+@given(wn=st.floats(5, 100), zeta=st.floats(0.2, 2.0), gain=st.floats(0.01, 50))
+def test_bandwidth_of_a_second_order_lag(wn, zeta, gain):
+    f = np.geomspace(0.001, 1000, 2400)
+    found = FrequencyResponse(f, gain * exact(f, wn, zeta), None, None, "exact").bandwidth()
+    q = 1 - 2 * zeta**2
+    assert found.bandwidth_Hz == pytest.approx(
+        wn * math.sqrt(q + math.hypot(q, 1)) / (2 * np.pi), rel=2e-3
+    )
+    assert found.reference_gain == pytest.approx(gain, rel=1e-3)
+    assert not found.returns
+
+
+def test_the_definition_of_a_bandwidth_is_said():
+    f = np.geomspace(0.1, 100, 400)
+    dip = 1 - 0.6 * np.exp(-(np.log(f / 3) ** 2) / 0.1) + 0j  # falls at 2.4 Hz, comes back
+    r = FrequencyResponse(f, dip, None, None, "exact")
+    b = r.bandwidth()
+    assert b.returns
+    assert 2 < b.bandwidth_Hz < 3
+    assert r.bandwidth(drop_dB=20).bandwidth_Hz is None
+    assert r.bandwidth(reference_gain=2.0).bandwidth_Hz == f[0]
+    with pytest.raises(UserError):
+        r.bandwidth(reference_gain=0.0)
+    for bad in (f[::-1], f - 0.1):
+        with pytest.raises(UserError, match="rise"):
+            FrequencyResponse(bad, dip, None, None, "")
+    with pytest.raises(UserError, match="not finite"):
+        FrequencyResponse(f, dip * np.nan, None, None, "")
+
+
+@settings(max_examples=30, deadline=None)
+@given(k=st.floats(1, 100), delay_s=st.floats(1e-3, 0.01))
+def test_margins_of_an_integrator_with_delay(k, delay_s):
+    # |L| = 1 at w = k, phase -180 deg at w d = pi/2.
+    f = np.geomspace(0.01, 3 / delay_s, 4000)
+    s = 2j * np.pi * f
+    m = FrequencyResponse(f, k / s * np.exp(-s * delay_s), None, None, "exact").margins()
+    assert m.phase_margin_deg == pytest.approx(90 - math.degrees(k * delay_s), abs=0.05)
+    assert m.phase_margin_Hz == pytest.approx(k / (2 * np.pi), rel=1e-3)
+    assert m.gain_margin_dB == pytest.approx(20 * math.log10(np.pi / (2 * k * delay_s)), abs=0.02)
+    assert m.gain_margin_Hz == pytest.approx(0.25 / delay_s, rel=1e-3)
+    if k * delay_s < np.pi / 2 - 0.01:
+        assert m.delay_margin_s == pytest.approx(np.pi / 2 / k - delay_s, rel=2e-2)
+
+
+def test_the_worst_of_several_crossings_counts():
+    # Gain 2 with a dip to 1/2 at 1 Hz, then a fall: crossings at f = 1/e, e and 10 ln-steps later.
+    f = np.geomspace(0.1, 30, 3000)
+    gain = np.where(np.abs(np.log(f)) < 1, 0.5, np.where(f < 10, 2.0, 0.1))
+    m = FrequencyResponse(f, gain * np.exp(-2j * np.pi * f * 0.03), None, None, "").margins()
+    # Phase -10.8 deg per Hz: margins 176, 151 and 72 deg; delays 180/360/f - 30 ms.
+    assert m.phase_margin_deg == pytest.approx(180 - 10.8 * 10, abs=0.5)
+    assert m.delay_margin_s == pytest.approx(0.5 / 10 - 0.03, abs=3e-4)
+    # Phase -180 deg only at 16.7 Hz, gain 0.1 there.
+    assert m.gain_margin_dB == pytest.approx(20)
+    assert m.gain_margin_Hz == pytest.approx(0.5 / 0.03, rel=1e-3)
+
+
+def test_open_loop_of_a_closed_one():
+    f = np.geomspace(0.1, 100, 300)
+    s = 2j * np.pi * f
+    loop = 30 / s / (1 + 0.01 * s)
+    found = FrequencyResponse(f, loop / (1 + loop), None, None, "exact").open_loop()
+    assert found.response == pytest.approx(loop)
+    assert found.margins().gain_margin_dB is None
+    # w_c from |L| = 1: w^2 (1 + 1e-4 w^2) = 900.
+    wc = math.sqrt((-1 + math.sqrt(1 + 4 * 900e-4)) / 2e-4)
+    assert found.margins().phase_margin_deg == pytest.approx(
+        90 - math.degrees(math.atan(0.01 * wc)), abs=0.05
+    )
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_lags_and_delays_are_parted(order):
+    f = np.geomspace(0.2, 40, 200)
+    s = 2j * np.pi * f
+    rng = np.random.default_rng(order)
+    truth = 0.8 * np.exp(-0.012 * s)
+    truth /= {0: 1, 1: 1 + s / (2 * np.pi * 6), 2: 1 / exact(f, 2 * np.pi * 9, 0.3)}[order]
+    noise = 0.01 * (rng.normal(size=200) + 1j * rng.normal(size=200))
+    fit = FrequencyResponse(f, truth * (1 + noise), None, None, "noisy").lag(order)
+    assert fit.gain == pytest.approx(0.8, rel=0.01)
+    assert fit.delay_s == pytest.approx(0.012, abs=2e-4)
+    assert fit.misfit == pytest.approx(0.01 * math.sqrt(2), rel=0.2)
+    if order:
+        assert fit.natural_Hz == pytest.approx({1: 6, 2: 9}[order], rel=0.02)
+    if order == 2:
+        assert fit.damping == pytest.approx(0.3, abs=0.01)
+    with pytest.raises(UserError, match="order"):
+        FrequencyResponse(f, truth, None, None, "").lag(3)
+
+
+def discrete(wn, zeta, h, hold="zoh"):
+    b, a, _ = signal.cont2discrete(([wn**2], [1, 2 * zeta * wn, wn**2]), h, hold)
+    return b.ravel(), a
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    rng = np.random.default_rng(5)
+    b, a = discrete(2 * np.pi * 8, 0.4, H)
+    u = rng.normal(0, 1, 100_000)
+    y = np.roll(signal.lfilter(b, a, u), 7)  # 7 ms of delay
+    return u, y + rng.normal(0, 0.02, len(u)), (b, a)
+
+
+def test_welch_finds_the_sampled_system(noisy):
+    u, y, (b, a) = noisy
+    r = welch_response(u, y, H, segment_s=4.0).band(0.5, 20)
+    _, true = signal.freqz(b, a, r.frequency_Hz, fs=1 / H)
+    true = true * np.exp(-2j * np.pi * r.frequency_Hz * 0.007)
+    error = np.abs(r.response / true - 1)
+    assert np.max(error) < 0.06
+    # The stated deviation is that of gain and of phase: the complex error is sqrt(2) of it.
+    ratio = np.sqrt(np.mean(error**2)) / np.sqrt(np.mean(2 * r.sigma**2))
+    assert 0.5 < ratio < 2.5
+    assert r.band(0.5, 10).coherence.min() > 0.95
+    assert r.lag(2).delay_s == pytest.approx(0.0075, abs=3e-4)  # and half a period of the hold
+
+
+def test_an_instrument_removes_the_bias_of_feedback():
+    # y = P u + noise, u = 4 (r - y): the noise reaches u, and H1 leans towards -1/C.
+    rng = np.random.default_rng(8)
+    n = 60_000
+    r, noise = rng.normal(0, 1, n), signal.lfilter([0.3], [1, -0.7], rng.normal(0, 1, n))
+    y, u, x = np.zeros(n), np.zeros(n), 0.0
+    for k in range(n):
+        y[k] = x + noise[k]
+        u[k] = 4 * (r[k] - y[k])
+        x = 0.95 * x + 0.05 * u[k]
+    plain = welch_response(u, y, H, segment_s=0.5).band(5, 100)
+    better = welch_response(u, y, H, segment_s=0.5, instrument=r).band(5, 100)
+    _, true = signal.freqz([0, 0.05], [1, -0.95], plain.frequency_Hz, fs=1 / H)
+    miss, bias = (np.median(np.abs(e.response / true - 1)) for e in (better, plain))
+    assert miss < 0.1
+    assert bias > 3 * miss
+
+
+def test_periodic_input_is_exact_but_for_noise():
+    rng = np.random.default_rng(2)
+    n, periods = 4000, 6
+    lines = np.array([1, 2, 3, 5, 9, 17, 33, 65, 129])
+    t = np.arange(n * periods) * H
+    u = sum(
+        np.cos(2 * np.pi * f / (n * H) * t + p)
+        for f, p in zip(lines, rng.uniform(0, 6, len(lines)), strict=True)
+    )
+    b, a = discrete(2 * np.pi * 4, 0.3, H)
+    y = signal.lfilter(b, a, u)
+    r = periodic_response(u, y, H, samples=n, skip=2)
+    assert r.frequency_Hz == pytest.approx(lines / (n * H))
+    _, true = signal.freqz(b, a, r.frequency_Hz, fs=1 / H)
+    assert np.max(np.abs(r.response / true - 1)) < 1e-8
+    assert r.coherence == pytest.approx(1)
+    noisy = periodic_response(u, y + rng.normal(0, 0.05, len(y)), H, samples=n, skip=2)
+    # White noise of deviation s: each line of n m samples has s sqrt(n m / 2) along the gain.
+    theory = 0.05 * math.sqrt(n * 4 / 2) / (n * 4 / 2 * np.abs(true))
+    assert np.sqrt(np.mean((noisy.sigma / theory) ** 2)) == pytest.approx(1, abs=0.35)
+    assert periodic_response(u[:n], y[:n], H, samples=n, skip=0).coherence is None
+    with pytest.raises(UserError, match="does not repeat"):
+        periodic_response(u, y, H, samples=n - 321)
+    with pytest.raises(UserError, match="periods of"):
+        periodic_response(u, y, H, samples=n, skip=6)
+
+
+@pytest.fixture(scope="module")
+def swept():
+    """40 s, 0 to 40 Hz, at irregular times picked out of an exact simulation at 20 kHz."""
+    rng = np.random.default_rng(4)
+    h = 5e-5
+    t = np.arange(800_000) * h
+    sweep = Sweep(0.0, 40.0, 40.0)
+    b, a = discrete(2 * np.pi * 8, 0.4, h, "foh")
+    y = np.concatenate([np.zeros(200), signal.lfilter(b, a, np.sin(sweep.phase_rad(t)))[:-200]])
+    keep = np.sort(rng.choice(len(t), 20_000, replace=False))
+    return t[keep], np.sin(sweep.phase_rad(t[keep])), y[keep], sweep  # 10 ms of delay
+
+
+def test_sweep_at_irregular_samples(swept):
+    t, u, y, sweep = swept
+    r = sweep_response(t, u, y, sweep)
+    true = exact(r.frequency_Hz, 2 * np.pi * 8, 0.4, 0.01)
+    assert r.frequency_Hz[0] < 1.4
+    assert r.frequency_Hz[-1] > 38
+    assert np.max(np.abs(r.response / true - 1)) < 0.022
+    # All but a little of that is the sweep's rate: H - j k / (4 pi) d2H/df2, k = 1 Hz/s.
+    d = 1e-2
+    near = [exact(r.frequency_Hz + e, 2 * np.pi * 8, 0.4, 0.01) for e in (-d, 0, d)]
+    curve = (near[0] - 2 * near[1] + near[2]) / d**2
+    assert np.max(np.abs(r.response / (true - 1j / (4 * np.pi) * curve) - 1)) < 0.006
+    wn, q = 2 * np.pi * 8, 1 - 2 * 0.4**2
+    closed_form = wn * math.sqrt(q + math.hypot(q, 1)) / (2 * np.pi)
+    assert r.bandwidth(reference_gain=1.0).bandwidth_Hz == pytest.approx(closed_form, rel=6e-3)
+    fit = r.lag(2)
+    assert fit.delay_s == pytest.approx(0.01, abs=1e-4)
+    assert fit.damping == pytest.approx(0.4, abs=0.005)
+    rng = np.random.default_rng(0)
+    noisy = sweep_response(t, u, y + rng.normal(0, 0.1, len(t)), sweep)
+    part = noisy.band(2, 15)
+    error = np.abs(part.response / exact(part.frequency_Hz, 2 * np.pi * 8, 0.4, 0.01) - 1)
+    assert np.max(error) < 0.1
+    assert 0.5 < np.sqrt(np.mean(error**2) / np.mean(2 * part.sigma**2)) < 2
+    assert noisy.coherence[-1] < 0.3
+    assert noisy.coherence[0] > 0.9
+
+
+def test_a_wrong_sweep_is_refused(swept):
+    t, u, y, sweep = swept
+    with pytest.raises(UserError, match="not the given sweep"):
+        sweep_response(t, u, y, dataclasses.replace(sweep, end_Hz=39.0))
+    with pytest.raises(UserError, match="windows fit"):
+        sweep_response(t[:50], u[:50], y[:50], sweep)
+    with pytest.raises(UserError, match="does not rise"):
+        Sweep(3.0, 3.0, 10.0)
+    with pytest.raises(UserError, match="segments"):
+        welch_response(u, y, H, segment_s=15.0)
+
+
+# -- impedance ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    j=st.floats(0, 2),
+    b=st.floats(-0.5, 5),
+    k=st.floats(0.1, 50),
+    kind=st.sampled_from(["angle", "rate"]),
+)
+def test_impedance_of_a_known_port(j, b, k, kind):
+    n, lines = 5000, np.array([1, 2, 4, 7, 12, 20, 30])
+    w = 2 * np.pi * lines / (n * H)
+    phase = np.arange(n)[:, None] * H * w + np.arange(7)
+    theta, rate = np.cos(phase).sum(1), (-w * np.sin(phase)).sum(1)
+    tau = -(k * theta + b * rate + j * (-(w**2) * np.cos(phase)).sum(1))
+    motion = theta if kind == "angle" else rate
+    z = impedance(periodic_response(motion, tau, H, samples=n, skip=0), motion=kind)
+    assert z.per_angle == pytest.approx(k + 1j * w * b - w**2 * j, rel=1e-6, abs=1e-6)
+    assert z.per_rate.real == pytest.approx(b, abs=1e-6)
+    fit = z.fit()
+    assert (fit.inertia_kgm2, fit.damping_Nms_rad, fit.stiffness_Nm_rad) == pytest.approx(
+        (j, b, k), rel=1e-5, abs=1e-6
+    )
+    assert fit.misfit < 1e-5
+
+
+def test_deviations_of_an_impedance_fit_cover_the_truth():
+    f, hits = np.geomspace(0.2, 5, 40), 0
+    s = 2j * np.pi * f
+    truth = 1.5 + 0.25 * s + 0.22 * s * s
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        noise = 0.03 * (rng.normal(size=40) + 1j * rng.normal(size=40))
+        response = FrequencyResponse(f, truth * (1 + noise), None, None, "")
+        fit = impedance(response, sign=1.0).fit()
+        hits += abs(fit.damping_Nms_rad - 0.25) < 2 * fit.damping_std
+    assert 50 <= hits <= 60  # 95 % of 60 is 57
+    with pytest.raises(ValueError, match="motion"):
+        impedance(response, motion="torque")
+
+
+# -- recorded data's layout -----------------------------------------------------------------------
+
+
+def test_check_on_data_judges_a_folder(tmp_path, swept):
+    t, u, y, _ = swept
+    for name in ("chirp", "step_closed_loop"):
+        (tmp_path / name).mkdir()
+    head = ",time,torque_in,torque_ati,torque_sea\n"
+
+    def write(path, columns):
+        rows = zip(range(len(columns[0])), *columns, strict=True)
+        path.write_text(head + "\n".join(",".join(repr(float(v)) for v in r) for r in rows))
+
+    write(tmp_path / "chirp" / "bw_sea_cl-1-2-14-x.csv", (t, u, y, y))
+    step = np.arange(0, 6, 2e-3)
+    steady = second_order(step - 3, 30, 0.5)
+    wild = np.where(step < 1, 20 * np.sin(60 * step), 0)
+    write(tmp_path / "step_closed_loop" / "a.csv", (step, 1.0 * (step >= 3), steady, steady))
+    write(tmp_path / "step_closed_loop" / "b.csv", (step, 1.0 * (step >= 3), 0.1 * wild, wild))
+    expected = author_bandwidth(t, u, y)
+    table = tmp_path / "published_SEABandwidthClosedLoop.csv"
+    table.write_text(f",torque,bandwidth\n0,1.0,3.0\n1,1.0,{expected!r}\n# 2,1.0,9.0\n")
+    said = []
+    result = check_on_data(tmp_path, said.append)
+    assert result.reproduced
+    assert len(said) == 3
+    # 4.5 dB down: wn sqrt(q + sqrt(q^2 + 10^0.45 - 1)); to his 2.5 Hz of smoothing.
+    q = 1 - 2 * 0.4**2
+    closed_form = 8 * math.sqrt(q + math.sqrt(q * q + 10**0.45 - 1))
+    assert expected == pytest.approx(closed_form, abs=1.5)
+    assert result.sweeps[0].local_author_drop.bandwidth_Hz == pytest.approx(closed_form, rel=0.03)
+    assert result.steps["a.csv"]["torque_ati"].stable
+    assert result.steps["b.csv"]["torque_sea"].verdict == "diverged"
+    json.dumps(result.to_dict(), allow_nan=False)
+    assert "come out" in result.table()[-1]
+    assert len(result.figure().axes) == 3
+    table.write_text(f",torque,bandwidth\n0,1.0,3.0\n1,1.0,{expected + 0.1!r}\n")
+    assert not check_on_data(tmp_path).reproduced
+    table.write_text(",torque,bandwidth\n0,1.0,x\n")
+    with pytest.raises(UserError, match="not a table"):
+        check_on_data(tmp_path)
+    with pytest.raises(UserError, match="0 sweeps"):
+        check_on_data(tmp_path / "none")
+
+
+# -- figures --------------------------------------------------------------------------------------
+
+
+def legend(figure) -> list[str]:
+    boxes = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
+    return [t.get_text() for box in boxes for t in box.get_texts()]
+
+
+def test_figures_say_what_the_numbers_are(tmp_path, swept):
+    t = np.arange(5000) * H
+    desired = 1.7 * np.sin(2 * np.pi * 0.6 * t)
+    figure = torque_tracking(t, desired, desired + 0.25, desired - 0.5, title="case")
+    assert {"true: RMS 0.25 N·m", "modelled: RMS 0.5 N·m"} <= set(legend(figure))
+    for ending in ("png", "svg"):
+        save(figure, tmp_path / f"x.{ending}")
+        assert (tmp_path / f"x.{ending}").stat().st_size > 5000
+    with pytest.raises(UserError, match="cannot be written"):
+        save(figure, tmp_path / "none" / "x.png")
+    bars = rms_by_case(["a", "b"], {"MPC": [0.1, np.nan]}, {"MPC": [0.3, 0.4], "SMC": [0.5, 0.6]})
+    heights = sorted(p.get_height() for c in bars.axes[0].containers for p in c)
+    assert heights == pytest.approx([0.1, 0.3, 0.4, 0.5, 0.6])
+    assert legend(bars) == ["MPC, thesis", "MPC, ours", "SMC, thesis"]
+    with pytest.raises(UserError, match="for 2 cases"):
+        rms_by_case(["a", "b"], {"MPC": [0.1]})
+    r = sweep_response(*swept)
+    assert "−3.01 dB at 11 Hz" in legend(bode([("x", r)], [("x", r.bandwidth(reference_gain=1.0))]))
+    z = impedance(
+        FrequencyResponse(r.frequency_Hz, 2 + 0.5j * r.frequency_Hz, None, None, ""), sign=1.0
+    )
+    picture = output_impedance([("x", z)], [("x", z.fit())])
+    assert any("2 N·m/rad" in text for text in legend(picture))
+    trade = tuning_trade(
+        [1, 2, 4], [0.3, 0.2, np.nan], [0, 5, np.nan], [1, 2, np.nan], parameter="Q", chosen=2
+    )
+    assert legend(trade) == ["chosen: 2", "unstable"]

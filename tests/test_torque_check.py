@@ -1,0 +1,570 @@
+"""Torque check: sensors with known errors pass or fail by the criterion that is meant to see it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import esea_gen
+from esea_gen.cli import main
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_device, compile_system
+from esea_gen.lab.procedure import (
+    LIMITS,
+    largest_torque_Nm,
+    load_range_Nm,
+    procedure,
+    static_torque_Nm,
+)
+from esea_gen.lab.reference import Reference
+from esea_gen.lab.torque_check import TorqueCheck, instructions
+from esea_gen.lab.torque_recording import Recording, apply_recording, read_recording
+from esea_gen.model.inverse import inverse_system
+
+from .conftest import require_tool
+from .test_cli import refused, run
+
+FULL = 4.47
+TORQUE = 1.0 * 9.81 * 0.2
+RATE_HZ = 100.0
+SETTLE_S, RECORD_S, HANDLING_S = 5.0, 10.0, 3.0
+REFERENCE = Reference(1.0, 0.2)
+
+
+def limit(name: str) -> float:
+    return next(x.percent for x in LIMITS if x.name == name) / 100 * FULL
+
+
+def sensor(
+    *,
+    offset: float = 0.0,
+    gain: float = 1.0,
+    minus_gain: float | None = None,
+    left: float = 0.0,
+    scatter: float = 0.0,
+    creep: float = 0.0,
+    noise: float = 0.002,
+    labelled: bool = True,
+    repeats: int = 3,
+    seed: int = 1,
+) -> Recording:
+    """What a sensor with known errors records of the whole procedure.
+
+    Offset and what stays ``left`` after the first load in Nm; ``scatter`` is added to the second
+    load of each direction; ``creep`` in Nm over the recorded part of every loaded phase.
+    """
+    rng = np.random.default_rng(seed)
+    tau, labels, last, loads = [], [], offset, 0
+    for step in procedure(repeats):
+        sign = {"zero": 0, "plus": 1, "minus": -1}[step.kind]
+        share = minus_gain if sign < 0 and minus_gain is not None else gain
+        level = sign * share * TORQUE + offset + (left if loads == 1 and sign == 0 else 0)
+        if sign:
+            loads += 1
+            level += sign * scatter * (step.label.endswith("_2"))
+        ramp = np.linspace(last, level, round(HANDLING_S * RATE_HZ))
+        t = np.arange(round((SETTLE_S + RECORD_S + 0.5) * RATE_HZ)) / RATE_HZ
+        # A swing that has died away before the phase is judged.
+        swing = 0.4 * np.exp(-t / 0.7) * np.sin(2 * np.pi * 1.1 * t) * abs(sign)
+        held = level + swing + sign * creep * (t - SETTLE_S - RECORD_S / 2) / RECORD_S
+        tau += [ramp, held]
+        labels += [""] * len(ramp) + [step.label] * len(held)
+        last = level
+    values = np.concatenate(tau)
+    values = values + rng.normal(0, noise, len(values))
+    time = 12.5 + np.arange(len(values)) / RATE_HZ
+    return Recording("rig.csv", time, values, tuple(labels) if labelled else None)
+
+
+def checked(device, recording: Recording, reference: Reference = REFERENCE, **more) -> TorqueCheck:
+    check = TorqueCheck(device, reference, **more)
+    apply_recording(check, recording)
+    return check
+
+
+def failing(check: TorqueCheck) -> set[str]:
+    return {d.criterion for d in check.decisions if not d.passed}
+
+
+# -- every criterion ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_good_sensor_passes(elbow, labelled):
+    check = checked(elbow, sensor(offset=0.02, gain=1.03, left=0.02, labelled=labelled))
+    assert check.verdict == "pass"
+    assert not check.missing
+    assert [m.label for m in check.measurements] == [s.label for s in procedure()]
+    errors = [e for _, e in check.readings]
+    # The zero is taken off; what stays after the first load is shared by both beside it.
+    assert errors == pytest.approx([0.03 * TORQUE] * 6, abs=0.011)
+    assert {d.criterion for d in check.decisions} == {x.name for x in LIMITS}
+    counts = {n: sum(d.criterion == n for d in check.decisions) for n in ("zero", "accuracy")}
+    assert counts == {"zero": 7, "accuracy": 6}
+
+
+# Each fault just below and just above the limit, and the criteria that see the larger one.
+FAULTS = [
+    ("zero", lambda x: {"offset": x}, limit("zero"), {"zero"}),
+    ("zero, negative", lambda x: {"offset": -x}, limit("zero"), {"zero"}),
+    ("zero return", lambda x: {"left": x, "offset": -0.05}, limit("zero return"), {"zero return"}),
+    ("repeatability", lambda x: {"scatter": x}, limit("repeatability"), {"repeatability"}),
+    ("drift", lambda x: {"creep": x}, limit("drift"), {"drift"}),
+    ("drift, down", lambda x: {"creep": -x}, limit("drift"), {"drift"}),
+    ("noise", lambda x: {"noise": x}, limit("noise"), {"noise"}),
+    (
+        "symmetry",
+        lambda x: {"gain": 1 + x / 2 / TORQUE, "minus_gain": 1 - x / 2 / TORQUE},
+        limit("symmetry"),
+        {"symmetry"},
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "fault", "edge", "seen"), FAULTS, ids=[f[0] for f in FAULTS])
+def test_each_fault_fails_its_own_criterion(elbow, name, fault, edge, seen):
+    below, above = (checked(elbow, sensor(**fault(k * edge))) for k in (0.93, 1.07))
+    assert below.verdict == "pass", failing(below)
+    assert above.verdict == "fail"
+    assert failing(above) == seen
+    report = " ".join(" ".join(above.report()).split())
+    assert f"{next(iter(seen))} FAILED" in report
+    assert report.endswith("Verdict: FAIL")
+
+
+def expanded(reference: Reference) -> float:
+    """Second derivation: by changing each quantity a little."""
+    total = 0.0
+    for key in ("mass_kg", "arm_m", "angle_rad", "g_m_s2"):
+        u = getattr(reference, f"u_{key}")
+        value = getattr(reference, key)
+        ends = [replace(reference, **{key: value + s * 1e-4}).torque_Nm for s in (-1, 1)]
+        total += ((ends[1] - ends[0]) / 2e-4 * u) ** 2
+        if key == "angle_rad":
+            curve = (ends[0] - 2 * reference.torque_Nm + ends[1]) / 1e-8
+            total += 0.5 * (curve * u * u) ** 2
+    return 2 * math.sqrt(total)
+
+
+@pytest.mark.parametrize("gain_error", [1, -1])
+@pytest.mark.parametrize(
+    "reference",
+    [REFERENCE, replace(REFERENCE, u_arm_m=0.004), replace(REFERENCE, u_mass_kg=0.0, u_arm_m=0.0)],
+)
+def test_accuracy_is_the_limit_less_the_uncertainty(elbow, gain_error, reference):
+    room = limit("accuracy") - expanded(reference)
+    for k, verdict in ((0.97, "pass"), (1.03, "fail")):
+        recorded = sensor(gain=1 + gain_error * k * room / TORQUE)
+        check = checked(elbow, recorded, reference)
+        assert check.verdict == verdict
+        assert failing(check) == (set() if verdict == "pass" else {"accuracy"})
+        accuracy = [d for d in check.decisions if d.criterion == "accuracy"]
+        assert accuracy[0].limit_Nm == pytest.approx(room, rel=1e-6)
+        assert accuracy[0].steps == ("zero_1", "plus_1", "zero_2")
+
+
+def test_a_wrong_sign_fails(elbow):
+    flipped = sensor()
+    flipped = replace(flipped, tau_Nm=-flipped.tau_Nm)
+    assert failing(checked(elbow, flipped)) == {"accuracy"}
+    with pytest.raises(UserError, match="is 'minus', but plus_1 comes there"):
+        checked(elbow, replace(flipped, step=None))
+
+
+# -- the reference ------------------------------------------------------------------------------
+
+
+def test_reference_torque_and_budget():
+    r = Reference(1.3, 0.25, math.radians(20), 0.004, 0.002, math.radians(1.5))
+    assert r.torque_Nm == pytest.approx(1.3 * 9.81 * 0.25 * math.cos(math.radians(20)))
+    assert 2 * r.u_torque_Nm == pytest.approx(expanded(r), rel=1e-4)
+    # At the horizontal the angle's first-order part vanishes; Monte Carlo sees the second.
+    level = Reference(1.0, 0.2, 0.0, 0.0, 0.0, math.radians(8), u_g_m_s2=0.0)
+    rng = np.random.default_rng(3)
+    drawn = level.torque_Nm * np.cos(rng.normal(0, math.radians(8), 400_000))
+    assert level.u_torque_Nm == pytest.approx(np.std(drawn), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"mass_kg": 0.0}, "the mass = 0 kg is not within"),
+        ({"mass_kg": math.nan}, "the mass = nan kg"),
+        ({"mass_kg": -1.0}, "the mass = -1 kg"),
+        ({"arm_m": math.inf}, "the arm = inf m"),
+        ({"arm_m": 200.0}, "the arm = 200 m is not within 0.01 to 2 m"),
+        ({"angle_rad": 1.2}, "Bring the arm nearer the horizontal"),
+        ({"angle_rad": math.nan}, "angle = nan deg"),
+        ({"u_mass_kg": -0.1}, "the mass's uncertainty"),
+        ({"u_arm_m": 0.3}, "the arm's uncertainty"),
+        ({"u_angle_rad": math.nan}, "the angle's uncertainty"),
+        ({"g_m_s2": 1.62}, "gravity = 1.62"),
+    ],
+)
+def test_impossible_references_are_refused(values, message):
+    with pytest.raises(UserError) as error:
+        replace(REFERENCE, **values)
+    assert message in str(error.value)
+
+
+def test_loads_outside_the_domain_are_refused(elbow):
+    # Spring and hysteresis at 11.5 deg, from the published numbers.
+    theta = math.radians(11.5)
+    r = 0.0197 * np.arange(1, 11)
+    by_hand = 239 * theta**3 + 9.39 * theta
+    by_hand += float(np.sum(10.3 * np.exp(-62.5 * r) * np.minimum(theta, r)))
+    assert static_torque_Nm(elbow, theta) == pytest.approx(by_hand)
+    # ... and by the sensor itself, slowly, without its rate torque.
+    ramp = np.linspace(0, theta, 4000)
+    got, _ = elbow.sensor.simulator().run({"theta_rad": ramp, "omega_rad_s": 0 * ramp})
+    slow = got["tau_spring_Nm"][-1] + got["tau_hysteresis_Nm"][-1]
+    assert static_torque_Nm(elbow, theta) == pytest.approx(slow, abs=1e-6)
+    low, high = load_range_Nm(elbow)
+    assert (low, high) == pytest.approx((0.25 * FULL, by_hand))
+    for share, message in ((1.001 * high, "Hang at most 2.00"), (0.999 * low, "Hang at least 0.5")):
+        with pytest.raises(UserError, match=message):
+            TorqueCheck(elbow, replace(REFERENCE, mass_kg=share / 9.81 / 0.2))
+    for share in (0.999 * high, 1.001 * low):
+        TorqueCheck(elbow, replace(REFERENCE, mass_kg=share / 9.81 / 0.2))
+    with pytest.raises(UserError, match="Measure the arm better"):
+        TorqueCheck(elbow, replace(REFERENCE, u_arm_m=0.01))
+    knee = esea_gen.load_device("knee")
+    delta = knee.file.domain.theta_max_rad.value
+    assert largest_torque_Nm(knee) == pytest.approx(
+        min(47.8, static_torque_Nm(knee, delta)), abs=1e-9
+    )
+    assert static_torque_Nm(knee, math.radians(2.8)) == 0.0
+    assert static_torque_Nm(knee, math.radians(15)) == pytest.approx(31.0, abs=0.05)  # spec
+
+
+# -- going through it ---------------------------------------------------------------------------
+
+
+def phase(label: str = "zero_1", level: float = 0.0, seconds: float = 15.0, rate: float = 100.0):
+    t = np.arange(round(seconds * rate) + 1) / rate
+    return label, t, np.full(len(t), level)
+
+
+def test_steps_come_in_order(elbow):
+    check = TorqueCheck(elbow, REFERENCE)
+    assert check.verdict == "incomplete"
+    assert check.next_step.label == "zero_1"
+    with pytest.raises(UserError, match="plus_1 cannot be recorded now: the next one is zero_1"):
+        check.record(*phase("plus_1"))
+    check.record(*phase())
+    assert check.next_step.label == "plus_1"
+    check.record(*phase("plus_1", 1.0))
+    check.undo()
+    check.record(*phase("plus_1", TORQUE))
+    check.record(*phase("zero_2"))
+    assert check.readings[0] == (("zero_1", "plus_1", "zero_2"), pytest.approx(0.0))
+    assert [s.label for s in check.missing][:2] == ["plus_2", "zero_3"]
+    text = "\n".join(check.report())
+    assert "Next, plus_2: Hang the mass" in text
+    assert text.endswith("Verdict: INCOMPLETE")
+    with pytest.raises(UserError, match="repeats = 1"):
+        procedure(1)
+    assert len(procedure(2)) == 9
+
+
+def test_a_failure_shows_before_the_end(elbow):
+    check = TorqueCheck(elbow, REFERENCE)
+    check.record(*phase(level=0.2))
+    assert check.verdict == "fail"
+    assert check.missing
+
+
+def spoiled(change) -> tuple:
+    label, t, tau = phase()
+    return (label, *change(t.copy(), tau.copy()))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t, tau: (t[:900], tau[:900]), "8.99 s recorded, below 15 s"),
+        (lambda t, tau: (t[:0], tau[:0]), "0 s recorded"),
+        (lambda t, tau: (t[:-1], tau), "differ in number"),
+        (lambda t, tau: (t, np.where(np.arange(len(t)) == 7, np.nan, tau)), "sample 7 .* is nan"),
+        (lambda t, tau: (t, np.where(np.arange(len(t)) == 7, np.inf, tau)), "sample 7 .* is inf"),
+        (lambda t, tau: (np.where(np.arange(len(t)) == 9, np.nan, t), tau), "time of sample 9"),
+        (lambda t, tau: (t[::-1], tau), "does not rise"),
+        (lambda t, tau: (t[::20], tau[::20]), "gap of up to 0.2 s"),
+        (lambda t, tau: (np.delete(t, range(800, 830)), tau[30:]), "gap of up to 0.31 s"),
+    ],
+)
+def test_what_cannot_be_judged_is_asked_for_again(elbow, change, message):
+    check = TorqueCheck(elbow, REFERENCE)
+    with pytest.raises(UserError, match=message):
+        check.record(*spoiled(change))
+    assert not check.measurements
+
+
+def test_settling_is_left_out_and_drift_and_noise_are_told_apart(elbow):
+    check = TorqueCheck(elbow, REFERENCE)
+    t = np.arange(1600) / 100
+    noise = 0.004 * (-1.0) ** np.arange(len(t))
+    tau = np.where(t < 5, 1.0, 0.01 + 0.003 * (t - 10)) + noise
+    m = check.record("zero_1", t, tau)
+    assert m.mean_Nm == pytest.approx(0.01, abs=1e-4)
+    assert m.drift_Nm == pytest.approx(0.03, abs=1e-4)
+    assert m.noise_Nm == pytest.approx(0.004, rel=0.01)
+    assert m.samples == 1000
+
+
+def test_it_goes_on_where_it_stopped(elbow, tmp_path):
+    whole = sensor()
+    labels = np.array(whole.step)
+    middle = int(np.flatnonzero(labels == "plus_3")[0])
+    parts = [
+        Recording("a.csv", whole.time_s[s], whole.tau_Nm[s], tuple(labels[s]))
+        for s in (slice(None, middle), slice(middle, None))
+    ]
+    first = checked(elbow, parts[0])
+    assert first.verdict == "incomplete"
+    content = json.loads(json.dumps(first.to_dict(), allow_nan=False))
+    assert content["missing"][0] == "plus_3"
+    second = TorqueCheck.resumed(elbow, content)
+    apply_recording(second, parts[1])
+    at_once = checked(elbow, whole)
+    assert second.verdict == "pass"
+    assert second.decisions == at_once.decisions
+    # A decision is made again from what was recorded, never believed.
+    content["decisions"] = []
+    content["verdict"] = "pass"
+    assert TorqueCheck.resumed(elbow, content).verdict == "incomplete"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c | {"kind": "else"}, "not the result of a torque check"),
+        (lambda c: c | {"version": 2}, "version 2"),
+        (lambda c: c | {"device_digest": "0"}, "has changed since"),
+        (lambda c: {k: v for k, v in c.items() if k != "reference"}, "damaged"),
+        (lambda c: c | {"measurements": c["measurements"][1:]}, "out of order"),
+        (lambda c: c | {"measurements": [{"label": "zero_1"}]}, "damaged"),
+        (
+            lambda c: c | {"measurements": [c["measurements"][0] | {"mean_Nm": math.nan}]},
+            "damaged",
+        ),
+        (lambda c: c | {"measurements": [c["measurements"][0] | {"mean_Nm": "x"}]}, "damaged"),
+        (lambda c: c | {"repeats": 2.5}, "damaged"),
+        (lambda c: c | {"reference": c["reference"] | {"mass_kg": 9.0}}, "above 3.94 Nm"),
+        (lambda c: [c], "not the result"),
+    ],
+)
+def test_only_an_earlier_check_is_gone_on_with(elbow, change, message):
+    check = TorqueCheck(elbow, REFERENCE)
+    check.record(*phase())
+    check.record(*phase("plus_1", TORQUE))
+    content = json.loads(json.dumps(check.to_dict()))
+    with pytest.raises(UserError, match=message):
+        TorqueCheck.resumed(elbow, change(content))
+
+
+# -- recordings ---------------------------------------------------------------------------------
+
+
+def write(path, recording: Recording):
+    columns = {"time_s": recording.time_s.tolist(), "tau_Nm": recording.tau_Nm.tolist()}
+    if recording.step is not None:
+        columns["step"] = list(recording.step)
+    rows = [",".join(map(str, row)) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
+    return path
+
+
+def test_phases_without_labels(elbow):
+    recorded = sensor(labelled=False)
+    by_label = checked(elbow, sensor())
+    found = checked(elbow, recorded)
+    assert found.verdict == "pass"
+    for a, b in zip(found.measurements, by_label.measurements, strict=True):
+        assert a.mean_Nm == pytest.approx(b.mean_Nm, abs=0.01)
+    # The last load left out: the phase after it is not what comes next.
+    start = by_label.measurements[11].start_s - SETTLE_S
+    cut = (recorded.time_s < start - HANDLING_S) | (recorded.time_s > start + 16)
+    short = Recording("cut.csv", recorded.time_s[cut], recorded.tau_Nm[cut], None)
+    check = TorqueCheck(elbow, REFERENCE)
+    apply_recording(check, short)
+    assert check.verdict == "incomplete"
+    assert check.missing[0].label == "minus_3"
+    # A sensor that shows nothing has no phases to find, and says so instead of passing.
+    dead = replace(recorded, tau_Nm=0 * recorded.tau_Nm)
+    assert checked(elbow, dead).verdict == "incomplete"
+    assert failing(checked(elbow, replace(dead, step=sensor().step))) == {"accuracy"}
+
+
+def test_a_recording_is_taken_whole_or_not_at_all(elbow):
+    recorded = sensor()
+    labels = ["zero_1" if x == "zero_4" else x for x in recorded.step]
+    check = TorqueCheck(elbow, REFERENCE)
+    with pytest.raises(UserError, match=r"is 'zero_1', but zero_4 comes there.*Labels, in order"):
+        apply_recording(check, replace(recorded, step=tuple(labels)))
+    assert not check.measurements
+    with pytest.raises(UserError, match="no step is left"):
+        apply_recording(checked(elbow, recorded), recorded)
+    with pytest.raises(UserError, match="no phase was found"):
+        apply_recording(check, replace(recorded, step=("",) * len(labels)))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "column time_s is there 0 times; columns: none"),
+        ("time_s,torque\n0,1\n", "column tau_Nm is there 0 times"),
+        ("time_s,tau_Nm,tau_Nm\n0,1,1\n", "column tau_Nm is there 2 times"),
+        ("time_s,tau_Nm\n", "no samples"),
+        ("time_s,tau_Nm\n0,1\n0.1,nan\n", "line 3: tau_Nm = 'nan' is no finite number"),
+        ("time_s,tau_Nm\n0,1\n\n0.1,1e999\n", "line 4: tau_Nm = '1e999'"),
+        ("time_s,tau_Nm\n0,1\nx,1\n", "line 3: time_s = 'x'"),
+        ("time_s,tau_Nm\n0,1\n0.1\n", "line 3 has 1 cells, the header has 2"),
+        (b"\xff\xfe\x00", "cannot be read as text"),
+    ],
+)
+def test_bad_files_are_named(tmp_path, text, message):
+    path = tmp_path / "bad.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(UserError) as error:
+        read_recording(path)
+    assert message in str(error.value)
+    with pytest.raises(UserError, match="cannot be read"):
+        read_recording(tmp_path / "none.csv")
+
+
+# -- the real sensor ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def rig(elbow):
+    """Deflection of the coupling under the procedure's true torque, 1 kHz."""
+    require_tool("gcc")
+    inverse = compile_system(inverse_system(elbow), "f64").block("inverse")
+    pieces, labels, last = [], [], 0.0
+    for step in procedure(2):
+        level = {"zero": 0, "plus": 1, "minus": -1}[step.kind] * TORQUE
+        pieces += [np.linspace(last, level, 2000), np.full(15_200, level)]
+        labels += [""] * 2000 + [step.label] * 15_200
+        last = level
+    deflection, _ = inverse.run({"tau_Nm": np.concatenate(pieces)}, trace=False)
+    return deflection["theta_rad"], labels
+
+
+@pytest.mark.parametrize(
+    ("spoil", "seen"),
+    [
+        (lambda theta: theta, set()),
+        # The spring is cubic: a shifted zero makes one side stiffer than the other.
+        (lambda theta: theta + math.radians(1.0), {"zero", "accuracy", "symmetry"}),
+        (lambda theta: 1.1 * theta, {"accuracy"}),
+        (lambda theta: np.where(theta > 0, 1.08, 1.0) * theta, {"accuracy", "symmetry"}),
+    ],
+)
+def test_the_emitted_sensor_behind_real_encoders(elbow, rig, spoil, seen):
+    theta, labels = rig
+    count = 2 * math.pi / 2**14
+    measured = np.round(spoil(theta) / count) * count
+    sense = compile_device(elbow, "f32").task("sense")
+    got, _ = sense.run({"theta_rad": measured}, trace=False)
+    recording = Recording(
+        "board.csv", np.arange(len(theta)) * 1e-3, got["tau_Nm"].astype(float), tuple(labels)
+    )
+    check = checked(elbow, recording, repeats=2)
+    assert failing(check) == seen, check.report()
+
+
+# -- the command --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capsys):
+    """Run the command line in this process, in a folder of its own."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr("sys.argv", ["esea-gen", "torque-check", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        shown = capsys.readouterr()
+        return int(left.value.code or 0), shown.out, " ".join(shown.err.split())
+
+    return call
+
+
+LOAD = ("--mass", 1.0, "--arm", 0.2)
+
+
+def test_the_command(tmp_path, command):
+    code, shown, _ = command("elbow")
+    assert code == 0
+    assert "Choose a mass and an arm that give 1.12 to 3.94 Nm" in shown
+    assert "13. zero_7" in shown
+    code, shown, _ = command("elbow", *LOAD)
+    assert code == 0
+    assert "Reference: 1.962 Nm" in shown
+    write(tmp_path / "good.csv", sensor())
+    code, shown, _ = command("elbow", *LOAD, "--recording", "good.csv", "--json", "r.json")
+    assert code == 0
+    assert shown.splitlines()[-1] == "Verdict: PASS"
+    content = json.loads((tmp_path / "r.json").read_text())
+    assert content["verdict"] == "pass"
+    assert {d["criterion"] for d in content["decisions"]} == {x.name for x in LIMITS}
+    write(tmp_path / "bad.csv", sensor(gain=1.2, labelled=False))
+    code, shown, _ = command("elbow", *LOAD, "--recording", "bad.csv")
+    assert code == 1
+    assert "accuracy      FAILED" in shown
+
+
+def test_the_command_goes_on(tmp_path, command):
+    whole = sensor()
+    middle = whole.step.index("minus_1")
+    for name, part in (("a", slice(None, middle)), ("b", slice(middle, None))):
+        piece = Recording(name, whole.time_s[part], whole.tau_Nm[part], whole.step[part])
+        write(tmp_path / f"{name}.csv", piece)
+    code, shown, _ = command("elbow", *LOAD, "--recording", "a.csv", "--json", "a.json")
+    assert code == 1
+    assert "Missing: minus_1" in shown
+    code, shown, _ = command("elbow", "--resume", "a.json")
+    assert code == 1
+    assert "Next, minus_1" in shown
+    code, shown, _ = command("elbow", "--resume", "a.json", "--recording", "b.csv")
+    assert code == 0
+    assert shown.splitlines()[-1] == "Verdict: PASS"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--mass", 5, "--arm", 0.2), "Hang at most 2.005 kg there"),
+        (("--mass", 1), "--arm missing"),
+        (("--recording", "x.csv"), "--mass and --arm missing"),
+        ((*LOAD, "--recording", "none.csv"), "cannot be read"),
+        ((*LOAD, "--arm-uncertainty", 0.02), "Measure the arm better"),
+        (("--mass", "nan", "--arm", 0.2), "the mass = nan kg"),
+        (("--resume", "none.json"), "cannot be read as JSON"),
+        (("--resume", "none.json", "--mass", 1), "already knows the load"),
+    ],
+)
+def test_the_command_refuses(command, arguments, message):
+    code, shown, said = command("elbow", *arguments)
+    assert code == 2
+    assert message in said
+    assert shown == ""
+
+
+def test_the_command_from_a_shell(tmp_path):
+    assert "Hang at least" in refused(
+        run("torque-check", "knee", "--mass", 1, "--arm", 0.2, cwd=tmp_path)
+    )
+
+
+def test_instructions_give_every_limit_and_its_reason(elbow):
+    text = "\n".join(instructions(elbow, TorqueCheck(elbow, REFERENCE)))
+    for x in LIMITS:
+        assert x.reason in text
+        assert f"{x.percent / 100 * FULL:.3g} Nm" in text

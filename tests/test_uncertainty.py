@@ -1,0 +1,318 @@
+"""Torque uncertainty: the Monte-Carlo against first-order propagation, and against itself."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from esea_gen.bench.peers import NumpyPeer
+from esea_gen.cli import app
+from esea_gen.device import Device, load_device
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_device
+from esea_gen.identify.fit import Plant, with_values
+from esea_gen.identify.fit import uncertainty as identified
+from esea_gen.identify.mapping import load_mapping
+from esea_gen.identify.recording import load_recordings
+from esea_gen.model.elastomer import torque_sensor
+from esea_gen.twin import uncertainty as room
+from esea_gen.twin.uncertainty import (
+    NONLINEARITY,
+    PARAMETERS,
+    QUANTISATION,
+    RATE,
+    RATES,
+    SOURCES,
+    TOGETHER,
+    TORQUES,
+    Spread,
+    _continuous,
+    _Encoders,
+    _Tally,
+    assumed_spread,
+    elastomer_values,
+    identified_spread,
+    motions,
+    torque_uncertainty,
+)
+from esea_gen.verify.streams import Stream
+
+from .conftest import require_tool
+
+DATA = Path(__file__).parent / "data" / "hdrb"
+SHORT_S = 6.0
+
+
+@pytest.fixture(scope="module")
+def cubic(elbow) -> Device:
+    """Spring alone: no memory, so that first-order propagation is exact arithmetic."""
+    e = elbow.file.elastomer.model_copy(update={"maxwell": None})
+    bare = Device(elbow.file.model_copy(update={"elastomer": e}), "spring.toml")
+    return with_values(bare, {"alpha_Nm_rad": 0.0})
+
+
+@pytest.fixture(scope="module")
+def found(elbow):
+    require_tool("gcc")
+    return torque_uncertainty(elbow, 16, 3, limit_s=SHORT_S)
+
+
+def slope(theta: np.ndarray) -> np.ndarray:
+    x = ca.SX.sym("x")
+    torque = 239.0 * x**3 + 9.39 * x
+    derivative = ca.Function("d", [x], [ca.jacobian(torque, x)])
+    return np.asarray(derivative(theta[None, :])).ravel()
+
+
+def test_quantisation_of_a_spring_is_first_order(cubic):
+    require_tool("gcc")
+    found = torque_uncertainty(cubic, 12, spread=Spread((), np.zeros((0, 0)), "none"), limit_s=30.0)
+    count = 2 * np.pi / 2**12
+    moves = motions(cubic, 30.0)
+    cells = np.concatenate([m.cell for m in moves])
+    steep = np.concatenate([slope(m.theta_rad[m.kept]) for m in moves])
+    for i in range(TORQUES):
+        here = (cells // RATES) == i
+        if here.sum() < 1000:
+            continue
+        # Two independent uniform errors of one count each.
+        expected = np.sqrt(np.mean(steep[here] ** 2) * count**2 / 6)
+        f = found.cells[QUANTISATION][i, None]
+        assert f.sigma_Nm == pytest.approx(expected, rel=0.04), i
+        # The sum of two uniform errors is a triangle: 95 % lie within 0.776 counts.
+        if i == 0:
+            flat = 9.39 * count * (1 - np.sqrt(0.05))
+            assert f.half_width_Nm == pytest.approx(flat, rel=0.06)
+        assert abs(f.bias_Nm) < 4 * f.bias_error_Nm + 0.02 * f.sigma_Nm
+    # No Maxwell element: nothing depends on the rate, and f32 rounding is all that is left.
+    assert found.overall(RATE).half_width_Nm < 1e-5
+    assert found.overall(PARAMETERS).sigma_Nm == 0
+
+
+def test_parameters_are_first_order_where_the_spread_is_small(elbow):
+    require_tool("gcc")
+    share = 0.004
+    spread = assumed_spread(elbow, share)
+    found = torque_uncertainty(elbow, 80, spread=spread, limit_s=2.0)
+    # Derivatives by differences of the equations written out in NumPy: nothing of the emitted C.
+    moves = motions(elbow, 2.0)
+    values = elastomer_values(elbow)
+    variance = np.zeros(sum(len(m.kept) for m in moves))
+    for key in spread.keys:
+        torque = []
+        for sign in (1, -1):
+            device = with_values(elbow, {key: values[key] * (1 + sign * 1e-3)})
+            parts = []
+            for m in moves:
+                inputs = {"theta_rad": m.theta_rad, "omega_rad_s": m.omega_mid_rad_s}
+                peer = NumpyPeer(device, Stream("motion", inputs))
+                peer.run(1)
+                parts.append(peer.results()[m.kept, 0])
+            torque.append(np.concatenate(parts))
+        variance += ((torque[0] - torque[1]) / 2e-3 * share) ** 2
+    cells = np.concatenate([m.cell for m in moves]) // RATES
+    tried = 0
+    for i in range(TORQUES):
+        f = found.cells[PARAMETERS].get((i, None))
+        if f is None or f.samples < 60:
+            continue
+        tried += 1
+        expected = float(np.sqrt(variance[cells == i].mean()))
+        assert f.sigma_Nm == pytest.approx(expected, abs=4 * f.sigma_error_Nm), i
+        assert f.sigma_error_Nm < 0.15 * expected
+    assert tried >= 2
+
+
+def test_sensor_derivative_by_casadi_agrees_with_a_spring(elbow):
+    # d tau / d k1 of one step is the deflection, d tau / d k3 its cube: the kernel itself.
+    block = torque_sensor(elbow, tunable=True)
+    step = block.step
+    arguments = step.sx_in()
+    names = step.name_in()
+    tau = step.call(arguments)[step.name_out().index("y_tau_Nm")]
+    for key, expected in (("c_k1_Nm_rad", 0.1), ("c_k3_Nm_rad3", 1e-3)):
+        at = dict.fromkeys(names, 0.0) | {"u_theta_rad": 0.1, "c_k1_Nm_rad": 9.39}
+        at |= {"c_k3_Nm_rad3": 239.0, "c_kv_Nm_rad": 51.6, "c_eps1_Nms_rad": 0.03, "c_eps2": 0.01}
+        at |= {"c_m": 2.0, "c_n": 1.0}
+        jacobian = ca.Function("j", arguments, [ca.jacobian(tau, arguments[names.index(key)])])
+        values = [np.full(a.shape, at[n]) for n, a in zip(names, arguments, strict=True)]
+        assert float(jacobian.call(values)[0]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_nonlinearity_is_bounded_by_its_amplitude(cubic):
+    require_tool("gcc")
+    nothing = Spread((), np.zeros((0, 0)), "none")
+    found = torque_uncertainty(cubic, 10, spread=nothing, residual_deg=0.2, limit_s=SHORT_S)
+    theta = max(float(np.abs(m.theta_rad).max()) for m in motions(cubic, SHORT_S))
+    for i in range(TORQUES):
+        f = found.cells[NONLINEARITY].get((i, None))
+        if f is None:
+            continue
+        # Each side is off by at most twice its amplitude: its own error and its zero's.
+        assert f.half_width_Nm < slope(np.array([theta + 0.014]))[0] * 4 * np.deg2rad(0.2)
+        assert f.sigma_Nm > 0.2 * 9.39 * np.deg2rad(0.2)
+    none = torque_uncertainty(cubic, 2, spread=nothing, residual_deg=0.0, limit_s=SHORT_S)
+    assert none.overall(NONLINEARITY).sigma_Nm == 0
+
+
+def test_sources_add_up(found):
+    # Independent sources: variances add, but for what the model's curvature makes of them together.
+    parts = [found.overall(s) for s in SOURCES if s != TOGETHER]
+    expected = np.sqrt(sum(f.sigma_Nm**2 for f in parts))
+    assert found.overall(TOGETHER).sigma_Nm == pytest.approx(expected, rel=0.15)
+    for f in parts:
+        assert f.low_Nm <= f.bias_Nm <= f.high_Nm
+    assert set(found.cells) == set(SOURCES)
+    full = found.cells[TOGETHER]
+    assert full[None, None].samples == sum(full[i, None].samples for i in range(TORQUES)
+                                           if (i, None) in full)  # fmt: skip
+
+
+def test_standard_errors_shrink_and_the_same_seed_repeats(elbow, found):
+    again = torque_uncertainty(elbow, 16, 3, limit_s=SHORT_S)
+    assert again.to_dict() == found.to_dict()
+    assert found.overall(RATE).sigma_error_Nm == 0
+    assert found.overall(TOGETHER).sigma_error_Nm > 0
+    assert [n for n, _ in found.convergence][-1] == 16
+    last = found.convergence[-1][1]
+    assert last.sigma_Nm == found.overall(TOGETHER).sigma_Nm
+    other = torque_uncertainty(elbow, 16, 4, limit_s=SHORT_S)
+    a, b = found.overall(TOGETHER), other.overall(TOGETHER)
+    assert a.sigma_Nm != b.sigma_Nm
+    assert abs(a.sigma_Nm - b.sigma_Nm) < 4 * np.hypot(a.sigma_error_Nm, b.sigma_error_Nm)
+
+
+def test_tally_knows_a_normal_distribution():
+    rng = np.random.default_rng(5)
+    tally = _Tally(4.0)
+    cell = np.zeros(20_000, dtype=int)
+    for _ in range(20):
+        tally.add(0.01 + 0.05 * rng.standard_normal(20_000), cell)
+    f = tally.figures(np.arange(TORQUES * RATES))
+    assert f.bias_Nm == pytest.approx(0.01, abs=4 * f.bias_error_Nm)
+    assert f.sigma_Nm == pytest.approx(0.05, abs=4 * f.sigma_error_Nm)
+    assert f.bias_error_Nm == pytest.approx(0.05 / np.sqrt(400_000), rel=0.5)
+    assert f.high_Nm == pytest.approx(0.01 + 1.96 * 0.05, rel=0.01)
+    assert f.low_Nm == pytest.approx(0.01 - 1.96 * 0.05, rel=0.015)
+    assert tally.figures(np.array([3])) is None
+
+
+def test_encoders_count_and_bend(elbow):
+    theta = np.linspace(-0.1, 0.1, 3000)
+    for k in range(5):
+        e = _Encoders(elbow, 0.1, np.random.default_rng(k))
+        count = 2 * np.pi / 4096
+        read = e.read(theta, counts=True, nonlinear=False)
+        assert np.max(np.abs(read - theta)) <= count
+        assert read / count == pytest.approx(np.round(read / count), abs=1e-9)
+        bent = e.read(theta, counts=False, nonlinear=True) - theta
+        assert np.max(np.abs(bent)) <= 4 * np.deg2rad(0.1)
+        assert np.max(np.abs(bent)) > 1e-4
+        # Zeroed where both encoders stand alike.
+        rest = e.read(np.zeros(1), counts=False, nonlinear=True)
+        assert rest[0] == pytest.approx(0, abs=1e-15)
+        assert e.read(theta, counts=False, nonlinear=False) == pytest.approx(theta, abs=1e-12)
+
+
+def test_the_continuous_reference_has_converged(elbow):
+    require_tool("gcc")
+    from scipy.interpolate import CubicSpline
+
+    from esea_gen.twin.discretisation import at_rate
+
+    t = np.arange(3000) * 1e-3
+    path = CubicSpline(t, 0.15 * np.sin(2 * np.pi * 0.8 * t))
+    torque = {}
+    for dense in (10, 40):
+        fine = compile_device(at_rate(elbow, dense * 1000.0), "f64").block("sensor")
+        torque[dense] = _continuous(fine, path, len(t), dense, 1e-3)
+    # 0.0002 % of full scale: far below what it is compared with.
+    assert np.max(np.abs(torque[10] - torque[40])) < 1e-5
+
+
+def test_identified_spread_is_the_identifications_own(tmp_path):
+    require_tool("gcc")
+    # A small search is enough here: any device near the optimum has a covariance.
+    mapping = tmp_path / "map.toml"
+    text = (DATA / "hdrb.toml").read_text() + "\n[search]\npopulation = 16\n"
+    mapping.write_text(text, encoding="utf-8")
+    arguments = ["identify", str(mapping), "--data", str(DATA), "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    device = load_device(tmp_path / "hdrb.toml")
+    spread = identified_spread(device, mapping, DATA)
+    recordings = load_recordings(load_mapping(mapping, DATA))
+    values = elastomer_values(device)
+    known = identified(Plant(device, recordings), values)
+    root = spread.root
+    # Directions below the cap have the identification's standard deviations.
+    capped = np.linalg.norm(root, axis=0) > 0.499
+    assert 0 < capped.sum() < root.shape[1]
+    for k, s in spread.sigma.items():
+        assert s <= known.sigma[k] / values[k] * 1.02, k
+    assert spread.sigma["k1_Nm_rad"] > 0
+    assert "covariance of the identification" in spread.origin
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        drawn, _ = spread.draw(device, rng)
+        assert all(np.isfinite(v) and v >= 0 for v in drawn.values())
+    with pytest.raises(UserError, match="identified 'hdrb', not 'elbow'"):
+        identified_spread(load_device("elbow"), mapping, DATA)
+
+
+def test_assumed_spread_has_its_share_and_stays_in_bounds(elbow):
+    spread = assumed_spread(elbow, 0.3)
+    assert set(spread.keys) == set(elastomer_values(elbow)) - {"eps2"}
+    rng = np.random.default_rng(2)
+    draws = [spread.draw(elbow, rng) for _ in range(400)]
+    k1 = np.log([d["k1_Nm_rad"] for d, _ in draws])
+    assert k1.std() == pytest.approx(0.3, rel=0.15)
+    n = [d["n"] for d, _ in draws]
+    assert max(n) == 1.0  # its upper bound
+    assert sum(c for _, c in draws) > 0
+
+
+def test_the_command(tmp_path, monkeypatch):
+    require_tool("gcc")
+    short = tuple(replace(s, duration_s=5.0) for s in room.SIGNALS)
+    monkeypatch.setattr(room, "SIGNALS", short)
+    files = {"json": tmp_path / "u.json", "figure": tmp_path / "u.png"}
+    arguments = ["uncertainty", "elbow", "--runs", "2", "--seed", "7"]
+    for k, v in files.items():
+        arguments += [f"--{k}", str(v)]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    content = json.loads(files["json"].read_text())
+    assert (content["runs"], content["seed"]) == (2, 7)
+    assert files["figure"].read_bytes()[:4] == b"\x89PNG"
+    said = " ".join(done.output.split())
+    assert "Not included: temperature" in said
+    assert "assumed: 5 % (standard deviation) of each parameter" in said
+    every = next(f for f in content["sources"][TOGETHER] if f["torque"] is None)
+    assert every["low_percent"] < 0 < every["high_percent"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--runs", "1"], "1 runs: a spread needs 2"),
+        (["--residual-deg", "6"], "A nonlinearity of 6 deg is not from 0 to 5 deg"),
+        (["--residual-deg", "nan"], "A nonlinearity of nan deg"),
+        (["--figure", "u.xyz"], "not a picture's name"),
+    ],
+)
+def test_the_command_refuses(arguments, said):
+    done = CliRunner().invoke(app, ["uncertainty", "elbow", *arguments])
+    assert isinstance(done.exception, UserError)
+    assert said in str(done.exception)
+
+
+def test_a_device_without_linear_stiffness_is_refused(elbow):
+    with pytest.raises(UserError, match="no unique inverse"):
+        torque_uncertainty(with_values(elbow, {"k1_Nm_rad": 0.0}), 2)
