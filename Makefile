@@ -4,7 +4,7 @@ BIN := .venv/bin
 OUT := out
 STAMP := .venv/.stamp
 
-.PHONY: run test docs bench test-slow style setup clean
+.PHONY: run test docs bench test-slow proof style setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -17,7 +17,7 @@ run: setup
 test: setup style
 	@$(BIN)/esea-gen check
 	@$(BIN)/esea-gen traces check
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 docs: setup
 	@$(BIN)/mkdocs build --strict --quiet
@@ -28,6 +28,10 @@ bench: setup
 
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow
+
+# Frama-C, Gappa and z3 on the fixed-point C: apt-get install --no-install-recommends frama-c-base gappa z3
+proof: setup
+	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -m "slow or not slow" tests/test_fixed_proof.py
 
 style: setup
 	@$(BIN)/ruff check .

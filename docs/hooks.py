@@ -19,17 +19,18 @@ from typing import Any, get_args
 import typer
 
 import esea_gen
-from esea_gen.device import json_schema, load_device
+from esea_gen.device import load_device
+from esea_gen.devices.file import json_schema
 
 # Page of the API reference: title and the modules on it, by prefix.
 API_PAGES = {
-    "core": ("Blocks, Systems, devices", ("block", "system", "device", "errors")),
-    "models": ("Models", ("model",)),
+    "core": ("Blocks, Systems, devices", ("block", "system", "device", "devices", "errors")),
+    "models": ("Models", ("model", "observe", "control")),
     "c": ("Rendering and loading C", ("emit", "hostlib")),
     "verify": ("Verification", ("verify", "bench")),
-    "identify": ("Identification, reports, twin", ("identify", "report", "twin")),
+    "identify": ("Identification, reports, twin", ("identify", "lab", "report", "twin")),
 }
-NOT_AN_API = ("cli", "devices", "__main__")  # the command line has its own page
+NOT_AN_API = ("cli", "__main__")  # the command line has its own page
 SECTIONS = (
     "Parameters",
     "Attributes",
@@ -277,6 +278,15 @@ def _section_rows(
             kind = "whole number" if number["type"] == "integer" else "number"
             unit = re.search(r"in (.*)\.$", number["description"])
             cells = (kind, unit.group(1) if unit else "1", _bounds(number))
+        elif "values" in properties:
+            row = properties["values"]
+            unit = re.search(r"in (.*)\.$", row["description"])
+            sizes = f"{row['minItems']} to {row['maxItems']} values, each "
+            cells = (
+                "row of numbers",
+                unit.group(1) if unit else "1",
+                sizes + _bounds(row["items"]),
+            )
         elif properties:
             inner.append((f"{name}.{key}" if name else key, about, needed))
             continue
@@ -399,7 +409,7 @@ def device_keys(node: dict[str, Any] | None = None) -> Iterator[str]:
     for key, about in (node or json_schema())["properties"].items():
         yield key
         inner = about.get("properties", {})
-        if inner and "value" not in inner:
+        if inner and not {"value", "values"} & set(inner):
             yield from device_keys(about)
 
 
