@@ -21,7 +21,6 @@ from esea_gen.identify import Identification, identify, load_mapping, load_recor
 from esea_gen.identify.fit import Space, bounds_of, parameters_of, solve_linear
 from esea_gen.identify.mapping import Cycles
 from esea_gen.identify.recording import divide, reversals
-from esea_gen.system import sensing_system
 from tests.conftest import require_tool
 
 DATA = Path(__file__).parent / "data" / "hdrb"
@@ -584,7 +583,7 @@ def sweep(path: Path, run, f0: float, f1: float, seconds: float, amplitude_deg: 
 def test_the_published_elbow_is_found_again(tmp_path: Path) -> None:
     require_tool("gcc")
     elbow = load_device("elbow")
-    task = compile_system(sensing_system(elbow), "f64").task("sense")
+    task = compile_system(elbow.system, "f64").task("sense")
 
     def run(theta: np.ndarray) -> np.ndarray:
         task.reset()

