@@ -26,7 +26,6 @@ EXTENDED = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n
 def command(monkeypatch, capsys, *arguments: object) -> tuple[int, str, str]:
     """Exit code, output and error of the command line, in this process."""
     monkeypatch.setattr("sys.argv", ["esea-gen", *map(str, arguments)])
-    monkeypatch.setattr(cli.out, "file", None)
     with pytest.raises(SystemExit) as left:
         cli.main()
     shown = capsys.readouterr()
