@@ -653,6 +653,17 @@ def mutate(
 
 reproduce = typer.Typer(help="Recompute published tables with the emitted C.")
 app.add_typer(reproduce, name="reproduce", no_args_is_help=True)
+
+
+def _jobs(value: int) -> int:
+    if value < 1 and value != -1:
+        raise UserError(f"--jobs {value}: no number of processes.", "Give 1 or more, or -1.")
+    return value
+
+
+JobsOption = Annotated[
+    int, typer.Option("--jobs", callback=_jobs, help="Processes; -1 for one a core.")
+]
 FigureOption = Annotated[
     Path | None, typer.Option("--figure", metavar="FILE", help="Also a plot: .png, .svg or .pdf.")
 ]
@@ -807,7 +818,7 @@ def simulate(
     real: Annotated[
         str, typer.Option("--real", metavar="f64|f32", help="Number format of the controller.")
     ] = "f32",
-    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 for one a core.")] = -1,
+    jobs: JobsOption = -1,
     resume: Annotated[
         Path | None,
         typer.Option("--resume", metavar="DIR", help="Journal: go on where a run was cut off."),
@@ -835,7 +846,8 @@ def simulate(
             Setting(controller, plant, who, real),
             seed=seed,
             runs=runs,
-            workers=jobs if runs > 1 else 1,
+            # A run takes half a second: a few are done before other processes have started.
+            workers=jobs if runs * len(EXPERIMENTS[experiment].cases()) > 20 else 1,
             folder=resume,
             progress=tell,
         )
@@ -869,7 +881,7 @@ def passivity(
     sliding: Annotated[
         bool, typer.Option("--sliding/--no-sliding", help="Also the sliding condition.")
     ] = True,
-    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 for one a core.")] = -1,
+    jobs: JobsOption = -1,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
@@ -913,7 +925,7 @@ def tune(
         str, typer.Option("--values", metavar="A,B,C", help="Values of the parameter.")
     ] = "",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
-    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 for one a core.")] = 1,
+    jobs: JobsOption = 1,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:

@@ -253,6 +253,7 @@ def test_the_fixes_that_are_named_are_accepted():
         (["nothing"], ["Unknown experiment 'nothing'", "tuning, grid"]),
         (["tuning", "--controller", "nothing"], ["Unknown controller 'nothing'", "smc"]),
         (["tuning", "--controller", "gone.toml"], ["no device 'gone.toml'"]),
+        (["tuning", "--jobs", "0"], ["--jobs 0", "Give 1 or more, or -1"]),
         (["tuning", "--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
         (["bread", "--person", "dog"], ["Unknown person 'dog'", "none, ideal"]),
         (["backdriven", "--person", "none"], ["backdriven needs somebody", "Give --person"]),
