@@ -19,6 +19,7 @@ from esea_gen.twin.plots import (
     output_impedance,
     rms_by_case,
     save,
+    torque_cases,
     torque_tracking,
     tuning_trade,
 )
@@ -495,6 +496,12 @@ def test_figures_say_what_the_numbers_are(tmp_path, swept):
         assert (tmp_path / f"x.{ending}").stat().st_size > 5000
     with pytest.raises(UserError, match="cannot be written"):
         save(figure, tmp_path / "none" / "x.png")
+    curves = t, desired, desired + 0.25, desired - 0.5
+    panels = torque_cases([("a", *curves), ("b", *curves)], title="smc")
+    assert [a.get_title(loc="left") or a.get_title() for a in panels.axes] == [
+        f"smc: {name}: RMS of the true error shown 0.25 N·m" for name in "ab"
+    ]
+    assert legend(panels) == ["modelled", "true", "desired"]
     bars = rms_by_case(["a", "b"], {"MPC": [0.1, np.nan]}, {"MPC": [0.3, 0.4], "SMC": [0.5, 0.6]})
     heights = sorted(p.get_height() for c in bars.axes[0].containers for p in c)
     assert heights == pytest.approx([0.1, 0.3, 0.4, 0.5, 0.6])

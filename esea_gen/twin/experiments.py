@@ -54,6 +54,7 @@ CONTROLLERS = {
 }
 # Those with predictive control: whether the desired torque is known ahead.
 PREDICTIVE = {"mpc": True, "mpc-no-preview": False}
+MOST_PANELS = 4  # more cases than this are drawn as bars
 PLANT_NAMES = ("ideal", "real", "random")
 PERSON_NAMES = ("none", "ideal", "uncertain", "random")
 GRID_NM = {0.25: (1, 2, 3, 4), 0.5: (1, 2, 3, 4), 1.0: (1, 2, 3), 1.5: (0.75,)}
@@ -691,16 +692,12 @@ class Simulation:
             names = list(dict.fromkeys(r.case["case"] for r in self.monte_carlo.results))
             rows = [(n, self.monte_carlo.summary({"case": n})["rms_true_Nm"]) for n in names]
             return plots.percentile_bars(rows)
-        if len(self.first) == 1 or self.experiment == "step":
-            case, run = self.first[-1]
-            w = slice(0, None) if self.experiment == "step" else self._window(case)
-            return plots.torque_tracking(
-                run.time_s[w],
-                desired_torque(case, run)[w],
-                run.plant["tau_e_Nm"][w],
-                run.controller["tau_Nm"][w],
-                title=f"{case.name}: {label}",
-            )
+        panels = [self._panel(case, run) for case, run in self.first]
+        if len(panels) == 1 or self.experiment == "step":
+            name, *curves = panels[-1]
+            return plots.torque_tracking(*curves, title=f"{name}: {label}")
+        if len(panels) <= MOST_PANELS:
+            return plots.torque_cases(panels, title=label)
         entries = self.cases()
         thesis = [e["thesis_rms_Nm"] or math.nan for e in entries]
         values = [math.nan if e["rms_true_Nm"] is None else e["rms_true_Nm"] for e in entries]
@@ -710,9 +707,18 @@ class Simulation:
             {label: np.array(thesis)} if np.isfinite(thesis).any() else None,
         )
 
-    def _window(self, case: Case) -> slice:
+    def _panel(self, case: Case, run: ClosedLoopRun) -> tuple[str, Array, Array, Array, Array]:
         w = case.trajectory.window
-        return slice(w.start, min(w.stop, w.start + round(10 * RATE_HZ)))
+        w = slice(w.start, min(w.stop, w.start + round(10 * RATE_HZ)))
+        if self.experiment == "step":
+            w = slice(0, None)
+        return (
+            case.name,
+            run.time_s[w],
+            desired_torque(case, run)[w],
+            run.plant["tau_e_Nm"][w],
+            run.controller["tau_Nm"][w],
+        )
 
 
 def simulate(

@@ -141,6 +141,40 @@ def torque_tracking(
         return _finish(figure)
 
 
+def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, title: str) -> Figure:
+    """Torque over time, a panel for every case.
+
+    Parameters
+    ----------
+    panels : sequence of (str, ndarray, ndarray, ndarray, ndarray)
+        Name; time in s; desired torque, torque of the plant's elastomer and torque of the
+        controller's sensor in Nm, of the same shape (n,).
+    title : str
+        Controller and plant; stands before each name.
+
+    Returns
+    -------
+    Figure
+        Panels below each other; each heading gives the RMS of the true error over its time axis.
+    """
+    with mpl.rc_context(STYLE):
+        figure, rows = _new(9.6, 0.6 + 1.7 * len(panels), nrows=len(panels), squeeze=False)
+        for axes, (name, t, desired, true, modelled) in zip(rows[:, 0], panels, strict=True):
+            _drawn(axes, t, modelled, color=MODEL, lw=1.0, alpha=0.5, label="modelled")
+            _drawn(axes, t, true, color=MEASURED, lw=1.3, label="true")
+            _drawn(axes, t, desired, color=INK, lw=0.9, ls=(0, (5, 3)), label="desired")
+            rms = float(np.sqrt(np.mean((true - desired) ** 2)))
+            axes.set_title(f"{title}: {name}: RMS of the true error shown {rms:.3g} N·m")
+            axes.set_ylabel("torque, N·m")
+            axes.margins(x=0.005)
+            axes.yaxis.set_major_locator(MaxNLocator(5))
+        rows[-1, 0].set_xlabel("time, s")
+        handles, labels = rows[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=3)
+        figure.align_ylabels(rows[:, 0])
+        return _finish(figure)
+
+
 def rms_by_case(
     cases: Sequence[str],
     ours_Nm: Mapping[str, npt.ArrayLike],
