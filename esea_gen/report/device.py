@@ -14,12 +14,10 @@ import numpy.typing as npt
 
 from esea_gen.block import Block, unit_of
 from esea_gen.device import Device
-from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
 from esea_gen.emit.dialect import render_dialect
-from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.render import block_kernels, versions
+from esea_gen.emit.render import versions
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify import (
@@ -32,8 +30,20 @@ from esea_gen.identify import (
 )
 from esea_gen.identify.recording import resample
 from esea_gen.report import figures
+from esea_gen.report.contents import (
+    OPERATION_GROUPS,
+    REAL_NAMES,
+    REALS,
+    BoardRun,
+    block_tables,
+    board_problems,
+    by_section,
+    generated_code,
+    quantities,
+    verification_problems,
+)
 from esea_gen.report.page import count_text, finite, render
-from esea_gen.verify.emulator import EmulatorResult, run_in_emulator
+from esea_gen.verify.emulator import run_in_emulator
 from esea_gen.verify.equivalence import (
     F64_TOLERANCE,
     Verification,
@@ -41,14 +51,12 @@ from esea_gen.verify.equivalence import (
     operating_ranges,
     verify,
 )
-from esea_gen.verify.firmware import BOARDS, FirmwareImage, build_firmware
+from esea_gen.verify.firmware import BOARDS, build_firmware
 from esea_gen.verify.streams import deflection_inputs, first_axis, single
 
 Array = npt.NDArray[Any]
 Say = Callable[[str], None]
 
-REALS = ("f64", "f32")
-REAL_NAMES = {"f64": "float64", "f32": "float32"}
 CHIRP = "chirp in the domain"
 STATE_STORY = {
     "fixed point": "errors are carried through one step by interval arithmetic, and a state error "
@@ -57,18 +65,6 @@ STATE_STORY = {
     "linear": "one step's own rounding error is summed over all powers of the state matrix, so it "
     "holds for any number of steps",
 }
-OPERATION_GROUPS = (
-    ("add, sub", ("add", "sub")),
-    ("mul", ("mul", "sq", "twice")),
-    ("div", ("div", "inv")),
-    ("power", ("pow",)),
-    ("exp, log, sqrt, tanh", ("exp", "log", "tanh", "sqrt")),
-    ("min, max", ("fmin", "fmax")),
-    ("compare", ("lt", "le", "eq", "ne")),
-    ("select", ("select", "if_else_zero")),
-    ("and, or, not", ("and", "or", "not")),
-    ("neg, abs, sign", ("neg", "fabs", "sign")),
-)
 
 
 @dataclass(frozen=True)
@@ -113,39 +109,6 @@ class Run:
         """
         grid = np.asarray(self.time_s, dtype=np.float64)
         return resample(grid, self.sensor[real]["tau_Nm"].astype(np.float64), time_s)
-
-
-@dataclass(frozen=True)
-class BoardRun:
-    """What became of the firmware.
-
-    Parameters
-    ----------
-    name, title : str
-        The board.
-    image : FirmwareImage or None
-        None when it was not built.
-    results : dict of str to EmulatorResult
-        By stream.
-    skipped : str
-        Why it did not run: a tool is missing.
-    failed : str
-        Why it did not run: something is wrong.
-    """
-
-    name: str
-    title: str
-    image: FirmwareImage | None = None
-    results: Mapping[str, EmulatorResult] | None = None
-    skipped: str = ""
-    failed: str = ""
-
-    @property
-    def passed(self) -> bool:
-        """False when it failed or any bit differs; a board that was skipped is not judged."""
-        return not self.failed and all(
-            r.identical and r.hash_matches for r in (self.results or {}).values()
-        )
 
 
 @dataclass(frozen=True)
@@ -196,29 +159,7 @@ class Findings:
     @property
     def problems(self) -> list[str]:
         """Everything that failed, one line each."""
-        found = []
-        for c in self.verification.comparisons:
-            where = f"{c.block}, {REAL_NAMES[c.real]}, {c.stream}"
-            found += [f"{where}: {p}" for p in c.problems]
-            if c.status_differences:
-                found.append(f"{where}: status differs in {c.status_differences} steps")
-            if c.bit_identical is False:
-                found.append(f"{where}: bits differ from CasADi's own C")
-        if self.board.failed:
-            found.append(f"board {self.board.name}: {self.board.failed}")
-        for label, r in (self.board.results or {}).items():
-            if r.first_difference is not None:
-                d = r.first_difference
-                found.append(
-                    f"board {r.board}, {label}: {d.output} at step {d.step} is {d.board}, on the "
-                    f"host {d.host}"
-                )
-            if not r.hash_matches:
-                found.append(
-                    f"board {r.board}, {label}: runs content {r.content_hash}, expected "
-                    f"{r.expected_hash}"
-                )
-        return found
+        return [*verification_problems(self.verification), *board_problems(self.board)]
 
     # -- figures and tables ------------------------------------------------------------------
 
@@ -290,18 +231,7 @@ class Findings:
 
     def parameters(self) -> list[dict[str, Any]]:
         """Every number of the device file with its unit, status and source."""
-        return [
-            {
-                "key": key,
-                "value": q.value,
-                "unit": unit_of(key),
-                "status": q.status,
-                "source": q.source,
-                "meaning": field_facts(key)["text"],
-                "section": key.rsplit(".", 1)[0],
-            }
-            for key, q in self.device.quantities()
-        ]
+        return quantities(self.device)
 
     def fit(self) -> dict[str, Any] | None:
         """Errors of the C against the measured torque, where it is this device's own."""
@@ -386,38 +316,7 @@ class Findings:
 
     def code(self) -> dict[str, Any]:
         """Generated files with their sizes, and operations of every kernel."""
-        folders = []
-        for bundle in self.bundles:
-            files: list[dict[str, Any]] = [
-                {"name": n, "bytes": len(t.encode()), "lines": t.count("\n")}
-                for n, t in sorted(bundle.files.items())
-            ]
-            folders.append(
-                {
-                    "folder": bundle.folder,
-                    "files": files,
-                    "bytes": sum(f["bytes"] for f in files),
-                    "lines": sum(f["lines"] for f in files),
-                }
-            )
-        kernels = []
-        for block in self.device.system.kinds:
-            for verb, kernel in block_kernels(block).items():
-                if verb == "init":
-                    continue
-                for real in REALS:
-                    cost = dict(FORMATS[real].passes(kernel).cost())
-                    kernels.append(
-                        {
-                            "block": block.name,
-                            "kernel": verb,
-                            "format": real,
-                            "operations": dict(sorted(cost.items())),
-                            "total": sum(cost.values()),
-                        }
-                    )
-        kernels.sort(key=lambda k: (k["block"], k["kernel"] != "step", k["format"] != "f64"))
-        return {"folders": folders, "kernels": kernels}
+        return generated_code(self.device, self.bundles)
 
     def bounds(self) -> list[dict[str, Any]]:
         """Derived float32 bounds, with the worst that was seen below each."""
@@ -613,29 +512,14 @@ class Findings:
             HTML.
         """
         content = self.to_dict()
-        blocks = [
-            {
-                "name": b.name,
-                "title": b.title,
-                "period_s": b.period_s,
-                "equations": b.equations,
-                "ports": [
-                    (kind, p)
-                    for kind, ports in (("in", b.inputs), ("out", b.outputs), ("state", b.state))
-                    for p in ports
-                ],
-                "tunables": b.tunables,
-            }
-            for b in self.device.system.kinds
-        ]
         return render(
             "report/device.html.j2",
             title=self.device.title,
             f=content,
             axes=self.device.axes,
             assumed=self.assumed(),
-            sections=_by_section(content["parameters"]),
-            blocks=blocks,
+            sections=by_section(content["parameters"]),
+            blocks=block_tables(self.device),
             streams=self._stream_tables(),
             states=self._state_table(),
             plots=self._plots(),
@@ -809,13 +693,6 @@ def _loops(trace: figures.Trace, shared: figures.Trace | None, i: int, points: i
     if shared is not None and i > 0:
         return ""
     return figures.loops(shared or trace, f"loops{i}", points)
-
-
-def _by_section(parameters: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    out: dict[str, list[dict[str, Any]]] = {}
-    for p in parameters:
-        out.setdefault(p["section"], []).append(p)
-    return out
 
 
 def gather(

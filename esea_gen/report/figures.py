@@ -2,59 +2,37 @@
 
 from __future__ import annotations
 
-import io
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from esea_gen.plotting import (
+    BOUND,
+    HELD_OUT,
+    INK,
+    MEASURED,
+    MODEL,
+    ROUNDING,
+    STYLE,
+    envelope,
+    svg,
+)
+
 Array = npt.NDArray[np.float64]
 
-# Okabe and Ito's colours, told apart by people with any common colour blindness; line width and
-# order tell them apart in grey print as well.
-MEASURED, MODEL, ROUNDING, BOUND = "#d98b3a", "#00558c", "#00775a", "#9a3f78"
-HELD_OUT, INK, RULE = "#e9eef2", "#26303a", "#c9d1d8"
 # An SVG point takes about 12 bytes: this keeps a page with ten recordings below 3 MB.
 POINTS_PER_PAGE = 120_000
 MOST_PANELS = 16
-
-# Matplotlib types its keys one by one.
-STYLE: Any = {
-    "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.edgecolor": RULE,
-    "axes.labelcolor": INK,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.titlecolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#edf0f2",
-    "grid.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "xtick.color": RULE,
-    "ytick.color": RULE,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "text.color": INK,
-    "legend.frameon": False,
-    "legend.fontsize": 9.0,
-    "lines.solid_joinstyle": "round",
-    "path.simplify": False,
-}
 
 
 @dataclass(frozen=True)
@@ -96,38 +74,6 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
     return figure, figure.subplots(**kwargs)
 
 
-def _svg(figure: Figure, name: str, alternative: str) -> Markup:
-    buffer = io.StringIO()
-    with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    # Groups are numbered alike in every figure, and ids must be unique on a page; what is referred
-    # to (clip paths, markers) has an id salted with the figure's name.
-    text = re.sub(r'<g id="[^"]*">', "<g>", text)
-    text = re.sub(r'<(path|defs|g) id="(?!m|p)[^"]*"', r"<\1", text)
-    text = re.sub(r' d="([^"]*)"', lambda m: f' d="{_short(m.group(1))}"', text)
-    text = re.sub(r"font: ([^;\"]*)px [^;\"]*", r"font-size: \1px", text)
-    head, body = text.split(">", 1)
-    head = re.sub(r' (width|height)="[^"]*"', "", head).replace(
-        ' xmlns:xlink="http://www.w3.org/1999/xlink"', ""
-    )
-    body = body.replace("xlink:href", "href")
-    # A narrow figure keeps the scale of the wide ones.
-    width = round(figure.get_figwidth() * 105)
-    head += f' style="max-width:{width}px"' if width < 960 else ""
-    return Markup(f'{head} role="img" aria-label="{escape(alternative)}">{body}'.strip())
-
-
-def _short(path: str) -> str:
-    # A hundredth of a point is finer than any screen.
-    def rounded(match: re.Match[str]) -> str:
-        return f"{float(match.group()):.2f}".rstrip("0").rstrip(".")
-
-    return " ".join(re.sub(r"-?\d+\.\d+", rounded, path).split())
-
-
 def share_loops(traces: Sequence[Trace]) -> Trace | None:
     """Recordings of one loop each as one trace, so that their loops share a figure.
 
@@ -163,32 +109,6 @@ def _thin(n: int, most: int) -> npt.NDArray[np.intp]:
     step = max(1, math.ceil(n / max(most, 2)))
     picked = np.arange(0, n, step)
     return picked if n == 0 or picked[-1] == n - 1 else np.append(picked, n - 1)
-
-
-def envelope(y: Array, most: int) -> npt.NDArray[np.intp]:
-    """Samples of a time signal to draw: lowest and highest of each stretch, so no peak is lost.
-
-    Parameters
-    ----------
-    y : ndarray
-        The signal, shape (n,).
-    most : int
-        Most samples to draw.
-
-    Returns
-    -------
-    ndarray
-        Indices, rising.
-    """
-    n = len(y)
-    if n <= most:
-        return np.arange(n)
-    edges = np.linspace(0, n, max(most // 2, 1) + 1).astype(int)
-    picked: set[int] = {0, n - 1}
-    for a, b in pairwise(edges):
-        if b > a:
-            picked |= {a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b]))}
-    return np.array(sorted(picked), dtype=np.intp)
 
 
 def _ticks(figure: Figure) -> None:
@@ -266,7 +186,7 @@ def loops(trace: Trace, name: str, points: int) -> Markup:
                 axes.set_xlabel("deflection, deg")
         figure.legend(handles, labels, loc="outside upper right", ncols=5)
         _ticks(figure)
-    return _svg(figure, name, f"Torque over deflection, {trace.label}")
+    return svg(figure, name, f"Torque over deflection, {trace.label}")
 
 
 def over_time(
@@ -347,7 +267,7 @@ def over_time(
         used[-1].set_xlabel("time, s")
         figure.align_ylabels(used)
         _ticks(figure)
-    return _svg(figure, name, f"Torque over time, {trace.label}")
+    return svg(figure, name, f"Torque over time, {trace.label}")
 
 
 def _stretches(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -433,7 +353,7 @@ def error_overview(rows: Sequence[StreamError], fit: float | None, name: str) ->
         axes.minorticks_off()
         figure.legend(loc="outside upper right", ncols=4)
         _ticks(figure)
-    return _svg(figure, name, "Largest torque errors by stream and number format")
+    return svg(figure, name, "Largest torque errors by stream and number format")
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -483,4 +403,4 @@ def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup
         axes.axvspan(-50, 50, color=HELD_OUT, lw=0, zorder=0)
         axes.set_xlabel("one standard deviation, % of the value (grey: within ±50 %)")
         _ticks(figure)
-    return _svg(figure, name, "Standard deviations of the parameters")
+    return svg(figure, name, "Standard deviations of the parameters")

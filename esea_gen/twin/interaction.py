@@ -492,7 +492,7 @@ class InteractionStudy:
         """The map, with the thesis' gains and a cross where limits or drive had to stop a run."""
         from matplotlib.ticker import NullLocator
 
-        from esea_gen.report.figures import BOUND
+        from esea_gen.plotting import BOUND
         from esea_gen.twin import plots
 
         marks = [(f"{kp:g}, {kd:g}", kp, kd) for kp, kd, _ in self.marked]

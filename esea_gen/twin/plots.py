@@ -20,7 +20,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
 from esea_gen.errors import UserError
-from esea_gen.report.figures import (
+from esea_gen.plotting import (
     BOUND,
     HELD_OUT,
     INK,
@@ -40,7 +40,7 @@ from esea_gen.twin.sweeps import Impedance, ImpedanceFit
 
 COLOURS = (MODEL, MEASURED, ROUNDING, BOUND, INK)
 MARKERS = ("o", "s", "D", "^", "v")
-POINTS = 8000
+POINTS = 4000
 DPI = 130
 
 
