@@ -513,10 +513,21 @@ def report(
 ) -> None:
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
     from esea_gen.report.device import gather
+    from esea_gen.report.drive import gather_drive
 
     loaded = load_device(device)
+    has_drive = loaded.file.sliding_mode is not None
+    if has_drive and (recording is not None or data is not None):
+        raise UserError(
+            f"{loaded.name} has a drive: its page is of closed-loop runs and takes no recording.",
+            "Leave --recording and --data out, or report on the device that it extends.",
+        )
     with progress_line() as say:
-        findings = gather(loaded, recording, data, board, progress=say)
+        findings = (
+            gather_drive(loaded, board, progress=say)
+            if has_drive
+            else gather(loaded, recording, data, board, progress=say)
+        )
     target = page or Path(f"{loaded.name}.html")
     write_text(target, findings.html())
     write_json(json_file, findings.to_dict())

@@ -730,7 +730,7 @@ def gather(
     if device.file.sliding_mode is not None:
         raise UserError(
             f"{device.name} has a drive; this page is of a torque sensor alone.",
-            "Report on the device it extends, and see verify, simulate, tune and passivity for it.",
+            "Use esea_gen.report.drive.gather_drive, or report on the device it extends.",
         )
     say = progress or (lambda _: None)
     say("reading")

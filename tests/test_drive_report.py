@@ -1,0 +1,146 @@
+"""The page of a device with a drive: true to the commands it draws on, and able to fail."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from esea_gen import load_device
+from esea_gen.cli import app
+from esea_gen.report import drive as room
+from esea_gen.report.contents import BoardRun
+from esea_gen.report.drive import run_tasks_on_board
+from esea_gen.twin.experiments import Setting, simulate
+from esea_gen.verify.emulator import Difference
+
+from .conftest import ROOT, require_tool
+from .test_report import Page, _shorten
+
+
+@pytest.fixture(scope="module")
+def findings():
+    """The shipped drive, one compared experiment, its board left out."""
+    require_tool("gcc")
+    with pytest.MonkeyPatch.context() as patch:
+        _shorten(patch)
+        patch.setattr(room, "COMPARED", ("tuning",))
+        patch.setattr(
+            room, "run_tasks_on_board", lambda *_: BoardRun("none", "a board", skipped="no tool")
+        )
+        yield room.gather_drive(load_device("elbow_drive"))
+
+
+@pytest.fixture(scope="module")
+def html(findings) -> str:
+    return findings.html()
+
+
+def test_the_page_is_self_contained_and_well_formed(html):
+    page = Page(html)
+    assert page.outward == []
+    assert "script" not in page.tags
+    assert len(page.ids) == len(set(page.ids)), "an id occurs twice"
+    assert len(html) < 3e6
+    assert str(ROOT) not in html
+    for reference in re.findall(r'(?:href="#|url\(#)([^")]+)', html):
+        assert reference in page.ids
+    assert page.tags.count("svg") == 4
+
+
+def test_its_numbers_are_those_of_the_commands(findings, html):
+    (row,) = findings.to_dict()["experiments"]
+    for controller, key in (("smc", "rms_true_Nm"), ("smc-published", "printed_rms_true_Nm")):
+        (case,) = simulate("tuning", Setting(controller)).cases()
+        assert row[key] == case["rms_true_Nm"]
+    assert row["ratio"] == pytest.approx(row["rms_true_Nm"] / row["printed_rms_true_Nm"])
+    assert row["thesis_rms_Nm"] == 0.590
+    assert f"{row['rms_true_Nm']:.4f}" in Page(html).text
+    step = simulate("step", Setting("smc")).to_dict()["steps"]
+    assert findings.response()["steps"] == step
+
+
+def test_every_block_parameter_and_task_is_there(findings, html):
+    text = Page(html).text
+    device = findings.device
+    for block in device.system.kinds:
+        assert f"{block.name}: {block.title}" in text
+    for key, q in device.quantities():
+        row = re.search(rf"<tr[^>]*>\s*<th[^>]*><span[^>]*>{re.escape(key)}</span>.*?</tr>", html)
+        assert row is not None, key
+        assert f"badge {q.status}" in row.group()
+    tasks = {t["name"]: t for t in findings.tasks()}
+    assert tasks["sense"]["period_ms"] == 1
+    assert tasks["control"]["period_ms"] == 5
+    assert tasks["control"]["blocks"] == ["smc", "stamp"]
+    checks = {c["block"]: c for c in findings.checks()}
+    assert set(checks) == {b.name for b in device.system.kinds}
+    assert all(c["steps"] > 100 and c["bits_equal"] and c["passed"] for c in checks.values())
+
+
+def test_the_same_twice(findings, html):
+    assert findings.html() == html
+    assert json.dumps(findings.to_dict()) == json.dumps(findings.to_dict())
+
+
+def test_it_passes_and_says_that_no_board_ran(findings, html):
+    assert findings.passed
+    assert 'class="banner passed partial"' in html
+    assert "skipped: no tool" in Page(html).text
+    assert any("skipped: no tool" in line for line in findings.summary())
+
+
+@pytest.mark.parametrize("how", ["comparison", "unstable", "board", "silent"])
+def test_a_failure_turns_the_banner(findings, how):
+    if how == "comparison":
+        verification = copy.deepcopy(findings.verification)
+        verification.comparisons[3].problems.append("u_Nm: error 1 above 0.1")
+        failed = replace(findings, verification=verification)
+    elif how == "unstable":
+        tuning = findings.simulations["tuning"]
+        (result,) = tuning.monte_carlo.results
+        lost = replace(result, values=dict(result.values or {}) | {"unstable": 1.0})
+        runs = replace(tuning.monte_carlo, results=(lost,))
+        simulations = findings.simulations | {"tuning": replace(tuning, monte_carlo=runs)}
+        failed = replace(findings, simulations=simulations)
+    elif how == "board":
+        native = run_tasks_on_board(findings.device, "host", 40, lambda _: None)
+        assert native.passed
+        assert set(native.results) == {"sense", "control"}
+        shown = replace(findings, board=native)
+        assert shown.passed
+        assert "bits equal" in Page(shown.html()).text
+        wrong = replace(
+            native.results["sense"],
+            identical=False,
+            first_difference=Difference(7, "tau_Nm", "0x3f800000", "0x00000000"),
+        )
+        board = replace(native, results={**native.results, "sense": wrong})
+        failed = replace(findings, board=board)
+    else:
+        failed = replace(findings, board=BoardRun("x", "a board", failed="silent for 10 s"))
+    assert not failed.passed
+    text = failed.html()
+    assert 'class="banner failed"' in text
+    assert all(p in Page(text).text for p in failed.problems)
+    assert "FAILED" in failed.summary()[0]
+
+
+def test_a_recording_is_refused_for_a_drive(tmp_path: Path):
+    arguments = [
+        "report",
+        "elbow_drive",
+        "--recording",
+        "x.toml",
+        "--out",
+        str(tmp_path / "r.html"),
+    ]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code != 0
+    assert "takes no recording" in str(done.exception)
+    assert not (tmp_path / "r.html").exists()
