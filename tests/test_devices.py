@@ -117,6 +117,12 @@ def test_a_drive_reads_back_equal_and_its_committed_output_is_current(name):
     bundles = [*render_device(drive, ["f64", "f32"]), render_dialect(drive)]
     assert differences(bundles, ROOT / "generated" / name) == []
     assert conforms(tomllib.loads(drive.toml()), json_schema()) == []
+    # The file as it is written gives only what differs from the device that it extends.
+    short = tomllib.loads(shipped_devices()[name].read_text())
+    assert conforms(short, json_schema()) == []
+    alone = {k: v for k, v in short.items() if k != "extends"}
+    assert ".elastomer: missing" in conforms(alone, json_schema())
+    assert conforms(short | {"extends": "nothing"}, json_schema()) != []
 
 
 def test_it_reads_back_equal_and_has_its_file_name(device):
@@ -490,7 +496,7 @@ def conforms(value, schema, where="") -> list[str]:
     """The part of JSON schema that ours uses, checked independently of pydantic."""
     known = {"$schema", "title", "description", "type", "properties", "required", "const", "enum"}
     known |= {"additionalProperties", "minimum", "maximum", "minLength", "pattern", "items"}
-    known |= {"maxItems"}
+    known |= {"maxItems", "anyOf"}
     assert set(schema) <= known, (where, set(schema) - known)
     wrong = []
     types = {"object": dict, "string": str, "number": (int, float), "integer": int, "array": list}
@@ -510,14 +516,17 @@ def conforms(value, schema, where="") -> list[str]:
         wrong += [
             w for i, v in enumerate(value) for w in conforms(v, schema["items"], f"{where}[{i}]")
         ]
+    if "anyOf" in schema:
+        ways = [conforms(value, s, where) for s in schema["anyOf"]]
+        wrong += [] if [] in ways else ways[-1]
+    wrong += [f"{where}.{k}: missing" for k in schema.get("required", ()) if k not in value]
+    for key, v in value.items() if "properties" in schema else ():
+        if key in schema["properties"]:
+            wrong += conforms(v, schema["properties"][key], f"{where}.{key}")
+        elif "additionalProperties" in schema:
+            wrong.append(f"{where}.{key}: unknown")
     if schema.get("type") == "object":
         assert schema["additionalProperties"] is False, where
-        wrong += [f"{where}.{k}: missing" for k in schema["required"] if k not in value]
-        for key, v in value.items():
-            if key not in schema["properties"]:
-                wrong.append(f"{where}.{key}: unknown")
-            else:
-                wrong += conforms(v, schema["properties"][key], f"{where}.{key}")
     return wrong
 
 
@@ -563,7 +572,9 @@ def test_schema_describes_every_key():
     assert (k1["value"]["minimum"], k1["value"]["maximum"]) == (0, 1000)
     assert "Nm/rad" in k1["value"]["description"]
     assert k1["status"]["enum"] == ["published", "identified", "assumed"]
-    elastomer = schema["properties"]["elastomer"]
+    complete = schema["anyOf"][-1]
+    elastomer = complete["properties"]["elastomer"]
+    assert "k1_Nm_rad" in elastomer["required"]
     assert "dead_zone_rad" not in elastomer["required"]
     assert "maxwell" not in elastomer["required"]
-    assert "axes" not in schema["required"]
+    assert "axes" not in complete["required"]

@@ -661,23 +661,41 @@ def json_schema() -> dict[str, Any]:
     content["properties"] = {
         "extends": {
             "type": "string",
-            "description": "Shipped device whose numbers hold where this file gives none; a file "
-            "that extends one need not repeat the keys that are required here.",
+            "enum": sorted(shipped_devices()),
+            "description": "Shipped device whose numbers hold where this file gives none.",
         }
     } | content["properties"]
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Device file of esea-gen",
         **content,
+        "anyOf": [{"required": ["extends"]}, _required_of(DeviceFile)],
     }
+
+
+def _required_of(model: type[BaseModel]) -> dict[str, Any]:
+    # What a file that extends none must have, apart from the properties: else each would stand
+    # twice, once for files that extend one.
+    keys = {f.alias or name: f for name, f in model.model_fields.items()}
+    below = {
+        key: _required_of(section)
+        for key, f in keys.items()
+        if (section := _section_of(f.annotation)) is not None
+    }
+    content: dict[str, Any] = {"required": [k for k, f in keys.items() if f.is_required()]}
+    inner = {k: v for k, v in below.items() if v["required"] or "properties" in v}
+    return content | ({"properties": inner} if inner else {})
+
+
+def _section_of(annotation: Any) -> type[BaseModel] | None:
+    return next((m for m in models_of(annotation) if issubclass(m, Section)), None)
 
 
 def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
     properties = {}
-    required = []
     for name, f in model.model_fields.items():
         key = f.alias or name
-        section = next((m for m in models_of(f.annotation) if issubclass(m, Section)), None)
+        section = _section_of(f.annotation)
         if Series in models_of(f.annotation):
             about = _series_schema(key, f.json_schema_extra)
         elif section is not None:
@@ -689,13 +707,10 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
             about.pop("title", None)
             about.pop("default", None)
         properties[key] = about | ({"description": f.description} if f.description else {})
-        if f.is_required():
-            required.append(key)
     return {
         "type": "object",
         "description": " ".join((model.__doc__ or "").split()),
         "properties": properties,
-        "required": required,
         "additionalProperties": False,
     }
 
