@@ -48,6 +48,7 @@ class Numbers:
             "mode": (0, 2),
             "stop": (0, 1),
             "rearm": (0, 7),
+            "request_ok": (0, 1),
             "sensing_ok": (0, 1),
             "theta_rad": (-0.35, 0.35),
             "theta_motor_rad": (-0.95, 3.35),
@@ -120,6 +121,7 @@ class Reference:
         bad_stop = x["stop"] != 0
         stop_invalid = not 0 <= x["stop"] <= 1
         ok = valid and not stop_invalid and x["mode"] in MODES and x["rearm"] in REARMS
+        ok = ok and x["request_ok"] == 1
         near = []
 
         beat = x["control_beat"] if 0 <= x["control_beat"] <= 255 else self.beat
@@ -225,6 +227,7 @@ def calm(steps: int = STEPS) -> dict[str, np.ndarray]:
     x["control_beat"] = 1.0 + (t // DELIVER) % 255
     x["rearm"][3:] = 1
     x["mode"][6:] = 1
+    x["request_ok"][:] = 1
     x["sensing_ok"][:] = 1
     x["theta_load_rad"][:] = 1.0
     x["theta_motor_rad"][:] = 1.05

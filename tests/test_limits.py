@@ -237,6 +237,8 @@ OTHER_CAUSES = [
     ("stop", 1.0, Fault.STOP, "STOPPED"),
     ("stop", 0.3, Fault.STOP, "STOPPED"),
     ("stop", np.nan, Fault.STOP, "STOPPED"),
+    ("request_ok", 0.0, Fault.INPUT_INVALID, "INPUT_INVALID"),
+    ("request_ok", 0.999, Fault.INPUT_INVALID, "INPUT_INVALID"),
     ("sensing_ok", 0.0, Fault.SENSING, "SENSING_LOST"),
     ("sensing_ok", 0.999, Fault.SENSING, "SENSING_LOST"),
     ("mode", 1.5, Fault.INPUT_INVALID, "INPUT_INVALID"),

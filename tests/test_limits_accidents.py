@@ -49,6 +49,7 @@ def accident(
             mode=0.0 if k < 6 else 1.0,
             stop=0.0,
             rearm=0.0 if k < 3 else 1.0,
+            request_ok=1.0,
             sensing_ok=1.0,
             theta_rad=seen_m - seen_l,
             theta_motor_rad=seen_m,

@@ -384,10 +384,12 @@ def test_change_of_mode_starts_at_the_measured_torque_and_blends(drive):
     assert got == pytest.approx(3.0 - 2.3 * np.exp(-np.arange(500) * H / 0.1), abs=1e-9)
     flags = [y["status"] & bits(block).ENTERED for y in on]
     assert np.flatnonzero(flags).tolist() == [0]
-    # To impedance: again from the measured torque, whatever was set.
-    u = inputs_of(block, mode=2.0, theta_desired_rad=0.5, tau_Nm=2.9)
+    # To impedance: from where it was set, whatever is measured.
+    last = got[-1]
+    u = inputs_of(block, mode=2.0, theta_desired_rad=0.5, tau_Nm=2.2)
     second = [simulator.step(**u)["tau_set_Nm"] for _ in range(500)]
-    assert second == pytest.approx(1.0 + 1.9 * np.exp(-np.arange(500) * H / 0.1), abs=1e-9)
+    fading = np.exp(-np.arange(500) * H / 0.1)
+    assert second == pytest.approx(1.0 + (last - 1.0) * fading, abs=1e-9)
 
 
 def test_a_released_set_point_never_comes_back(drive):
@@ -412,9 +414,11 @@ def test_an_invalid_input_is_off_and_holds(drive, bad):
         before = [simulator.step(**good) for _ in range(100)][-1]
         y = simulator.step(**(good | {name: bad}))
         assert y["mode"] == 0
+        assert y["request_ok"] == 0
         assert y["tau_set_Nm"] == before["tau_set_Nm"]
         y = simulator.step(**good)
         assert y["mode"] == 1
+        assert y["request_ok"] == 1
         assert y["tau_set_Nm"] == pytest.approx(0.9)
 
 

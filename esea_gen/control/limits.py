@@ -88,7 +88,8 @@ FAULT_TEXT = {
     Fault.TUNABLE_INVALID: "a limit was not within its compiled bounds, or the range of motion "
     "was turned round",
     Fault.STOP: "stop was requested",
-    Fault.INPUT_INVALID: "an input was NaN, outside its physical range or not a whole number",
+    Fault.INPUT_INVALID: "an input was NaN, outside its physical range or not a whole number, or "
+    "what was wanted was",
     Fault.SENSING: "the sensing task could not vouch for its measurements",
     Fault.CONTROL_STALE: "the control task delivered no new command",
     Fault.DEFLECTION: "the coupling was deflected too far",
@@ -253,8 +254,8 @@ def limits(device: DeviceData) -> Block:
     Returns
     -------
     Block
-        Inputs: the stamped command, ``mode``, ``stop``, ``rearm``, ``sensing_ok``, angles, speeds
-        and torque.  Outputs: ``u_Nm`` for the motor, ``u_cut_Nm`` and ``u_lag_Nm`` (what was taken
+        Inputs: the stamped command, ``mode``, ``stop``, ``rearm``, ``request_ok``, ``sensing_ok``,
+        angles, speeds and torque.  Outputs: ``u_Nm`` for the motor, ``u_cut_Nm`` and ``u_lag_Nm`` (what was taken
         from the command), ``energy_J``, ``fault`` (a :class:`Fault`) and a status word.
 
     Raises
@@ -378,8 +379,8 @@ def limits(device: DeviceData) -> Block:
         rearm_whole = _one_of(u.rearm, REARMS)
         inputs_ok = label(
             "inputs_valid",
-            _all([guard.inputs_ok, _one_of(u.mode, MODES), rearm_whole]),
-            "and whole",
+            _all([guard.inputs_ok, _one_of(u.mode, MODES), rearm_whole, u.request_ok == 1]),
+            "and whole, and what is wanted is",
         )
         tunables_ok = label(
             "tunables_valid",
@@ -570,6 +571,7 @@ def limits(device: DeviceData) -> Block:
                 "whole number, one more for each request; 0 follows 7",
                 on_invalid="rearm_last",
             ),
+            Port("request_ok", 0, 1, "1 while what is wanted is sound"),
             Port("sensing_ok", 0, 1, "1 while the measurements are good"),
             Port("theta_rad", -theta_lim, theta_lim, "deflection of the coupling"),
             Port("theta_motor_rad", motor_low, motor_high, "motor side's joint angle"),

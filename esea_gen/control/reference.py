@@ -42,7 +42,7 @@ def reference(device: DeviceData) -> Block:
     Block
         Inputs ``mode`` (0 off, 1 torque, 2 impedance), the wanted torque, angle and rate, the load
         side's angle and rate, and the measured torque; outputs ``tau_set_Nm`` for the inverse, the
-        ``mode`` that holds, and a status word.
+        ``mode`` that holds, ``request_ok`` for the limits, and a status word.
 
     Raises
     ------
@@ -51,11 +51,12 @@ def reference(device: DeviceData) -> Block:
 
     Notes
     -----
-    Off, the set torque is the measured one.  When the mode changes, the difference between the
-    measured torque and the new law becomes an offset that decays with ``blend_s``: the set torque
-    starts where the coupling is, whatever was wanted before.  No wanted value is kept in the state,
-    so nothing old can come back.  An invalid input or a corrupt state means off for that step, with
-    the last set torque held, and the next valid step starts over from the measured torque.
+    Off, the set torque is the measured one.  When a law takes over from off, the difference between
+    the measured torque and the law becomes an offset that decays with ``blend_s``: the set torque
+    starts where the coupling is, whatever was wanted before.  From one law to another it starts
+    where the set torque was a step ago.  An invalid input or a corrupt state means off for that
+    step, with the last set torque held, and ``request_ok`` 0, on which the limits latch; what was
+    set before an off does not come back.
     """
     drive = drive_of(device)
     h = device.period_s
@@ -99,10 +100,13 @@ def reference(device: DeviceData) -> Block:
         )
         on = mode > 0.5
         changed = label("changed", mode != s.mode_last, "the mode is another than a step ago")
+        # From one law to another the set torque goes on from where it was: the measured one would
+        # make a step of the tracking error.
+        start = ca.if_else(s.mode_last > 0.5, s.tau_set_Nm, u.tau_Nm)
         offset = label(
             "offset_Nm",
-            ca.if_else(changed, u.tau_Nm - law, s.offset_Nm * c.keep),
-            "from the law to the measured torque, fading",
+            ca.if_else(changed, start - law, s.offset_Nm * c.keep),
+            "from the law to where the torque was, fading",
         )
         wanted = label("wanted_Nm", ca.if_else(on, law + offset, u.tau_Nm))
         limited = clip(wanted, -c.tau_range_Nm, c.tau_range_Nm)
@@ -119,6 +123,7 @@ def reference(device: DeviceData) -> Block:
         outputs = {
             "tau_set_Nm": tau_set,
             "mode": mode,
+            "request_ok": sound,
             "status": flag_word(
                 [
                     ca.logic_not(guard.inputs_ok),
@@ -131,8 +136,8 @@ def reference(device: DeviceData) -> Block:
         return next_state, outputs
 
     flags = (
-        Flag("INPUT_INVALID", "an input was NaN or outside its range; off for this step", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; off for this step", True),
+        Flag("INPUT_INVALID", "an input was NaN or outside its range; the limits latch", True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the limits latch", True),
         Flag(
             "CLIPPED",
             "the set torque was clipped at tau_range_Nm",
@@ -140,7 +145,7 @@ def reference(device: DeviceData) -> Block:
             ("tau_set_Nm",),
             full_scale,
         ),
-        Flag("ENTERED", "a law took over in this step, from the measured torque"),
+        Flag("ENTERED", "a law took over in this step, from where the torque was"),
     )
     facts = "impedance: the law of the mode that was left does not count"
     low, high = drive.theta_low_rad, drive.theta_high_rad
@@ -210,6 +215,7 @@ def reference(device: DeviceData) -> Block:
         outputs=(
             Port("tau_set_Nm", -full_scale, full_scale, "set torque, for the inverse"),
             Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
+            Port("request_ok", 0, 1, "1 while every input and the memory are sound"),
             Port("status", 0, 15, "what is known of this set torque", flags=flags),
         ),
         equations=(
@@ -218,7 +224,7 @@ def reference(device: DeviceData) -> Block:
                 "[blend]",
                 "tau_set",
                 sp.Symbol("tau_law") + offset_s * sp.exp(-sp.Symbol("h") / keep_s),
-                "offset from the measured torque at the change of mode, fading",
+                "offset from where the torque was at the change of mode, fading",
             ),
         ),
         step=step,

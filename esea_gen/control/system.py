@@ -87,6 +87,7 @@ def torque_control_system(
         "u_Nm": "limits.u_Nm",
         "u_applied_Nm": "limits.u_Nm",
         "mode": "reference.mode",
+        "request_ok": "reference.request_ok",
         "theta_set_rad": "inverse.theta_rad",
         "delta_set_rad": "setpoint.delta_set_rad",
         "delta_rate_rad_s": "set_rate.omega_rad_s" if cutoff else "setpoint.delta_rate_rad_s",

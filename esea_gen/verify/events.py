@@ -83,6 +83,7 @@ class _Joint:
         self.x: dict[str, Array] = {name: np.zeros(steps) for name in self.ports}
         # From near its end, so that the stamp's wrap is seen.
         self.x["control_beat"] = 1.0 + (240 + k // self.deliver) % 255
+        self.x["request_ok"][:] = 1
         self.x["sensing_ok"][:] = 1
         self.x["theta_load_rad"][:] = self.middle
         self.x["theta_motor_rad"][:] = self.middle + self.bent
@@ -141,6 +142,7 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
         {"stop": 1.0},
         {"stop": 0.5},
         {"stop": np.nan},
+        {"request_ok": 0.0},
         {"sensing_ok": 0.0},
         {"sensing_ok": 0.5},
         {"control_beat": 0.0},

@@ -410,7 +410,7 @@ const casadi_int* esea_elbow_drive_casadi_reference_step_sparsity_out(casadi_int
 int esea_elbow_drive_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 #define esea_elbow_drive_casadi_reference_step_SZ_ARG 14
-#define esea_elbow_drive_casadi_reference_step_SZ_RES 6
+#define esea_elbow_drive_casadi_reference_step_SZ_RES 7
 #define esea_elbow_drive_casadi_reference_step_SZ_IW 0
 #define esea_elbow_drive_casadi_reference_step_SZ_W 0
 int esea_elbow_drive_casadi_inverse_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -571,7 +571,7 @@ const casadi_int* esea_elbow_drive_casadi_limits_step_sparsity_in(casadi_int i);
 const casadi_int* esea_elbow_drive_casadi_limits_step_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_limits_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_limits_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_limits_step_SZ_ARG 37
+#define esea_elbow_drive_casadi_limits_step_SZ_ARG 38
 #define esea_elbow_drive_casadi_limits_step_SZ_RES 18
 #define esea_elbow_drive_casadi_limits_step_SZ_IW 0
 #define esea_elbow_drive_casadi_limits_step_SZ_W 0

@@ -233,10 +233,10 @@ typedef enum ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS
 #define HAVE_ENUM_ESEA_ELBOW_DRIVE_REFERENCE_STATUS
 typedef enum ESEA_ELBOW_DRIVE_REFERENCE_STATUS
 {
-   ESEA_ELBOW_DRIVE_REFERENCE_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; off for this step | */
-   ESEA_ELBOW_DRIVE_REFERENCE_STATUS_STATE_REPAIRED=2, /* the state was corrupt; off for this step | */
+   ESEA_ELBOW_DRIVE_REFERENCE_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; the limits latch | */
+   ESEA_ELBOW_DRIVE_REFERENCE_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the limits latch | */
    ESEA_ELBOW_DRIVE_REFERENCE_STATUS_CLIPPED=4, /* the set torque was clipped at tau_range_Nm | */
-   ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENTERED=8, /* a law took over in this step, from the measured torque | */
+   ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENTERED=8, /* a law took over in this step, from where the torque was | */
    ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENUM_END=9, /*  | */
 } ESEA_ELBOW_DRIVE_REFERENCE_STATUS;
 #endif
@@ -276,7 +276,7 @@ typedef enum ESEA_ELBOW_DRIVE_SETPOINT_STATUS
 #define HAVE_ENUM_ESEA_ELBOW_DRIVE_LIMITS_STATUS
 typedef enum ESEA_ELBOW_DRIVE_LIMITS_STATUS
 {
-   ESEA_ELBOW_DRIVE_LIMITS_STATUS_INPUT_INVALID=1, /* an input was NaN, outside its physical range or not a whole number | */
+   ESEA_ELBOW_DRIVE_LIMITS_STATUS_INPUT_INVALID=1, /* an input was NaN, outside its physical range or not a whole number, or what was wanted was | */
    ESEA_ELBOW_DRIVE_LIMITS_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the latch was closed afresh | */
    ESEA_ELBOW_DRIVE_LIMITS_STATUS_TUNABLE_INVALID=4, /* a limit was not within its compiled bounds, or the range of motion was turned round | */
    ESEA_ELBOW_DRIVE_LIMITS_STATUS_STOPPED=8, /* stop is requested now | */
