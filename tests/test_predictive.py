@@ -560,3 +560,34 @@ def test_a_substep_that_breaks_the_rules_is_refused():
     for substep, message in ((forgets, "states"), (asks, "memory")):
         with pytest.raises(ValueError, match=message):
             predictive_program(replace(model, substep=substep), Horizon(2), period_s=0.01)
+
+
+@pytest.mark.parametrize("fault", ["flat", "not a number", "cap"])
+def test_a_deliberate_fault_of_the_qp_gives_a_safe_command_and_an_honest_status(fault):
+    from dataclasses import replace
+
+    n = 4
+    model = mass_on_a_rail(n)
+    if fault == "flat":  # a cost that does not depend on the input: the Hessian is 0
+        model = replace(
+            model, error=lambda x, p, ref: [0.0 * x.v], effort=lambda x, u, p: [0.0 * u]
+        )
+    elif fault == "not a number":  # the root of a negative number, deep in the rollout
+        model = replace(model, error=lambda x, p, ref: [ca.sqrt(x.s - 50.0)])
+    horizon = Horizon(n, 0.1, 2, 0.0)
+    cap = 0 if fault == "cap" else None
+    program = predictive_program(model, horizon, period_s=0.02, name="rail", cap=cap)
+    given = {"s_rad": 9.0, "v_rad_s": 1.0, "u_before_Nm": 0.0, "wanted_rad": np.full(n, -9.0)}
+    steps = [program.simulator().step(**given)]
+    steps += [compiled(program, real).step(**given) for real in ("f64", "f32")]
+    for out in steps:
+        assert abs(float(out["u_Nm"])) <= 2.0
+        if fault == "cap":
+            assert int(out["status"]) == BIT["CAP_REACHED"] | BIT["NOT_OPTIMAL"]
+        else:
+            assert out["u_Nm"] == 0.0
+            assert int(out["status"]) & BIT["NOT_CONVEX"]
+    # The same plant without the fault asks for all that there is.
+    sound = predictive_program(mass_on_a_rail(n), horizon, period_s=0.02, name="rail")
+    out = sound.simulator().step(**given)
+    assert (out["status"], out["u_Nm"]) == (0, -2.0)
