@@ -21,6 +21,7 @@ from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.observe.extrapolation import parabola, parabola_weights
 from esea_gen.twin.experiments import (
     EXPERIMENTS,
+    Case,
     Setting,
     _loop,
     controller_device,
@@ -29,6 +30,7 @@ from esea_gen.twin.experiments import (
     previews,
     run_case,
 )
+from esea_gen.twin.trajectories import Trajectory
 from esea_gen.verify.equivalence import Verification, is_program, run_c, verify
 from esea_gen.verify.program import compare_program, program_streams, run_executor
 from esea_gen.verify.sanitize import (
@@ -183,6 +185,24 @@ def test_an_invalid_future_turns_it_off(small):
         given_now["tau_preview_Nm"] = np.array([0, bad, 0, 0])
         out = block.simulator().step(**given_now)
         assert (out["mode"], out["status"]) == (0, 1)
+
+
+def test_switching_on_is_bumpless_though_the_future_is_known(monkeypatch):
+    # 2 Nm are wanted all along; switched on at 0.5 s, the torque rises as the offset fades, by the
+    # reference's time constant of 0.2 s.
+    require_tool("gcc")
+    monkeypatch.setattr("esea_gen.twin.experiments.ON_S", 0.5)
+    n = 1500
+    rest = np.zeros(n)
+    path = Trajectory("on", rest, rest, rest, rest + 2.0, 1000, n, True)
+    run = run_case(Case("on", path), Setting("mpc", "ideal", "none"), 0)
+    tau = run.plant["tau_e_Nm"]
+    assert abs(tau[500]) < 0.02
+    for after_s in (0.2, 0.4, 0.8):
+        wanted_Nm = 2.0 * (1 - np.exp(-after_s / 0.2))
+        assert tau[500 + round(1000 * after_s)] == pytest.approx(wanted_Nm, abs=0.06)
+    # A plan that knew of 2 Nm but not of the offset would be there within the horizon.
+    assert tau[600] < 1.0
 
 
 # -- impedance in one layer ------------------------------------------------------------------------
