@@ -32,6 +32,7 @@ from esea_gen.twin.experiments import (
 )
 from esea_gen.twin.trajectories import Trajectory
 from esea_gen.verify.equivalence import Verification, is_program, run_c, verify
+from esea_gen.verify.gates import TARGETS, check_objects
 from esea_gen.verify.program import compare_program, program_streams, run_executor
 from esea_gen.verify.sanitize import (
     UNDEFINED,
@@ -347,6 +348,22 @@ def test_the_emitted_device_is_whole_and_says_what_it_is(small, tmp_path):
     subprocess.run(["./run"], cwd=tmp_path, check=True, capture_output=True)
 
 
+def test_the_object_code_passes_the_gates_of_a_drive_with_a_program(small):
+    require_tool("arm-none-eabi-gcc")
+    report = check_objects(small, "cortex-m4f")
+    assert report.passed, report.problems
+    # Armed: a large local array in the program is too much.
+    files = dict(render_device(small, ["f32"])[0].files)
+    name = "esea_small_predictive.c"
+    head = re.search(r"\nstatic void predictive_step\([^{]*{\n", files[name])
+    head = head or re.search(r"\nvoid esea_small_predictive_step\([^{]*{\n", files[name])
+    assert head
+    waste = "    volatile float waste[200];\n    waste[0] = 0.0f;\n"
+    files[name] = files[name][: head.end()] + waste + files[name][head.end() :]
+    problems = check_objects(small, "cortex-m4f", files=files).problems
+    assert any("above the limit" in p for p in problems)
+
+
 # -- verification ----------------------------------------------------------------------------------
 
 
@@ -433,6 +450,9 @@ def test_the_shipped_controllers_pass_verification(controller):
     require_tool("gcc")
     found = verify(controller_device(controller))
     assert found.passed
+    for target in TARGETS:
+        report = check_objects(controller_device(controller), target)
+        assert report.passed, report.problems
 
 
 # -- what a loop states of itself ------------------------------------------------------------------

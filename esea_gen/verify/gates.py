@@ -104,7 +104,7 @@ class Target:
 
 # Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.
 CONTROL_STACK_BYTES = 256
-PROGRAM_STACK_BYTES = 256
+PROGRAM_STACK_BYTES = 384
 
 _BARE = ("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
 TARGETS = {
