@@ -47,6 +47,7 @@ UNIT_SUFFIXES = {
     "_kgm2": "kg m^2",
     "_rad_s3": "rad/s^3",
     "_Nm_s": "Nm/s",
+    "_Nm_s2": "Nm/s^2",
     "_Nm_s_rad": "Nm/(rad s)",
     "_J": "J",
     "_W": "W",

@@ -227,6 +227,12 @@ def _recorded(loaded: Device, recording: Path | None, data: Path | None) -> dict
 
 
 def _bound_note(result: Any, block: str) -> str:
+    from esea_gen.verify.equivalence import STATED
+
+    stated = [c for c in result.comparisons if c.block == block and c.rule == STATED]
+    if stated:
+        more = sum(c.turned for c in stated)
+        return f"a program: within a stated share, not derived; {more} steps say more of themselves"
     residuals = [c.residual for c in result.comparisons if c.block == block and c.residual]
     if block not in result.bounds and residuals:
         worst, limit = max(residuals)
@@ -247,6 +253,8 @@ def _bound_note(result: Any, block: str) -> str:
 
 
 def _print_verification(loaded: Device, result: Any) -> None:
+    from esea_gen.verify.equivalence import EXACT_PROGRAM
+
     title = Text(f"{loaded.title}: C against the symbolic model")
     table = Table(title=title, title_justify="left")
     for column in ("block", "format", "streams", "steps", "worst error, % of full scale", "result"):
@@ -258,7 +266,8 @@ def _print_verification(loaded: Device, result: Any) -> None:
         scale = result.full_scales[block]
         worst = max((100 * e / scale[k], k) for c in items for k, e in c.errors.items())
         passed = all(c.passed for c in items)
-        note = "equal to CasADi's C bit for bit" if real == "f64" and passed else ""
+        whose = "the executor's" if items[0].rule == EXACT_PROGRAM else "CasADi's C"
+        note = f"equal to {whose} bit for bit" if real == "f64" and passed else ""
         table.add_row(
             block,
             real,
@@ -587,16 +596,31 @@ def schema(
         write_text(target, text)
 
 
+def _no_programs(loaded: Device, what: str) -> None:
+    from esea_gen.verify.equivalence import is_program
+
+    for block in loaded.system.kinds:
+        if is_program(block):
+            raise UserError(
+                f"{loaded.origin}: {block.name} is a program of loops; {what} reads straight-line "
+                "Blocks.",
+                "verify and gates take it; give the device that it extends for the other Blocks.",
+            )
+
+
 @app.command()
 def coverage(device: DeviceArgument, json_file: JsonOption = None) -> None:
     """Which sides of every minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
+    from esea_gen.verify.equivalence import is_program
     from esea_gen.verify.streams import at_the_limits, other_memories, streams
 
     loaded = load_device(device)
+    programs = [b.name for b in loaded.system.kinds if is_program(b)]
     found = {
         b.name: branch_coverage(b, [*streams(b), at_the_limits(b), *other_memories(b)])
         for b in loaded.system.kinds
+        if b.name not in programs
     }
     write_json(json_file, {name: c.to_dict() for name, c in found.items()})
     for name, c in found.items():
@@ -607,6 +631,8 @@ def coverage(device: DeviceArgument, json_file: JsonOption = None) -> None:
             out.print(f"  not seen: {side}")
         for side in c.detectors:
             out.print(f"  only by a fault of the arithmetic, not proven: {side}")
+    for name in programs:
+        out.print(f"{name}: not measured: a program of loops; see docs/verification.md")
     if any(c.uncovered for c in found.values()):
         raise typer.Exit(1)
 
@@ -651,6 +677,7 @@ def mutate(
     from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
 
     loaded = load_device(device)
+    _no_programs(loaded, "mutation")
     reports = {}
     with progress_line() as say:
         for name in _formats(real):
@@ -810,7 +837,8 @@ def simulate(
         typer.Option(
             "--controller",
             metavar="NAME",
-            help="smc, smc-published, mpc, mpc-no-preview, or a device file.",
+            help="smc, smc-published, mpc, mpc-no-preview, mpc-published, "
+            "mpc-published-no-preview, or a device file.",
         ),
     ] = "smc",
     plant: Annotated[
@@ -875,7 +903,8 @@ def passivity(
         typer.Option(
             "--controller",
             metavar="NAME",
-            help="smc, smc-published, mpc, mpc-no-preview, or a device file.",
+            help="smc, smc-published, mpc, mpc-no-preview, mpc-published, "
+            "mpc-published-no-preview, or a device file.",
         ),
     ] = "smc",
     plant: Annotated[
@@ -922,7 +951,8 @@ def tune(
         typer.Option(
             "--controller",
             metavar="NAME",
-            help="smc, smc-published, mpc, mpc-no-preview, or a device file.",
+            help="smc, smc-published, mpc, mpc-no-preview, mpc-published, "
+            "mpc-published-no-preview, or a device file.",
         ),
     ] = "smc",
     plant: Annotated[
@@ -1014,6 +1044,7 @@ def ranges(
 
     _check_picture(figure)
     loaded = load_device(device)
+    _no_programs(loaded, "fixed point")
     with progress_line() as say:
         result = range_report(loaded.name, loaded.system, say)
     _show(result, json_file)

@@ -42,7 +42,16 @@ class Device(DeviceData):
 
     @cached_property
     def system(self) -> System:
-        """All Blocks, wired into tasks: torque control for a device with a drive, else sensing."""
+        """All Blocks, wired into tasks: torque control for a device with a drive, else sensing.
+
+        Torque control is predictive where the file has a section ``[predictive]``, else sliding
+        mode.
+        """
+        if self.file.predictive is not None:
+            # Late: its programs of kernels take the emitter along.
+            from esea_gen.control.predictive_system import device_predictive_system
+
+            return device_predictive_system(self, self.velocity, self.sensor, self.inverse)
         if self.file.sliding_mode is not None:
             return torque_control_system(self, self.velocity, self.sensor, self.inverse)
         return sensing_system(self, self.velocity, self.sensor)

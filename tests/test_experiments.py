@@ -69,8 +69,6 @@ def test_improved_sliding_mode_against_the_printed_one():
 
 def test_predictive_control_with_preview():
     assert rms("tuning", "mpc") < 0.05  # median over ten seeds: 0.040
-    with pytest.raises(UserError, match="impedance in one layer is not wired"):
-        simulate("impedance", Setting("mpc", person="uncertain"))
 
 
 def test_the_ideal_plant_is_easier():

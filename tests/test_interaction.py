@@ -254,7 +254,6 @@ def test_a_layer_that_was_never_left_says_so():
     [
         (["--controller", "mine"], ["Unknown controller 'mine'", "smc, smc-published"]),
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
-        (["--controller", "mpc"], ["mpc controls torque", "--controller smc"]),
         (["--points", 1], ["1 points", "2 to 41"]),
         (["--points", 900], ["900 points", "2 to 41"]),
         (["--push", 0], ["push of 0 rad/s", "more than 0 and at most 0.6"]),

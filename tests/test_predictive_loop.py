@@ -16,21 +16,21 @@ from esea_gen.bench.predictive import (
     seen_on_m4f,
     stress_rows,
 )
-from esea_gen.bench.predictive_loop import Bench
 from esea_gen.bench.predictive_peer import flat_residuals
 from esea_gen.control.box_qp import box_qp, packed
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.predictive_drive import drive_model, predictive_controller
-from esea_gen.control.predictive_system import (
-    predictive_delay_s,
-    predictive_system,
-    with_state_as_output,
-)
+from esea_gen.control.predictive_system import with_state_as_output
 from esea_gen.device import load_device
 from esea_gen.emit.program_c import render_program
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.twin.people import real_plant
-from esea_gen.twin.trajectories import backdriven, fixed_sinusoid
+from esea_gen.twin.experiments import (
+    EXPERIMENTS,
+    Setting,
+    controller_device,
+    judge,
+    run_case,
+)
 
 from .conftest import require_tool
 
@@ -41,8 +41,17 @@ def drive():
 
 
 @pytest.fixture(scope="module")
-def program(drive):
-    return predictive_controller(drive)
+def program():
+    # The one that "simulate --controller mpc" runs: preview, impedance in one layer.
+    return controller_device("mpc").system.blocks["predictive"]
+
+
+def rms(experiment: str, controller: str, case: int = 0, seed: int = 1) -> float:
+    found = EXPERIMENTS[experiment].cases()[case]
+    figures = judge(found, run_case(found, Setting(controller, "real", "uncertain"), seed), 0.221)
+    assert not figures["unstable"]
+    assert not figures["fault"]
+    return figures["rms_true_Nm"]
 
 
 def test_the_bound_holds_and_meets_its_aim(program):
@@ -145,7 +154,7 @@ def test_a_third_derivation_gives_the_same_jacobian(drive):
     model = drive_model(drive, horizon, preview=True, impedance=True)
     flat = flat_residuals(model, horizon)
     program = predictive_controller(drive, horizon=horizon, preview=True, impedance=True)
-    simulator = program.simulator({"Kp_Nm_rad": 1.5, "Kd_Nms_rad": 0.25})
+    simulator = program.simulator()
     coefficients = np.concatenate(list(simulator.coefficients.values()))
     for row in stress_rows(program, 20, seed=5):
         simulator.reset()
@@ -178,15 +187,5 @@ def test_a_state_shown_as_an_output_changes_nothing_else(drive):
 def test_the_reference_experiments(drive):
     # Real plant, uncertain person; medians over ten seeds stand in docs/predictive.md.
     require_tool("gcc")
-    horizon = Horizon(delay_s=predictive_delay_s(drive))
-    system = predictive_system(
-        drive, drive.velocity, drive.sensor, drive.inverse, horizon=horizon, preview=True
-    )
-    bench = Bench("MPC", drive, system, "predictive", "load_free", horizon)
-    plant = real_plant(drive, seed=1)
-    fixed = bench.run(fixed_sinusoid(1.7, 0.6), plant, 1)
-    assert not fixed.unstable
-    assert fixed.true_Nm < 0.06
-    free = bench.run(backdriven(0.25), plant, 1)
-    assert not free.unstable
-    assert free.true_Nm < 0.07
+    assert rms("tuning", "mpc") < 0.06
+    assert rms("backdriven", "mpc", case=3) < 0.07

@@ -60,7 +60,7 @@ def test_equal_laws_change_next_to_nothing(run, at):
     mode[at:] = 2
     changed = run(wanted, mode=mode)
     jump = np.abs(np.diff(changed.controller["tau_set_Nm"]))[at - 1]
-    assert jump < 1e-6
+    assert jump < 2e-3
     assert np.all(changed.controller["mode_held"][at:] == 2)
     apart = np.abs(changed.plant["tau_e_Nm"] - kept.plant["tau_e_Nm"])
     assert np.max(apart[:at]) == 0

@@ -29,12 +29,12 @@ from esea_gen.block import Array
 from esea_gen.control.box_qp import box_qp
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.predictive_drive import predictive_controller
-from esea_gen.device import load_device
+from esea_gen.control.predictive_system import device_horizon
 from esea_gen.emit.program import Program
 from esea_gen.emit.program_c import ProgramRenderer, loop_lines, render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, find_compiler
-from esea_gen.twin.trajectories import backdriven, bread, fixed_sinusoid
+from esea_gen.twin.experiments import EXPERIMENTS, controller_device
 
 CORES = {
     "Cortex-M4F": ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
@@ -357,7 +357,7 @@ def step_rows() -> list[str]:
     list of str
         Lines.
     """
-    seen = step_times(load_device("elbow_drive"))
+    seen = step_times("mpc")
     lines = [
         f"{'whole step (ours) / CasADi C, no QP':36} {'ours us':>8} {'peer us':>8} {'ratio':>6}"
     ]
@@ -371,7 +371,9 @@ def step_rows() -> list[str]:
     return lines
 
 
-def horizon_rows(core: str, lengths: Sequence[int] = (5, 10, 20, 40)) -> list[str]:
+def horizon_rows(
+    core: str, lengths: Sequence[int] = (5, 10, 20, 40), figure: Path | None = None
+) -> list[str]:
     """Bound against the horizon's length.
 
     Parameters
@@ -380,23 +382,52 @@ def horizon_rows(core: str, lengths: Sequence[int] = (5, 10, 20, 40)) -> list[st
         As in :func:`cost_on`.
     lengths : sequence of int
         Numbers of intervals.
+    figure : Path, optional
+        Where to plot it too: .png, .svg or .pdf.
 
     Returns
     -------
     list of str
         Lines.
     """
-    device = load_device("elbow_drive")
+    device = controller_device("mpc")
+    delay_s = device_horizon(device).delay_s
+    parts: list[tuple[int, int]] = []
     lines = [f"{'intervals':>9}  {'bound':>9}  {'of it QP':>9}  state bytes"]
     for n in lengths:
-        program = predictive_controller(device, horizon=Horizon(intervals=n, delay_s=0.002))
+        horizon = Horizon(intervals=n, delay_s=delay_s)
+        program = predictive_controller(device, horizon=horizon, preview=True, impedance=True)
         c = cost_on(program, core)
         qp = sum(i for f, (i, _) in c.bound.by_function.items() if "_qp_" in f)
         lines.append(f"{n:9d}  {c.bound.instructions:9d}  {qp:9d}  {c.state_bytes}")
+        parts.append((c.bound.instructions, qp))
+    if figure is not None:
+        _plot_horizons(np.array(lengths), np.array(parts, float), core, figure)
     return lines
 
 
-def run_benchmarks(say: Callable[[str], None], horizons: bool) -> list[str]:
+def _plot_horizons(lengths: Array, parts: Array, core: str, path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(6, 4), layout="constrained")
+    axes = drawn.subplots()
+    for name, values in (("whole step", parts[:, 0]), ("of it QP", parts[:, 1])):
+        axes.loglog(lengths, values, "o-", label=name)
+    # What a solver on the stages would cost, if it cost as much as this one at the default.
+    start = np.interp(10, lengths, parts[:, 0])
+    for power, style in ((1, ":"), (3, "--")):
+        line = start * (lengths / 10.0) ** power
+        axes.loglog(lengths, line, style, color="grey", label=f"intervals$^{power}$")
+    axes.set(xlabel="intervals", ylabel=f"bound, instructions, {core}")
+    axes.set_xticks(lengths, [str(n) for n in lengths])
+    axes.minorticks_off()
+    axes.legend()
+    drawn.savefig(path, dpi=110)
+
+
+def run_benchmarks(
+    say: Callable[[str], None], horizons: bool, figure: Path | None = None
+) -> list[str]:
     """Everything that is printed.
 
     Parameters
@@ -405,6 +436,8 @@ def run_benchmarks(say: Callable[[str], None], horizons: bool) -> list[str]:
         Told in words what is being done.
     horizons : bool
         Whether the bound is tabulated over the horizon's length.
+    figure : Path, optional
+        Where that is plotted too.
 
     Returns
     -------
@@ -416,8 +449,7 @@ def run_benchmarks(say: Callable[[str], None], horizons: bool) -> list[str]:
     UserError
         When a compiler or emulator is not installed.
     """
-    device = load_device("elbow_drive")
-    program = predictive_controller(device)
+    program: Any = controller_device("mpc").system.blocks["predictive"]
     lines = []
     for core, clock in CLOCKS_HZ.items():
         say(f"bound on {core}")
@@ -434,9 +466,10 @@ def run_benchmarks(say: Callable[[str], None], horizons: bool) -> list[str]:
             say("worst and typical, emulated")
             worst, _ = seen_on_m4f(program, stress_rows(program, 400))
             usual = []
-            for trajectory in (fixed_sinusoid(1.7, 0.6), backdriven(0.2), bread()):
-                rows = recorded_rows(device, trajectory, 250)
-                free = {"load_free": 0.0 if trajectory.clamped else 1.0}
+            for experiment in ("tuning", "backdriven", "bread"):
+                case = EXPERIMENTS[experiment].cases()[0]
+                rows = recorded_rows("mpc", case, 250)
+                free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
                 usual.append(seen_on_m4f(program, rows, free)[0])
             seen = np.concatenate(usual)
             lines.append(
@@ -450,7 +483,7 @@ def run_benchmarks(say: Callable[[str], None], horizons: bool) -> list[str]:
     lines += ["", *step_rows()]
     if horizons:
         say("horizons")
-        lines += ["", *horizon_rows("Cortex-M4F")]
+        lines += ["", *horizon_rows("Cortex-M4F", figure=figure)]
     return lines
 
 
@@ -469,9 +502,15 @@ def main(arguments: list[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--horizons", action="store_true", help="also the bound over the horizon")
+    parser.add_argument("--figure", type=Path, help="plot that too: .png, .svg or .pdf")
     chosen = parser.parse_args(arguments)
+    horizons = chosen.horizons or chosen.figure is not None
+
+    def say(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
     try:
-        lines = run_benchmarks(lambda x: print(x, file=sys.stderr, flush=True), chosen.horizons)
+        lines = run_benchmarks(say, horizons, chosen.figure)
     except UserError as error:
         print(f"esea-gen: {error}", file=sys.stderr)
         return 2

@@ -1,262 +1,124 @@
 """Predictive and sliding mode control in closed loop with the reference plants, side by side.
 
-    python -m esea_gen.bench.predictive_loop --seeds 10 --random 200
+    python -m esea_gen.bench.predictive_loop --seeds 10 --random 200 --resume /tmp/journal
 
-The controllers are the generated f32 C; plants, people and trajectories are the reference ones
-(``twin/plants.toml``).  Printed is the true error (coupling's torque less the wanted one) and the
-one that the sensor's model sees.
+The controllers are the generated f32 C of their device files (``twin/controllers``); plants, people
+and trajectories are the reference ones (``twin/plants.toml``).  Printed is the true error
+(coupling's torque less the wanted one), and how many runs were unstable or tripped.  With
+``--resume`` a run that was cut off goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from esea_gen.control.horizon import Horizon
-from esea_gen.control.predictive_system import predictive_delay_s, predictive_system
-from esea_gen.device import Device, load_device
+from esea_gen.block import Array
 from esea_gen.errors import UserError
-from esea_gen.hostlib.closed_loop import ClosedLoop, ClosedLoopRun
+from esea_gen.hostlib.closed_loop import ClosedLoop
 from esea_gen.system import Signal, System
-from esea_gen.twin.people import PlantVariant, random_plant, real_plant
-from esea_gen.twin.trajectories import Trajectory, backdriven, bread, fixed_sinusoid
+from esea_gen.twin.experiments import (
+    Case,
+    Setting,
+    controller_device,
+    default_person,
+    plant_variant,
+    run_on,
+    simulate,
+)
 
-GRID = tuple((a, f) for f, top in ((0.25, 4), (0.5, 4), (1.0, 3)) for a in range(1, top + 1))
-GRID += ((1, 0.75),)
-ARM_TICK, MODE_TICK = 50, 100
-UNSTABLE_NM, UNSTABLE_RAD_S = 3.0, 12.0
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """One run.
-
-    Parameters
-    ----------
-    true_Nm, modelled_Nm : float
-        RMS over the analysed window.
-    peak_Nm, gear_rad_s : float
-        Largest true error in the window and largest speed of the gear.
-    fault : int
-        What the limits hold at the end; 0 for none.
-    """
-
-    true_Nm: float
-    modelled_Nm: float
-    peak_Nm: float
-    gear_rad_s: float
-    fault: int
-
-    @property
-    def unstable(self) -> bool:
-        """By the reference's criteria, or a trip of the limits."""
-        return (
-            not self.peak_Nm <= UNSTABLE_NM
-            or not self.gear_rad_s <= UNSTABLE_RAD_S
-            or self.fault != 0
-        )
+CONTROLLERS = {
+    "smc-published": "SMC as printed",
+    "smc": "SMC as shipped",
+    "mpc-published": "MPC as printed, preview",
+    "mpc-published-no-preview": "MPC as printed",
+    "mpc-no-preview": "MPC",
+    "mpc": "MPC, preview",
+}
+EXPERIMENTS = ("tuning", "grid", "backdriven", "bread", "impedance")
+RANDOM = ("tuning", "backdriven", "bread")
+# The second slice, at 2 Nm, has no yardstick: it is told apart.
+APART = {("bread", "2 Nm"): "bread 2 Nm"}
 
 
-class Bench:
-    """One controller's System compiled with a plant that has a cable.
+def compared(
+    experiments: Sequence[str],
+    controllers: Sequence[str],
+    plant: str,
+    runs: int,
+    folder: Path | None,
+    say: Callable[[str], None],
+    workers: int = -1,
+) -> list[str]:
+    """Experiments with one controller after the other on the same plants.
 
     Parameters
     ----------
-    name : str
-        What it is called in tables.
-    device : Device
-        Its device.
-    system : System
-        The controlling System.
-    instance, load : str
-        Instance and tunable that is 1 for a free and 0 for a held load side.
-    preview : Horizon, optional
-        Grid of the preview input, where the System has one.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        device: Device,
-        system: System,
-        instance: str,
-        load: str,
-        preview: Horizon | None = None,
-    ) -> None:
-        self.name, self.device, self.preview = name, device, preview
-        self.instance, self.load = instance, load
-        self.loop = ClosedLoop(system, real_plant(device), "f32")
-
-    def run(self, trajectory: Trajectory, plant: PlantVariant, seed: int) -> Outcome:
-        """Run a trajectory on a plant.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            What is wanted, and the person's path.
-        plant : PlantVariant
-            Plant and person.
-        seed : int
-            Of the person's torque noise.
-
-        Returns
-        -------
-        Outcome
-            Errors and stability.
-        """
-        r = self.record(trajectory, plant, seed)
-        window = trajectory.window
-        wanted = trajectory.signals()["tau_desired_Nm"][window]
-        error = r.plant["tau_e_Nm"][window] - wanted
-        seen = r.controller["tau_Nm"][window] - wanted
-        return Outcome(
-            float(np.sqrt(np.mean(error**2))),
-            float(np.sqrt(np.mean(seen**2))),
-            float(np.max(np.abs(error))),
-            float(np.max(np.abs(r.plant["omega_g_rad_s"]))),
-            int(r.controller["fault"][-1]),
-        )
-
-    def record(self, trajectory: Trajectory, plant: PlantVariant, seed: int) -> ClosedLoopRun:
-        """The same run with everything that was recorded.
-
-        Parameters
-        ----------
-        trajectory, plant, seed
-            As in :meth:`run`.
-
-        Returns
-        -------
-        ClosedLoopRun
-            One row a tick.
-        """
-        given = trajectory.signals()
-        n = len(given["tau_desired_Nm"])
-        ticks = np.arange(n)
-        signals: dict[str, Any] = {k: np.zeros(n) for k in self.loop.signals}
-        signals |= {
-            "mode": (ticks >= MODE_TICK) * 1.0,
-            "rearm": (ticks >= ARM_TICK) * 1.0,
-        }
-        signals |= {k: v for k, v in given.items() if k in signals or "_p_" in k}
-        if self.preview is not None:
-            z = self.preview
-            ends = (np.arange(z.intervals) + 1) * z.interval_s + z.delay_s
-            # The control task reads what was measured a tick ago.
-            ahead = np.rint(ends / self.loop.tick_s).astype(int) - 1
-            future = np.minimum(ticks[:, None] + ahead, n - 1)
-            signals["tau_preview_Nm"] = given["tau_desired_Nm"][future]
-        held = {self.instance: {self.load: 0.0 if trajectory.clamped else 1.0}}
-        return self.loop.run(
-            signals,
-            plant_tunables=dict(plant.values) | {"clamped": float(trajectory.clamped)},
-            controller_tunables=held,
-            seed=seed,
-        )
-
-
-def published() -> Device:
-    """The device with the sliding mode of the thesis.
-
-    Returns
-    -------
-    Device
-        Read from ``twin/controllers/smc-published.toml``.
-    """
-    return load_device(Path(__file__).parents[1] / "twin" / "controllers" / "smc-published.toml")
-
-
-def benches(device: Device, say: Callable[[str], None]) -> list[Bench]:
-    """The controllers that are compared.
-
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
+    experiments, controllers : sequence of str
+        Names, as ``esea-gen simulate`` knows them.
+    plant : str
+        ``real`` or ``random``; the person is the one that goes with it.
+    runs : int
+        How many plants and people.
+    folder : Path, optional
+        Of the journals.
     say : callable
-        Told what is being compiled.
-
-    Returns
-    -------
-    list of Bench
-        Sliding mode as printed and as shipped, predictive without and with preview.
-    """
-    horizon = Horizon(delay_s=predictive_delay_s(device))
-    made = []
-    say("compiling sliding mode as printed")
-    printed = published()
-    made.append(Bench("SMC as printed", printed, printed.system, "smc", "load_share"))
-    say("compiling sliding mode")
-    made.append(Bench("SMC as shipped", device, device.system, "smc", "load_share"))
-    for preview in (False, True):
-        name = "MPC, preview" if preview else "MPC, no preview"
-        say(f"compiling {name}")
-        system = predictive_system(
-            device, device.velocity, device.sensor, device.inverse, horizon=horizon, preview=preview
-        )
-        grid = horizon if preview else None
-        made.append(Bench(name, device, system, "predictive", "load_free", grid))
-    return made
-
-
-def yardsticks(device: Device, seeds: int, say: Callable[[str], None]) -> list[str]:
-    """The table of the reference experiments on the real plant with the uncertain person.
-
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    seeds : int
-        How many plants; the medians are given.
-    say : callable
-        Told what is being done.
+        Told each line.
+    workers : int
+        Processes; -1 for one a core.
 
     Returns
     -------
     list of str
-        Lines.
+        Lines: of each plant the mean over the experiment's cases, and of these the median, the mean
+        and the largest, over the runs that could be judged; runs that were unstable or tripped.
     """
-    cases: Mapping[str, Sequence[Trajectory]] = {
-        "tuning": [fixed_sinusoid(1.7, 0.6)],
-        "12-point grid": [fixed_sinusoid(a, f) for a, f in GRID],
-        "backdriven": [backdriven(f) for f in (0.1, 0.15, 0.2, 0.25)],
-        "bread 0 Nm": [bread()],
-    }
-    lines = [f"{'median of ' + str(seeds) + ' plants, Nm RMS':28}  {'true':>7}  {'modelled':>8}"]
-    for bench in benches(device, say):
-        for case, trajectories in cases.items():
-            say(f"{bench.name}: {case}")
-            runs = []
-            for seed in range(seeds):
-                plant = real_plant(device, seed=seed)
-                many = [bench.run(t, plant, seed) for t in trajectories]
-                runs.append(
-                    [np.mean([r.true_Nm for r in many]), np.mean([r.modelled_Nm for r in many])]
-                )
-                faults = sum(r.fault != 0 for r in many)
-                if faults:
-                    say(f"  seed {seed}: the limits tripped in {faults} of {len(many)} runs")
-            true, modelled = np.median(runs, axis=0)
-            lines.append(f"{bench.name + ', ' + case:28}  {true:7.4f}  {modelled:8.4f}")
-            say(lines[-1])
+    head = f"{plant} plants: {runs}, true error, Nm RMS"
+    lines = [f"{head:44}  median    mean   worst  unstable  tripped"]
+    say(lines[0])
+    for experiment in experiments:
+        for controller in controllers:
+            setting = Setting(controller, plant, default_person(experiment, plant))
+            journal = folder / f"{plant}-{experiment}-{controller}" if folder else None
+            done = simulate(experiment, setting, runs=runs, workers=workers, folder=journal)
+            kinds: dict[str, list[dict[str, object]]] = {}
+            for entry in done.cases():
+                kind = APART.get((experiment, str(entry["name"])), experiment)
+                kinds.setdefault(kind, []).append(entry)
+            for kind, entries in kinds.items():
+                lines.append(_line(f"{kind}, {CONTROLLERS.get(controller, controller)}", entries))
+                say(lines[-1])
     return lines
 
 
-def recorded_rows(device: Device, trajectory: Trajectory, steps: int, seed: int = 0) -> np.ndarray:
+def _line(name: str, entries: Sequence[dict[str, object]]) -> str:
+    by_seed: dict[object, list[float]] = {}
+    for e in entries:
+        value = e["rms_true_Nm"]
+        by_seed.setdefault(e["seed"], []).append(np.nan if value is None else float(str(value)))
+    means = np.array([np.mean(v) for v in by_seed.values()])
+    good = means[np.isfinite(means)]
+    figures = (np.median(good), np.mean(good), np.max(good)) if len(good) else (np.nan,) * 3
+    unstable = sum(bool(e.get("unstable")) for e in entries)
+    tripped = sum(bool(e.get("tripped")) or bool(e.get("fault")) for e in entries)
+    return (
+        f"{name:44} {figures[0]:7.4f} {figures[1]:7.4f} {figures[2]:7.4f}  "
+        f"{unstable:4d}/{len(entries)} {tripped:4d}/{len(entries)}"
+    )
+
+
+def recorded_rows(controller: str, case: Case, steps: int, seed: int = 0) -> Array:
     """What the predictive controller is fed in closed loop: rows for counting instructions.
 
     Parameters
     ----------
-    device : Device
-        A device with a drive.
-    trajectory : Trajectory
-        What is wanted; the real plant with the uncertain person.
+    controller : str
+        One with predictive control.
+    case : Case
+        What is done; the real plant with the uncertain person.
     steps : int
         How many steps of the control task, from the start of the analysed window.
     seed : int
@@ -267,64 +129,36 @@ def recorded_rows(device: Device, trajectory: Trajectory, steps: int, seed: int 
     ndarray
         Shape (steps, numbers), the inputs port by port.
     """
-    system = predictive_system(device, device.velocity, device.sensor, device.inverse)
+    device = controller_device(controller)
+    system = device.system
     program = system.blocks["predictive"]
+    wires = {f"{k.instance}.{k.port}": f"{v.instance}.{v.port}" for k, v in system.wires.items()}
     sources = {p.name: system.wires[Signal("predictive", p.name)] for p in program.inputs}
     watched = System(
         system.name,
         system.base_period_s,
         system.blocks,
         system.tasks,
-        {f"{k.instance}.{k.port}": f"{v.instance}.{v.port}" for k, v in system.wires.items()},
+        wires,
         {x.name: tuple(f"{s.instance}.{s.port}" for s in x.signals) for x in system.inputs},
         {x.name: f"{x.signals[0].instance}.{x.signals[0].port}" for x in system.outputs}
         | {f"fed_{n}": f"{s.instance}.{s.port}" for n, s in sources.items()},
     )
-    bench = Bench("recorded", device, watched, "predictive", "load_free")
-    run = bench.record(trajectory, real_plant(device, seed=seed), seed)
+    person = "none" if case.trajectory.clamped else "uncertain"
+    variant = plant_variant(device, "real", person, seed)
+    setting = Setting(controller, "real", person)
+    loop = ClosedLoop(watched, variant, setting.real)
+    run = run_on(loop, device, variant, case, setting, seed)
     every = system.task("control").every
-    start = trajectory.window.start // every * every
-    ticks = start + every * np.arange(steps) - 1  # as released when the task starts
-    columns = [
-        np.asarray(run.controller[f"fed_{p.name}"])[ticks].reshape(steps, -1)
-        for p in program.inputs
-    ]
+    start = case.trajectory.window.start // every * every
+    ticks = start + every * np.arange(steps)
+    columns = []
+    for name, source in sources.items():
+        # Of another task: as released when this one starts.
+        late = system.task_of(source.instance).name != "control"
+        values = np.asarray(run.controller[f"fed_{name}"])[ticks - 1 if late else ticks]
+        columns.append(values.reshape(steps, -1))
     return np.hstack(columns)
-
-
-def stability(device: Device, count: int, say: Callable[[str], None]) -> list[str]:
-    """Random plants and people: how many runs were unstable.
-
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    count : int
-        How many.
-    say : callable
-        Told what is being done.
-
-    Returns
-    -------
-    list of str
-        Lines.
-    """
-    lines = []
-    for bench in benches(device, say)[1:]:
-        errors, unstable = [], 0
-        for seed in range(count):
-            plant = random_plant(device, seed)
-            trajectory = (bread(), backdriven(0.2), fixed_sinusoid(2.0, 1.0))[seed % 3]
-            run = bench.run(trajectory, plant, seed)
-            unstable += run.unstable
-            errors.append(run.true_Nm)
-        worst = max(errors) if errors else math.nan
-        lines.append(
-            f"{bench.name}: {unstable} of {count} random plants unstable or tripped; "
-            f"true error mean {np.mean(errors):.3f}, worst {worst:.3f} Nm"
-        )
-        say(lines[-1])
-    return lines
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -341,20 +175,22 @@ def main(arguments: list[str] | None = None) -> int:
         Exit code.
     """
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("device", nargs="?", default="elbow_drive")
-    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--seeds", type=int, default=10, help="reference plants; 0 for none")
     parser.add_argument("--random", type=int, default=0, help="random plants and people")
+    parser.add_argument("--controllers", nargs="+", default=list(CONTROLLERS))
+    parser.add_argument("--resume", type=Path, help="journal: go on where a run was cut off")
+    parser.add_argument("--jobs", type=int, default=-1, help="processes; -1 for one a core")
     chosen = parser.parse_args(arguments)
 
     def say(text: str) -> None:
         print(text, flush=True)
 
+    names, folder, jobs = chosen.controllers, chosen.resume, chosen.jobs
     try:
-        device = load_device(chosen.device)
         if chosen.seeds:
-            yardsticks(device, chosen.seeds, say)
+            compared(EXPERIMENTS, names, "real", chosen.seeds, folder, say, jobs)
         if chosen.random:
-            stability(device, chosen.random, say)
+            compared(RANDOM, names, "random", chosen.random, folder, say, jobs)
     except UserError as error:
         print(f"esea-gen: {error}")
         return 2

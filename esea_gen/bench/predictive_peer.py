@@ -22,10 +22,10 @@ from esea_gen.block import Array
 from esea_gen.control.horizon import Horizon, Model, linearise
 from esea_gen.control.predictive import predictive_program
 from esea_gen.control.predictive_drive import drive_model
-from esea_gen.device import Device
+from esea_gen.control.predictive_system import device_horizon
 from esea_gen.emit.program_c import render_program
 from esea_gen.hostlib.library import HostLibrary, compile_sources
-from esea_gen.twin.trajectories import fixed_sinusoid
+from esea_gen.twin.experiments import EXPERIMENTS, controller_device
 
 
 def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
@@ -88,12 +88,12 @@ def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
         delta = ahead
         return lin.after.call([x, force, p_all, w, named, torque(), ca.SX(0)])[0]
 
-    def forecast(k: int) -> Any:
-        t = horizon.delay_s + (k + 0.5) * horizon.interval_s
+    def forecast(t: float) -> Any:
         return ca.vertcat(*[f(u, p, model.shape(t)) for f in model.forecasts.values()])
 
-    if horizon.delay_s > 0:
-        x = advance(x, parts[model.in_force], horizon.delay_s, forecast(0))
+    for _ in range(horizon.delay_substeps):
+        late = horizon.delay_s / horizon.delay_substeps
+        x = advance(x, parts[model.in_force], late, forecast(0.5 * horizon.delay_s))
     errors: list[Any] = []
     efforts: list[Any] = []
     for k in range(horizon.intervals):
@@ -101,7 +101,8 @@ def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
         now = SimpleNamespace(**dict(zip(model.states, ca.vertsplit(x), strict=True)))
         efforts += model.effort(now, force, p)
         for _ in range(horizon.substeps):
-            x = advance(x, force, horizon.substep_s, forecast(k))
+            middle = horizon.ends_s[k] - 0.5 * horizon.interval_s
+            x = advance(x, force, horizon.substep_s, forecast(middle))
         now = SimpleNamespace(**dict(zip(model.states, ca.vertsplit(x), strict=True)))
         refs = SimpleNamespace(
             **{n: parts[s][k] if many else parts[s] for n, (s, many) in model.references.items()}
@@ -133,13 +134,13 @@ class StepTimes:
     peer_bytes: int
 
 
-def step_times(device: Device, steps: int = 200, rounds: int = 25) -> StepTimes:
+def step_times(controller: str, steps: int = 200, rounds: int = 25) -> StepTimes:
     """Time the whole step and CasADi's part of it on inputs recorded in closed loop.
 
     Parameters
     ----------
-    device : Device
-        A device with a drive.
+    controller : str
+        One with predictive control, preview and one layer.
     steps : int
         Steps of the stream.
     rounds : int
@@ -150,10 +151,11 @@ def step_times(device: Device, steps: int = 200, rounds: int = 25) -> StepTimes:
     StepTimes
         Microseconds of the thread's own time a step.
     """
-    horizon = Horizon(delay_s=0.002)
-    model = drive_model(device, horizon)
+    device = controller_device(controller)
+    horizon = device_horizon(device)
+    model = drive_model(device, horizon, preview=True, impedance=True)
     program = predictive_program(model, horizon, period_s=0.005)
-    rows = recorded_rows(device, fixed_sinusoid(1.7, 0.6), steps)
+    rows = recorded_rows(controller, EXPERIMENTS["tuning"].cases()[0], steps)
     stream = {}
     at = 0
     for port in program.inputs:

@@ -8,6 +8,7 @@ the same names.  That is forward differentiation, exact, without a Jacobian of t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -36,7 +37,8 @@ class Horizon:
         Integration steps in an interval; 1 to 50.
     delay_s : float
         From the measurement to the moment at which the command takes effect; the state is
-        predicted through it with the command in force.  0 for none.
+        predicted through it with the command in force, in steps no longer than a substep.  0 for
+        none, the horizon's length at most.
     """
 
     intervals: int = 10
@@ -59,10 +61,11 @@ class Horizon:
                 f"Predictive control: interval_s is {self.interval_s}; above 0 to 10 is possible.",
                 "Change it.",
             )
-        if not 0 <= self.delay_s <= self.interval_s:
+        length_s = self.intervals * self.interval_s
+        if not 0 <= self.delay_s <= length_s:
             raise UserError(
-                f"Predictive control: delay_s is {self.delay_s}; 0 to the interval's "
-                f"{self.interval_s} s is possible.",
+                f"Predictive control: delay_s is {self.delay_s}; 0 to the horizon's "
+                f"{length_s:g} s is possible.",
                 "Predict less far, or take longer intervals.",
             )
 
@@ -70,6 +73,16 @@ class Horizon:
     def substep_s(self) -> float:
         """Length of a substep."""
         return self.interval_s / self.substeps
+
+    @property
+    def delay_substeps(self) -> int:
+        """Steps in which the delay is predicted, none longer than a substep."""
+        return math.ceil(self.delay_s / self.substep_s - 1e-9)
+
+    @property
+    def ends_s(self) -> tuple[float, ...]:
+        """End of every interval, counted from the measurement."""
+        return tuple(self.delay_s + (i + 1) * self.interval_s for i in range(self.intervals))
 
 
 @dataclass(frozen=True)

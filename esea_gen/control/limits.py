@@ -255,8 +255,9 @@ def limits(device: DeviceData) -> Block:
     -------
     Block
         Inputs: the stamped command, ``mode``, ``stop``, ``rearm``, ``request_ok``, ``sensing_ok``,
-        angles, speeds and torque.  Outputs: ``u_Nm`` for the motor, ``u_cut_Nm`` and ``u_lag_Nm`` (what was taken
-        from the command), ``energy_J``, ``fault`` (a :class:`Fault`) and a status word.
+        angles, speeds and torque.  Outputs: ``u_Nm`` for the motor, ``u_cut_Nm`` and ``u_lag_Nm``
+        (what was taken from the command), ``energy_J``, ``fault`` (a :class:`Fault`) and a status
+        word.
 
     Raises
     ------

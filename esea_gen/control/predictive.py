@@ -82,7 +82,7 @@ class _Writer:
         self.lin = linearise(model, horizon.substep_s, model.u_max)
         self.late: Linearised | None = None
         if horizon.delay_s > 0:
-            self.late = linearise(model, horizon.delay_s, model.u_max)
+            self.late = linearise(model, horizon.delay_s / horizon.delay_substeps, model.u_max)
         self.coeffs = declare_ports(b, "coeffs", model.coefficients)
         self.plan_port = Port("plan", -1.0, 1.0, "inputs planned, over the largest", n)
         self.outputs = (
@@ -115,10 +115,17 @@ class _Writer:
             stops, steps = model.stops, horizon.intervals * horizon.substeps
             count = len(stops.r)
             self.play = b.array("play", count, meaning="play states of the stop operators")
-            self.since = b.array("since", count, meaning="substep in which each was let go")
             self.tied = b.array("tied", 1, meaning="how many are tied: the first ones")
             self.sense = b.array("sense", 1, meaning="side on which they are tied, 1 or -1")
             self.base = b.array("base", 1, meaning="play torque of the free ones")
+            self.weight = b.array("weight", 1, meaning="weight of those tied together")
+            # Those let go together are a group.  Groups are stacked: the newest is first in order.
+            self.groups = b.array("groups", 1, meaning="how many groups of free operators")
+            self.first = b.array("first", 1, meaning="first one whose history is not yet taken")
+            self.group_end = b.array("group_end", count + 1, meaning="where each group ends")
+            self.group_since = b.array(
+                "group_since", count + 1, meaning="substep in which each was let go"
+            )
             self.history = b.array(
                 "history", (steps + 1) * n, meaning="sensitivity of the deflection, by substep"
             )
@@ -171,10 +178,27 @@ class _Writer:
     def _roll(self) -> None:
         assert self.m.stops is not None
         b, count = self.b, len(self.m.stops.r)
-        tied = self.tied.at(0)
+        tied, first, groups = self.tied.at(0), self.first.at(0), self.groups.at(0)
         turn = b.array("turn", 1, "local")
         stop = b.array("stop_here", 1, "local")
-        weight = b.array("weight", 1, "local")
+        weight = self.weight
+        # Each call lets go at most one group, and leaves at most one of them partly tied.
+        z = self.z
+        steps = z.intervals * z.substeps
+        rolls = steps + z.delay_substeps
+        most = 2 * sum(-(-t // z.substeps) for t in range(steps))
+        with (
+            b.part(
+                "lose", "since", comment="Take the history of a group of operators that are tied."
+            ) as (since,),
+            b.loop(0, self.columns.at(since), most=self.n, total=most) as j,
+        ):
+            b.call(
+                "lose",
+                [self.back[j], weight[0], self.history[since * self.n + j]],
+                [self.back[j]],
+                _take_from,
+            )
 
         def direction(new: Any, old: Any, sense: Any, held: Any) -> tuple[Any, Any]:
             moved = new - old
@@ -195,7 +219,7 @@ class _Writer:
                 direction,
             )
             with b.when(turn[0]):
-                # Turned back: the tied ones are let go where the deflection was.
+                # Turned back: the tied ones are let go where the deflection was, as one group.
                 with b.loop(0, tied, most=count) as i:
                     b.call(
                         "let_go",
@@ -203,8 +227,18 @@ class _Writer:
                         [self.play[i], self.base[0]],
                         _let_go,
                     )
-                    b.call("now", [self.substep_number[t]], [self.since[i]], _same)
-                b.call("weight", [self.t_let[tied]], [weight[0]], _same)
+                b.call(
+                    "push",
+                    [
+                        *(self.t_let[tied], self.tied[0], self.substep_number[t]),
+                        self.groups[0],
+                    ],
+                    [
+                        *(weight[0], self.group_end[groups], self.group_since[groups]),
+                        *(self.groups[0], self.tied[0]),
+                    ],
+                    lambda weight, tied, now, count: (weight, tied, now, count + 1, 0),
+                )
                 with b.loop(0, self.columns.at(t), most=self.n) as j:
                     b.call(
                         "gain",
@@ -212,7 +246,7 @@ class _Writer:
                         [self.back[j]],
                         _mac,
                     )
-                b.call("none", [], [self.tied[0]], _zero)
+            b.call("first", [self.tied[0]], [self.first[0]], _same)
             with b.loop(tied, count, most=count) as i:
                 b.call(
                     "stays",
@@ -221,18 +255,14 @@ class _Writer:
                     lambda new, sense, play, r: ca.logic_not(sense * (new - play) > r),
                 )
                 b.leave(stop[0])
-                b.call("tie", [self.play[i], self.t_p[i], self.base[0]], [self.base[0]], _take)
-                b.call("weight", [self.t_p[i]], [weight[0]], _same)
-                since = self.since.at(i)
-                # Let go not later than now, so that no more inputs mattered then.
-                with b.loop(0, self.columns.at(since), most=self.columns.at(t)) as j:
-                    b.call(
-                        "lose",
-                        [self.back[j], weight[0], self.history[since * self.n + j]],
-                        [self.back[j]],
-                        _take_from,
-                    )
-                b.call("count", [self.tied[0]], [self.tied[0]], lambda k: k + 1)
+                b.call(
+                    "tie",
+                    [self.play[i], self.t_p[i], self.base[0], self.tied[0]],
+                    [self.base[0], self.tied[0]],
+                    lambda play, p, base, tied: (base - p * play, tied + 1),
+                )
+            with b.when((first, "<", tied)):
+                self._take_histories(count, rolls)
             b.call(
                 "torque",
                 [self.t_tied[tied], self.t_free[tied], self.base[0], self.sense[0], self.ahead[0]],
@@ -240,6 +270,39 @@ class _Writer:
                 lambda held, free, base, sense, new: (sense * held + (free * new - base), free),
             )
             b.call("on", [self.ahead[0]], [self.delta[0]], _same)
+
+    def _take_histories(self, count: int, rolls: int) -> None:
+        b, weight = self.b, self.weight
+        tied, first, groups = self.tied.at(0), self.first.at(0), self.groups.at(0)
+        stop = b.array("whole", 1, "local")
+        # What groups were tied whole; each had been let go in a call before.
+        with b.loop(0, count + 1, total=2 * rolls) as _:
+            b.call(
+                "whole",
+                [self.group_end[groups - 1], self.tied[0]],
+                [stop[0]],
+                lambda end, tied: end > tied,
+            )
+            b.leave(stop[0])
+            b.call(
+                "weight",
+                [
+                    *(self.t_let[self.group_end.at(groups - 1)], self.t_let[first]),
+                    self.group_end[groups - 1],
+                ],
+                [weight[0], self.first[0]],
+                lambda end, start, first: (end - start, first),
+            )
+            b.invoke("lose", self.group_since.at(groups - 1))
+            b.call("pop", [self.groups[0]], [self.groups[0]], lambda k: k - 1)
+        with b.when((first, "<", tied)):
+            b.call(
+                "weight",
+                [self.t_let[tied], self.t_let[first]],
+                [weight[0]],
+                lambda end, start: end - start,
+            )
+            b.invoke("lose", self.group_since.at(groups - 1))
 
     @property
     def substep_number(self) -> Memory:
@@ -377,9 +440,14 @@ class _Writer:
             if self.late is not None:
                 # Through the computing delay, with the command that is in force.
                 b.call("in_force", [self.guarded[m.in_force][0]], [self.u[0]], _same)
-                self._forecast(Ix(0))
+                self._forecast(Ix(n))
                 late_k = b.array("late_k", max(1, self.late.coefficients), meaning="not used")
-                self._nominal(self.late, Ix(0), late_k[0 : self.late.coefficients])
+                late = late_k[0 : self.late.coefficients]
+                if z.delay_substeps == 1:
+                    self._nominal(self.late, Ix(0), late)
+                else:
+                    with b.loop(0, z.delay_substeps, name="late"):
+                        self._nominal(self.late, Ix(0), late)
             with b.loop(0, n, name="interval") as k:
                 self._interval(k)
             b.invoke("gram")
@@ -426,7 +494,13 @@ class _Writer:
                     [stop[0], self.play[i], self.base[0]],
                     _nest,
                 )
-                b.call("none", [], [self.since[i]], _zero)
+            # Those that were never let go have no history; their group is never taken whole.
+            b.call(
+                "bottom",
+                [],
+                [self.groups[0], self.group_end[0], self.group_since[0]],
+                lambda: (1, count + 1, 0),
+            )
             b.call(
                 "loose",
                 [self.t_free[0], self.base[0], self.delta[0]],
@@ -449,7 +523,8 @@ class _Writer:
         m, b, z = self.m, self.b, self.z
         if not m.forecasts:
             return
-        middles = [z.delay_s + (i + 0.5) * z.interval_s for i in range(z.intervals)]
+        # The last entry is for the delay itself.
+        middles = [end - 0.5 * z.interval_s for end in z.ends_s] + [0.5 * z.delay_s]
         shapes = [m.shape(t) for t in middles]
         table = b.memory.get("middle") or b.table("middle", shapes, "shape of the forecasts")
         names = [p.name for p in m.inputs if p.size == 1]
@@ -606,11 +681,8 @@ def _take_from(total: Any, a: Any, b: Any) -> Any:
     return total - a * b
 
 
-def _take(play: Any, weight: Any, base: Any) -> Any:
-    return base - weight * play
-
-
 def _let_go(delta: Any, sense: Any, r: Any, weight: Any, base: Any) -> Any:
+    # As it will be taken again, so that the rounding goes too.
     play = delta - sense * r
     return play, base + weight * play
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import sympy as sp
 
-from esea_gen.block import Constant, Port, Tunable
+from esea_gen.block import Constant, Port, Tunable, clip
 from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import predictive_program
+from esea_gen.devices.fields import field_facts
 from esea_gen.emit.program import Program
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
 from esea_gen.model.symbolic import equation, to_casadi
@@ -26,11 +27,20 @@ SMOOTH_RAD_S = 1e-4
 SMOOTH_RAD = 1e-4
 
 Q_BEST, R_BEST = 300.0, 1.0
-Q_PRINTED, R_PRINTED = 35.0, 1.0
+
+# Who tells of the person's torque and of the rates: the extended-state observer with the tracking
+# observer of the deflection; or as printed, (5.10) with a parabola, and filtered differences.
+Person = Literal["extended_state", "parabola"]
 
 
 def drive_model(
-    device: DeviceData, horizon: Horizon, *, preview: bool = False, impedance: bool = False
+    device: DeviceData,
+    horizon: Horizon,
+    *,
+    preview: bool = False,
+    impedance: bool = False,
+    person: Person = "extended_state",
+    weights: tuple[float, float] = (Q_BEST, R_BEST),
 ) -> Model:
     """Plant (5.1 to 5.3), elastomer and cost of a device.
 
@@ -44,7 +54,13 @@ def drive_model(
         Whether wanted torque (and path) come for the end of each interval or as one value.
     impedance : bool
         Whether the cost holds the impedance law, one layer: with e = tau_e - tau_d
-        + Kp (theta_l - theta_d) + Kd (omega_l - omega_d).
+        + Kp (theta_l - theta_d) + Kd (omega_l - omega_d); the gains are inputs.
+    person : {"extended_state", "parabola"}
+        ``extended_state``: inputs ``tau_h_Nm`` and its rate, which decays, and the deflection's
+        rate.  ``parabola``: inputs ``tau_h_Nm``, its rate and its second derivative, and the motor
+        side's rate in place of the deflection's.
+    weights : tuple of float
+        Defaults of the tunables Q and R.
 
     Returns
     -------
@@ -69,11 +85,12 @@ def drive_model(
     fv, fc, width = a.fv_Nms_rad.value, a.fc_Nm.value, a.coulomb_width_rad_s.value
     tau_c, u_max = a.tau_c_s.value, drive.u_Nm
     numbers = {c.name: c.value for c in device.constants("elastomer")}
-    r, weights = stop_grid(numbers, int(e.stops.value))
-    stops = Stops(tuple(map(float, r)), tuple(float(w) for w in weights))
+    r, shares = stop_grid(numbers, int(e.stops.value))
+    stops = Stops(tuple(map(float, r)), tuple(float(w) for w in shares))
     dead = numbers.get("dead_zone_rad", 0.0)
     fade = drive.disturbance.decay_s.value
     k1, k3 = numbers["k1_Nm_rad"], numbers["k3_Nm_rad3"]
+    printed = person == "parabola"
 
     def beyond(delta: Any) -> Any:
         return to_casadi(BEYOND, {THETA: delta, DEAD_ZONE: dead}) if dead else delta
@@ -86,7 +103,7 @@ def drive_model(
         angle = {"theta_l": u.theta_l_rad} if impedance else {}
         return angle | {
             "delta": u.delta_rad,
-            "omega_m": u.omega_l_rad_s + u.omega_rad_s,
+            "omega_m": u.omega_m_rad_s if printed else u.omega_l_rad_s + u.omega_rad_s,
             "omega_l": u.omega_l_rad_s,
             "u_a": u.u_a_Nm,
             **({"tau_r": tau_r} if e.maxwell else {}),
@@ -152,12 +169,16 @@ def drive_model(
     def effort(x: SimpleNamespace, u: Any, p: SimpleNamespace) -> list[Any]:
         return [p.root_r * (u - x.u_a)]
 
-    def human(u: SimpleNamespace, p: SimpleNamespace, reach_s: Any) -> Any:
-        return u.tau_h_Nm + u.tau_h_rate_Nm_s * reach_s
+    def human(u: SimpleNamespace, p: SimpleNamespace, s: Any) -> Any:
+        if not printed:
+            return u.tau_h_Nm + u.tau_h_rate_Nm_s * s
+        tau = u.tau_h_Nm + s * (u.tau_h_rate_Nm_s + 0.5 * s * u.tau_h_curve_Nm_s2)
+        # A parabola knows no end: a person does.
+        return clip(tau, -drive.tau_h_Nm, drive.tau_h_Nm)
 
     def reach(t: float) -> float:
         # The extended-state observer's own model: the rate decays, the torque settles.
-        return fade * (1 - math.exp(-t / fade))
+        return t if printed else fade * (1 - math.exp(-t / fade))
 
     many = horizon.intervals if preview else 1
     turn = drive.theta_high_rad
@@ -170,11 +191,20 @@ def drive_model(
             Port("omega_d_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "its rate", many),
         ]
         references |= {"theta_d": ("theta_d_rad", preview), "omega_d": ("omega_d_rad_s", preview)}
+        wanted += [
+            Port(name, 0.0, field_facts(f"impedance.{name}")["high"], meaning, 1, "(5.24)")
+            for name, meaning in (
+                ("Kp_Nm_rad", "stiffness to the path"),
+                ("Kd_Nms_rad", "damping to the path"),
+            )
+        ]
     memory_range = 2 * drive.delta_rad
     tau_rate = Port("tau_rate_Nm", -drive.tau_Nm, drive.tau_Nm, "sensor: Maxwell element's torque")
     inputs = (
         Port("delta_rad", -drive.delta_rad, drive.delta_rad, "deflection"),
-        Port("omega_rad_s", -drive.rate_rad_s, drive.rate_rad_s, "deflection's rate"),
+        Port("omega_m_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "motor side's rate")
+        if printed
+        else Port("omega_rad_s", -drive.rate_rad_s, drive.rate_rad_s, "deflection's rate"),
         *(
             (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
             if impedance
@@ -194,13 +224,14 @@ def drive_model(
         ),
         Port("d4_rad_s2", -drive.d4_rad_s2, drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
         Port("tau_h_Nm", -drive.tau_h_Nm, drive.tau_h_Nm, "torque of the person"),
-        Port("tau_h_rate_Nm_s", -1e4, 1e4, "its rate; decays over the horizon"),
+        Port("tau_h_rate_Nm_s", -1e4, 1e4, "its rate"),
+        *((Port("tau_h_curve_Nm_s2", -1e5, 1e5, "its second derivative"),) if printed else ()),
         Port("mode", 0, 2, "0 off: the command is 0"),
         *wanted,
     )
     tunables = [
-        Tunable("Q", Q_BEST, 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
-        Tunable("R", R_BEST, 1e-4, 1e4, "weight of the motor torque's rate", "thesis"),
+        Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
+        Tunable("R", weights[1], 1e-4, 1e4, "weight of the motor torque's rate", "thesis: 1"),
         Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
     ]
     coefficients = [
@@ -208,25 +239,13 @@ def drive_model(
         Port("root_r", 0.0, 1e6, "root of R over the motor's lag"),
         Port("load_1_kgm2", 0.0, 1e4, "1 / Jh, 0 when held fast"),
     ]
-    if impedance:
-        section = drive.impedance
-        for name, q, most in (
-            ("Kp_Nm_rad", section.Kp_Nm_rad, 20.0),
-            ("Kd_Nms_rad", section.Kd_Nms_rad, 5.0),
-        ):
-            meaning = "stiffness to the path" if name == "Kp_Nm_rad" else "damping to the path"
-            tunables.append(Tunable(name, q.value, 0.0, most, meaning, q.source, q.status))
-            coefficients.append(Port(name, 0.0, most, meaning))
 
     def prepare(c: SimpleNamespace) -> dict[str, Any]:
-        out = {
+        return {
             "root_q": ca.sqrt(c.Q),
             "root_r": ca.sqrt(c.R) / tau_c,
             "load_1_kgm2": c.load_free * (1 / joint.Jh_kgm2.value),
         }
-        if impedance:
-            out |= {"Kp_Nm_rad": c.Kp_Nm_rad, "Kd_Nms_rad": c.Kd_Nms_rad}
-        return out
 
     return Model(
         states=(
@@ -246,7 +265,11 @@ def drive_model(
         references=references,
         forecasts={"tau_h": human},
         shape=reach,
-        parameters=("d4_rad_s2", *(c.name for c in coefficients)),
+        parameters=(
+            "d4_rad_s2",
+            *(c.name for c in coefficients),
+            *(("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()),
+        ),
         stops=stops,
         play="play_rad",
         deflection=lambda u: beyond(u.delta_rad),
@@ -269,6 +292,8 @@ def predictive_controller(
     horizon: Horizon | None = None,
     preview: bool = False,
     impedance: bool = False,
+    person: Person = "extended_state",
+    weights: tuple[float, float] = (Q_BEST, R_BEST),
     period_s: float | None = None,
     cap: int | None = None,
 ) -> Program:
@@ -281,8 +306,10 @@ def predictive_controller(
     horizon : Horizon, optional
         Grid of the prediction; 10 intervals of 20 ms with 4 substeps, and the control task's
         release as computing delay, when not given.
-    preview, impedance : bool
+    preview, impedance, person
         As in :func:`drive_model`.
+    weights : tuple of float
+        Defaults of the tunables Q and R.
     period_s : float, optional
         Period of the control task; the device's when not given.
     cap : int, optional
@@ -304,7 +331,14 @@ def predictive_controller(
         release = device.file.timing.control_release_s
         horizon = Horizon(delay_s=period if release is None else release.value)
     return predictive_program(
-        drive_model(device, horizon, preview=preview, impedance=impedance),
+        drive_model(
+            device,
+            horizon,
+            preview=preview,
+            impedance=impedance,
+            person=person,
+            weights=weights,
+        ),
         horizon,
         period_s=period,
         title="Predictive impedance control" if impedance else "Predictive torque control",

@@ -2,23 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
 from esea_gen.block import Block, Port
+from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
-from esea_gen.control.predictive_drive import predictive_controller
-from esea_gen.control.system import torque_control_system
+from esea_gen.control.predictive_drive import Q_BEST, R_BEST, Person, predictive_controller
+from esea_gen.control.system import torque_control_parts
 from esea_gen.observe import drive_of
-from esea_gen.observe.human import extended_state
+from esea_gen.observe.extrapolation import parabola
+from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.system import System, Task
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
 REPLACED = ("smc", "inverse", "setpoint", "set_rate", "human")
+
+
+def with_outputs(block: Block, more: Sequence[tuple[Port, str]]) -> Block:
+    """A Block that also gives out what it reads or makes anyway.
+
+    Parameters
+    ----------
+    block : Block
+        Any Block.
+    more : sequence of (Port, str)
+        Each further output with what it shows, by its name in ``labelled_step``: ``next_...`` a new
+        state, ``c_...`` a coefficient, ``label_...`` a labelled value.
+
+    Returns
+    -------
+    Block
+        The same Block with these outputs after its own; no operation is added.
+
+    Raises
+    ------
+    ValueError
+        When there is no such value, or an output has that name already.
+    """
+    labelled = block.labelled_step
+    arguments = labelled.sx_in()
+    results = labelled.call(arguments)
+    known = dict(zip(labelled.name_in(), arguments, strict=True))
+    known |= dict(zip(labelled.name_out(), results, strict=True))
+    taken = [p.name for p in block.outputs]
+    for port, source in more:
+        if source not in known or known[source].numel() != port.size or port.name in taken:
+            raise ValueError(
+                f"block {block.name}: no {source} of size {port.size}, or an output has the name "
+                f"{port.name}"
+            )
+        taken.append(port.name)
+    at = len(block.state) + len(block.outputs)
+    values = results[:at] + [known[source] for _, source in more]
+    names = labelled.name_out()[:at] + [f"y_{port.name}" for port, _ in more]
+
+    def function(name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
+        return ca.Function(name, arguments, results, labelled.name_in(), names)
+
+    return replace(
+        block,
+        outputs=(*block.outputs, *(port for port, _ in more)),
+        step=function(block.step.name(), values, names),
+        labelled_step=function(
+            labelled.name(), values + results[at:], names + labelled.name_out()[at:]
+        ),
+    )
 
 
 def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
@@ -43,27 +97,11 @@ def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
     ValueError
         When there is no such state, or an output has that name already.
     """
-    index = next((i for i, p in enumerate(block.state) if p.name == name), None)
-    if index is None or name in [p.name for p in block.outputs]:
-        raise ValueError(f"block {block.name}: no state {name}, or an output has that name")
-    port = block.state[index]
-    more = Port(name, port.low, port.high, meaning, port.size, port.equation)
-
-    def widened(f: ca.Function) -> ca.Function:
-        arguments = f.sx_in()
-        results = f.call(arguments)
-        names = f.name_out()
-        at = len(block.state) + len(block.outputs)
-        results.insert(at, results[index])
-        names.insert(at, f"y_{name}")
-        return ca.Function(f.name(), arguments, results, f.name_in(), names)
-
-    return replace(
-        block,
-        outputs=(*block.outputs, more),
-        step=widened(block.step),
-        labelled_step=widened(block.labelled_step),
-    )
+    port = next((p for p in block.state if p.name == name), None)
+    if port is None:
+        raise ValueError(f"block {block.name}: no state {name}")
+    shown = Port(name, port.low, port.high, meaning, port.size, port.equation)
+    return with_outputs(block, [(shown, f"next_{name}")])
 
 
 def predictive_delay_s(device: DeviceData) -> float:
@@ -85,6 +123,70 @@ def predictive_delay_s(device: DeviceData) -> float:
     return device.period_s + control
 
 
+def device_predictive_system(
+    device: DeviceData, velocity: Block, sensor: Block, inverse: Block
+) -> System:
+    """The System that a device file's section ``[predictive]`` asks for.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with that section.
+    velocity, sensor, inverse : Block
+        As for :func:`predictive_system`.
+
+    Returns
+    -------
+    System
+        The System.
+
+    Raises
+    ------
+    UserError
+        When the device lacks a section that torque control needs.
+    """
+    asked = device.file.predictive
+    assert asked is not None
+    return predictive_system(
+        device,
+        velocity,
+        sensor,
+        inverse,
+        horizon=device_horizon(device),
+        preview=asked.future == "given",
+        one_layer=asked.impedance == "one_layer",
+        person=asked.person,
+        weights=(asked.Q.value, asked.R.value),
+    )
+
+
+def device_horizon(device: DeviceData) -> Horizon:
+    """Grid of the prediction of a device.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+
+    Returns
+    -------
+    Horizon
+        As its section ``[predictive]`` says, 10 intervals of 20 ms with 4 substeps where there is
+        none; the delay is :func:`predictive_delay_s`.
+
+    Raises
+    ------
+    UserError
+        When a number of the horizon is outside its range.
+    """
+    asked, delay_s = device.file.predictive, predictive_delay_s(device)
+    if asked is None:
+        return Horizon(delay_s=delay_s)
+    return Horizon(
+        int(asked.intervals.value), asked.interval_s.value, int(asked.substeps.value), delay_s
+    )
+
+
 def predictive_system(
     device: DeviceData,
     velocity: Block,
@@ -93,6 +195,9 @@ def predictive_system(
     *,
     horizon: Horizon | None = None,
     preview: bool = False,
+    one_layer: bool = True,
+    person: Person = "extended_state",
+    weights: tuple[float, float] = (Q_BEST, R_BEST),
 ) -> System:
     """The controlling System with predictive control in place of sliding mode.
 
@@ -104,11 +209,16 @@ def predictive_system(
         As for :func:`esea_gen.control.system.torque_control_system`, whose wiring is kept; the
         inverse drops out with the sliding mode.
     horizon : Horizon, optional
-        Grid of the prediction; 10 intervals of 20 ms, 4 substeps and
-        :func:`predictive_delay_s` when not given.
+        Grid of the prediction; :func:`device_horizon` when not given.
     preview : bool
         Whether the control task has an external input ``tau_preview_Nm`` with the wanted torque at
-        the end of every interval; without, the set torque holds over the horizon.
+        the end of every interval (in one layer also ``theta_preview_rad`` and
+        ``omega_preview_rad_s``); without, what is wanted now holds over the horizon.
+    one_layer : bool
+        Whether the predictive controller holds the impedance law itself; else the reference Block
+        sets the torque in impedance mode as for the sliding mode.
+    person, weights
+        As in :func:`esea_gen.control.predictive_drive.predictive_controller`.
 
     Returns
     -------
@@ -121,53 +231,64 @@ def predictive_system(
     UserError
         When the device lacks a section that torque control needs.
     """
-    base = torque_control_system(device, velocity, sensor, inverse)
-    grid = horizon or Horizon(delay_s=predictive_delay_s(device))
-    program = predictive_controller(device, horizon=grid, preview=preview)
+    base = torque_control_parts(device, velocity, sensor, inverse, None)
+    grid = horizon or device_horizon(device)
+    printed = person == "parabola"
+    program = predictive_controller(
+        device,
+        horizon=grid,
+        preview=preview or one_layer,
+        impedance=one_layer,
+        person=person,
+        weights=weights,
+    )
     blocks: dict[str, Any] = {n: b for n, b in base.blocks.items() if n not in REPLACED}
     blocks["sensor"] = with_state_as_output(
         sensor, "play_rad", "play states of the stop operators, for predictive control"
     )
-    blocks |= {"human": extended_state(device), "predictive": program}
-    sense = [n for n in base.task("sense").blocks if n in blocks]
+    blocks["human"] = lag_observer(device) if printed else extended_state(device)
+    control_order = ["predictive", "stamp"]
+    if preview or one_layer:
+        blocks["reference"] = _shown_reference(blocks["reference"])
+        blocks["ahead"] = ahead(device, grid, given=preview, one_layer=one_layer)
+        control_order.insert(0, "ahead")
+    if printed:
+        blocks["parabola"] = parabola(device)
+        control_order.insert(0, "parabola")
+    blocks["predictive"] = program
+    sense = [n for n in base.sense if n in blocks]
+    # Observers read what the limits have let through.
+    order = [n for n in sense if n != "human"] + ["human"]
+
+    def stays(signal: str) -> bool:
+        return signal.partition(".")[0] in blocks
+
     wires = {
-        str_of(sink): str_of(source)
+        sink: source
         for sink, source in base.wires.items()
-        if sink.instance in blocks and source.instance in blocks and sink.instance != "human"
+        if stays(sink) and stays(source) and not sink.startswith("human.")
     }
-    angle = {"theta_load_rad": "encoder_load.theta_rad", "tau_Nm": "sensor.tau_Nm"}
-    wires |= {f"human.{p.name}": angle[p.name] for p in blocks["human"].inputs}
-    sources = {
-        "delta_rad": "joint.theta_rad",
-        "omega_rad_s": "velocity.omega_rad_s",
-        "omega_l_rad_s": "human.omega_load_rad_s",
-        "u_a_Nm": "drive.u_a_Nm",
-        "u_in_force_Nm": "limits.u_Nm",
-        "tau_rate_Nm": "sensor.tau_rate_Nm",
-        "play_rad": "sensor.play_rad",
-        "d4_rad_s2": "drive.d4_rad_s2",
-        "tau_h_Nm": "human.tau_h_Nm",
-        "tau_h_rate_Nm_s": "human.tau_h_rate_Nm_s",
-        "mode": "reference.mode",
-        "tau_d_Nm": "reference.tau_set_Nm",
-    }
-    wires |= {
-        f"predictive.{p.name}": sources[p.name]
-        for p in program.inputs
-        if not (preview and p.name == "tau_d_Nm")
-    }
-    wires["stamp.u_command_Nm"] = "predictive.u_Nm"
-    inputs = {x.name: tuple(str_of(s) for s in x.signals) for x in base.inputs}
-    inputs = {
-        n: tuple(s for s in sinks if s.partition(".")[0] in blocks) for n, sinks in inputs.items()
-    }
-    inputs = {n: sinks for n, sinks in inputs.items() if sinks}
+    sources = _sources(printed, "ahead" in blocks)
+    from_outside = {}
     if preview:
-        inputs["tau_preview_Nm"] = ("predictive.tau_d_Nm",)
+        from_outside["tau_preview_Nm"] = ("ahead.tau_preview_Nm",)
+        if one_layer:
+            from_outside |= {
+                n: (f"ahead.{n}",) for n in ("theta_preview_rad", "omega_preview_rad_s")
+            }
+    fed_outside = {s for sinks in from_outside.values() for s in sinks}
+    for name in ("human", *(n for n in control_order if n != "stamp")):
+        for p in blocks[name].inputs:
+            sink = f"{name}.{p.name}"
+            if sink not in fed_outside:
+                wires[sink] = sources[name][p.name]
+    wires["stamp.u_command_Nm"] = "predictive.u_Nm"
+    inputs = {n: tuple(s for s in sinks if stays(s)) for n, sinks in base.inputs.items()}
+    inputs = {n: sinks for n, sinks in inputs.items() if sinks} | from_outside
     outputs = {
-        x.name: str_of(x.signals[0])
-        for x in base.outputs
-        if x.signals[0].instance in blocks and x.signals[0].instance != "human"
+        n: source
+        for n, source in base.outputs.items()
+        if stays(source) and not source.startswith("human.")
     }
     outputs |= {
         "tau_h_Nm": "human.tau_h_Nm",
@@ -176,16 +297,15 @@ def predictive_system(
         "iterations": "predictive.iterations",
         "predictive_status": "predictive.status",
     }
-    control = base.task("control")
-    # Observers read what the limits have let through.
-    order = [n for n in sense if n != "human"] + ["human"]
+    outputs |= {f"{n}_status": f"{n}.status" for n in ("ahead", "parabola") if n in blocks}
+    control = base.control
     return System(
-        base.name,
-        base.base_period_s,
+        device.name,
+        device.period_s,
         blocks,
         (
             Task("sense", tuple(order)),
-            Task("control", ("predictive", "stamp"), control.every, control.phase, control.release),
+            Task("control", tuple(control_order), control.every, control.phase, control.release),
         ),
         wires,
         inputs,
@@ -193,17 +313,58 @@ def predictive_system(
     )
 
 
-def str_of(signal: Any) -> str:
-    """``instance.port`` of a signal.
+def _shown_reference(block: Block) -> Block:
+    # What the reference makes of a change of mode, and its tunables, for the horizon.
+    def port(source: Sequence[Port], name: str, as_name: str = "") -> Port:
+        p = next(p for p in source if p.name == name)
+        return Port(as_name or name, p.low, p.high, p.meaning, p.size, p.equation)
 
-    Parameters
-    ----------
-    signal : Signal
-        Any signal.
+    more = [(port(block.state, "offset_Nm"), "next_offset_Nm")]
+    more += [
+        (port(block.coefficients, n), f"c_{n}")
+        for n in ("keep", "tau_range_Nm", "Kp_Nm_rad", "Kd_Nms_rad")
+    ]
+    more += [
+        (port(block.inputs, n, n.replace("desired", "wanted")), f"label_{n}_used")
+        for n in ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
+    ]
+    return with_outputs(block, more)
 
-    Returns
-    -------
-    str
-        What :meth:`esea_gen.system.Signal.parse` reads.
-    """
-    return f"{signal.instance}.{signal.port}"
+
+def _sources(printed: bool, along: bool) -> dict[str, dict[str, str]]:
+    # What feeds the inputs that are not the sliding mode's.
+    omega_load = "load_rate.omega_rad_s" if printed else "human.omega_load_rad_s"
+    shown = ["offset_Nm", "keep", "tau_range_Nm", "tau_wanted_Nm", "theta_wanted_rad"]
+    shown += ["omega_wanted_rad_s", "Kp_Nm_rad", "Kd_Nms_rad", "tau_set_Nm", "mode"]
+    tau_h = {"tau_h_Nm": "human.tau_h_Nm", "tau_h_rate_Nm_s": "human.tau_h_rate_Nm_s"}
+    if printed:
+        tau_h = {"tau_h_Nm": "parabola.tau_h_fit_Nm"}
+        tau_h |= {n: f"parabola.{n}" for n in ("tau_h_rate_Nm_s", "tau_h_curve_Nm_s2")}
+    wanted = {"mode": "reference.mode", "tau_d_Nm": "reference.tau_set_Nm"}
+    if along:
+        names = ("mode", "tau_d_Nm", "theta_d_rad", "omega_d_rad_s", "Kp_Nm_rad", "Kd_Nms_rad")
+        wanted = {n: f"ahead.{n}" for n in names}
+    return {
+        "human": {
+            "theta_load_rad": "encoder_load.theta_rad",
+            "omega_load_rad_s": "load_rate.omega_rad_s",
+            "tau_Nm": "sensor.tau_Nm",
+        },
+        "parabola": {"tau_h_Nm": "human.tau_h_Nm"},
+        "ahead": {n: f"reference.{n}" for n in shown}
+        | {"theta_load_rad": "encoder_load.theta_rad", "omega_load_rad_s": omega_load},
+        "predictive": {
+            "delta_rad": "joint.theta_rad",
+            "omega_rad_s": "velocity.omega_rad_s",
+            "omega_m_rad_s": "motor_rate.omega_rad_s",
+            "theta_l_rad": "encoder_load.theta_rad",
+            "omega_l_rad_s": omega_load,
+            "u_a_Nm": "drive.u_a_Nm",
+            "u_in_force_Nm": "limits.u_Nm",
+            "tau_rate_Nm": "sensor.tau_rate_Nm",
+            "play_rad": "sensor.play_rad",
+            "d4_rad_s2": "drive.d4_rad_s2",
+        }
+        | tau_h
+        | wanted,
+    }

@@ -53,8 +53,8 @@ def reference(device: DeviceData) -> Block:
     -----
     Off, the set torque is the measured one.  When a law takes over from off, the difference between
     the measured torque and the law becomes an offset that decays with ``blend_s``: the set torque
-    starts where the coupling is, whatever was wanted before.  From one law to another it starts
-    where the set torque was a step ago.  An invalid input or a corrupt state means off for that
+    starts where the coupling is, whatever was wanted before.  From one law to another it goes
+    on from where the set torque was.  An invalid input or a corrupt state means off for that
     step, with the last set torque held, and ``request_ok`` 0, on which the limits latch; what was
     set before an off does not come back.
     """
@@ -101,11 +101,13 @@ def reference(device: DeviceData) -> Block:
         on = mode > 0.5
         changed = label("changed", mode != s.mode_last, "the mode is another than a step ago")
         # From one law to another the set torque goes on from where it was: the measured one would
-        # make a step of the tracking error.
-        start = ca.if_else(s.mode_last > 0.5, s.tau_set_Nm, u.tau_Nm)
+        # make a step of the tracking error.  It fades in that step already, so that neither a
+        # rounding error nor an old wish lives on through one change after another.
+        gone_on = ca.if_else(changed, s.tau_set_Nm - law, s.offset_Nm) * c.keep
+        from_off = ca.logic_and(changed, s.mode_last < 0.5)
         offset = label(
             "offset_Nm",
-            ca.if_else(changed, start - law, s.offset_Nm * c.keep),
+            ca.if_else(from_off, u.tau_Nm - law, gone_on),
             "from the law to where the torque was, fading",
         )
         wanted = label("wanted_Nm", ca.if_else(on, law + offset, u.tau_Nm))

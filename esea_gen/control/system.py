@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 from esea_gen.block import Block
 from esea_gen.control.limits import command_stamp, limits
 from esea_gen.control.reference import reference, setpoint_rates
@@ -13,6 +16,30 @@ from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.observe.rates import butterworth_rate, load_rate, motor_rate
 from esea_gen.system import System, Task
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a controlling System is wired from.
+
+    Parameters
+    ----------
+    blocks : mapping of str to Block
+        Instances by name.
+    sense : tuple of str
+        Those of the sensing task, in order.
+    control : Task
+        Period, phase and release of the control task, and its instances.
+    wires, inputs, outputs : mapping
+        As in :class:`esea_gen.system.System`.
+    """
+
+    blocks: Mapping[str, Block]
+    sense: tuple[str, ...]
+    control: Task
+    wires: Mapping[str, str]
+    inputs: Mapping[str, tuple[str, ...]]
+    outputs: Mapping[str, str]
 
 
 def torque_control_system(
@@ -44,6 +71,40 @@ def torque_control_system(
     UserError
         When the device lacks a section that torque control needs.
     """
+    parts = torque_control_parts(device, velocity, sensor, inverse, sliding_mode(device))
+    return System(
+        device.name,
+        device.period_s,
+        parts.blocks,
+        (Task("sense", parts.sense), parts.control),
+        parts.wires,
+        parts.inputs,
+        parts.outputs,
+    )
+
+
+def torque_control_parts(
+    device: DeviceData, velocity: Block, sensor: Block, inverse: Block, law: Block | None
+) -> Parts:
+    """What :func:`torque_control_system` is wired from.
+
+    Parameters
+    ----------
+    device, velocity, sensor, inverse
+        As there.
+    law : Block or None
+        The sliding mode; None for another law, which then feeds the stamp itself.
+
+    Returns
+    -------
+    Parts
+        Blocks, wires and tasks.
+
+    Raises
+    ------
+    UserError
+        When the device lacks a section that torque control needs.
+    """
     published = device.file.sliding_mode is not None and (
         device.file.sliding_mode.setpoint_acceleration == "zero"
     )
@@ -67,7 +128,7 @@ def torque_control_system(
     if cutoff is not None:
         blocks["set_rate"] = butterworth_rate(device, "set_rate", cutoff)
     sense = tuple(blocks)
-    blocks |= {"smc": sliding_mode(device), "stamp": command_stamp(device)}
+    blocks |= ({"smc": law} if law else {}) | {"stamp": command_stamp(device)}
 
     angle = {"motor": "encoder_motor.theta_rad", "load": "encoder_load.theta_rad"}
     rate = {"motor": "motor_rate.omega_rad_s", "load": "load_rate.omega_rad_s"}
@@ -101,7 +162,6 @@ def torque_control_system(
         "load_rate.theta_rad": angle["load"],
         "set_rate.theta_rad": "inverse.theta_rad",
         "inverse.tau_Nm": "reference.tau_set_Nm",
-        "stamp.u_command_Nm": "smc.u_command_Nm",
         "limits.u_command_Nm": "stamp.u_command_Nm",
     }
     external = {
@@ -123,8 +183,12 @@ def torque_control_system(
     for name, block in blocks.items():
         for port in block.inputs:
             sink = f"{name}.{port.name}"
+            if sink == "stamp.u_command_Nm":
+                continue  # the law's
             if sink not in wires and sink not in from_outside:
                 wires[sink] = sources[port.name]
+    if law:
+        wires["stamp.u_command_Nm"] = "smc.u_command_Nm"
     outputs = {
         "u_Nm": "limits.u_Nm",
         "tau_Nm": "sensor.tau_Nm",
@@ -151,12 +215,5 @@ def torque_control_system(
     every = round(timing.sense_rate_Hz.value / timing.control_rate_Hz.value)
     release_s = timing.control_release_s
     release = round(release_s.value / device.period_s) if release_s else None
-    return System(
-        device.name,
-        device.period_s,
-        blocks,
-        (Task("sense", sense), Task("control", ("smc", "stamp"), every=every, release=release)),
-        wires,
-        external,
-        outputs,
-    )
+    control = Task("control", ("smc", "stamp") if law else ("stamp",), every=every, release=release)
+    return Parts(blocks, sense, control, wires, external, outputs)

@@ -286,6 +286,30 @@ class SlidingMode(Section):
     )
 
 
+class Predictive(Section):
+    """Model predictive control in place of sliding mode; its horizon, weights and estimates."""
+
+    intervals: Quantity = _number(2, 100, "Intervals of the horizon.", whole=True)
+    interval_s: Quantity = _number(1e-3, 10, "Length of an interval.")
+    substeps: Quantity = _number(1, 50, "Integration steps in an interval.", whole=True)
+    Q: Quantity = _number(0.01, 1e5, "Weight of the torque error, (Nm)^-2.")
+    R: Quantity = _number(1e-4, 1e4, "Weight of the motor torque's rate, (Nm/s)^-2.")
+    future: Literal["given", "held"] = Field(
+        default="held",
+        description="given: what is wanted at the end of every interval is an input; held: what is "
+        "wanted now holds.",
+    )
+    impedance: Literal["one_layer", "cascade"] = Field(
+        default="one_layer",
+        description="one_layer: the cost holds the impedance law; cascade: the law sets a torque.",
+    )
+    person: Literal["extended_state", "parabola"] = Field(
+        default="extended_state",
+        description="Torque of the person ahead: extended-state observer, or as printed, the "
+        "observer (5.10) with a parabola through its past and rates from filtered differences.",
+    )
+
+
 class Impedance(Section):
     """Impedance control: a PD law on the joint gives the desired torque."""
 
@@ -333,6 +357,7 @@ class DeviceFile(Section):
     joint: Joint | None = Field(default=None)
     disturbance: Disturbance | None = Field(default=None)
     sliding_mode: SlidingMode | None = Field(default=None)
+    predictive: Predictive | None = Field(default=None)
     impedance: Impedance | None = Field(default=None)
     safety: Safety | None = Field(default=None)
 

@@ -343,6 +343,12 @@ def _check_control(origin: str, file: DeviceFile) -> None:
             f"{', '.join(control)}.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
         )
+    if file.predictive is not None and needed:
+        raise UserError(
+            f"{origin}: [predictive] needs [{needed[0]}]: its limits, observers and references are "
+            "those of torque control.",
+            'Write extends = "elbow_drive" and give what differs.',
+        )
     values = {k: q.value for k, q in quantities_of(file)}
     pairs = [
         ("joint.theta_min_rad", "joint.theta_max_rad"),

@@ -196,6 +196,7 @@ class Builder:
         most: Ix | int | None = None,
         unroll: bool = False,
         name: str = "i",
+        total: int | None = None,
     ) -> Iterator[Ix]:
         """Open a loop.
 
@@ -209,6 +210,9 @@ class Builder:
             Print the body once for each pass.
         name : str
             Stem of the index variable's name.
+        total : int, optional
+            Largest number of passes in one step, all entries together, where the algorithm allows
+            fewer than the ranges do; the executor holds every step against it.
 
         Yields
         ------
@@ -229,7 +233,7 @@ class Builder:
         self._fresh += 1
         var = f"{name}{self._fresh}"
         body: list[Statement] = []
-        self._body[-1].append(For(var, a, b, Ix.of(most), body, unroll))
+        self._body[-1].append(For(var, a, b, Ix.of(most), body, unroll, total))
         self._body.append(body)
         yield Ix(0, ((1, var),))
         self._body.pop()

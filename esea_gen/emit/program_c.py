@@ -158,7 +158,8 @@ def loop_totals(program: Program) -> dict[LoopKey, tuple[int, int]]:
     """How often each printed loop is entered and passed in one step, at most.
 
     Both ways of every condition are taken and no loop is left early; ranges that depend on loops
-    around, through calls too, are evaluated, so that a triangle counts as a triangle.
+    around, through calls too, are evaluated, so that a triangle counts as a triangle.  A loop's own
+    ``total``, where it states one, is taken when it is less.
 
     Parameters
     ----------
@@ -210,7 +211,16 @@ def loop_totals(program: Program) -> dict[LoopKey, tuple[int, int]]:
                     count(s.body, env | {s.var: i}, inner, times)
 
     count(program.parts["step"].body, {}, {}, 1)
-    return totals
+    stated = {
+        s.var: s.total
+        for part in program.parts.values()
+        for s in walk_statements(part.body)
+        if isinstance(s, For) and s.total is not None
+    }
+    return {
+        (var, env): (entries, min(passes, stated.get(var, passes)))
+        for (var, env), (entries, passes) in totals.items()
+    }
 
 
 @dataclass

@@ -140,6 +140,7 @@ class ProgramSimulator:
             )
         for p in self.block.inputs:
             self._arrays[array_name("in", p.name)][:] = inputs[p.name]
+        self._passed: dict[str, int] = {}
         for s in self._code["step"]:
             s({})
         out: dict[str, Any] = {}
@@ -227,6 +228,12 @@ class ProgramSimulator:
             except _LeaveError:
                 pass
             self.passes[loop.var] = max(done, self.passes.get(loop.var, 0))
+            if loop.total is not None:
+                together = self._passed[loop.var] = self._passed.get(loop.var, 0) + done
+                if together > loop.total:
+                    raise ProgramError(
+                        f"loop {loop.var}: {together} passes in a step, stated {loop.total}"
+                    )
 
         return run
 

@@ -898,14 +898,18 @@ def linear_bound(block: Block, local: Errors) -> Errors | None:
     # Once primed and inside all limits the matrix must be one and the same wherever it is taken.
     rng = np.random.default_rng(0)
     a: Array | None = None
+    # What counts (a mode, a key) chooses between matrices: it takes each of its values.
+
+    def drawn(p: Port, scale: float) -> ca.DM:
+        if p.name == "primed":
+            return ca.DM([1.0])
+        if counts(p):
+            return ca.DM(rng.integers(int(p.low), int(p.high) + 1, p.size).astype(float))
+        return ca.DM(scale * rng.uniform(p.low, p.high, p.size))
+
     for scale in (0.0, *[0.02] * 40):
-        middle = [
-            ca.DM([1.0])
-            if p.name == "primed"
-            else ca.DM(scale * rng.uniform(p.low, p.high, p.size))
-            for p in block.state
-        ]
-        inputs = [ca.DM(scale * rng.uniform(p.low, p.high, p.size)) for p in block.inputs]
+        middle = [drawn(p, scale) for p in block.state]
+        inputs = [drawn(p, scale) for p in block.inputs]
         found: Array = np.asarray(ca.DM(jacobian(*prepared, *middle, *inputs)), dtype=float)
         if a is not None and not np.allclose(found, a, rtol=1e-12, atol=0.0):
             return None

@@ -465,6 +465,7 @@ class Renderer:
             "prefix": self.prefix,
             "PREFIX": self.prefix.upper(),
             "system": system,
+            "programs": [b.name for b in system.kinds if getattr(b, "kernels", None)],
             "title": title,
             "content_hash": digest,
             "command": command,

@@ -238,6 +238,9 @@ class For:
         What is repeated.
     unroll : bool
         Printed once for each pass; the range must be constant or that of unrolled loops around.
+    total : int, optional
+        Largest number of passes of all entries in one step, where that is less than what the
+        ranges allow: the executor holds every step against it.
     """
 
     var: str
@@ -246,6 +249,7 @@ class For:
     most: Ix
     body: list[Statement]
     unroll: bool = False
+    total: int | None = None
 
 
 @dataclass(frozen=True)

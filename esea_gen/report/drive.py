@@ -35,7 +35,6 @@ from esea_gen.report.page import finite, render
 from esea_gen.twin.experiments import (
     CONTROLLERS,
     EXPERIMENTS,
-    PREDICTIVE,
     Setting,
     Simulation,
     default_person,
@@ -370,7 +369,7 @@ def gather_drive(
     say("generating")
     bundles = (*render_device(device, REALS), render_dialect(device))
     shipped = device.name in shipped_devices() and device.origin == f"{device.name}.toml"
-    own = (k for k, v in CONTROLLERS.items() if v == device.name and k not in PREDICTIVE)
+    own = (k for k, v in CONTROLLERS.items() if v == device.name)
     controller = next(own) if shipped else device.origin
 
     def run(experiment: str, which: str) -> Simulation:

@@ -19,7 +19,7 @@ import numpy as np
 
 from esea_gen.block import Array
 from esea_gen.control.horizon import Horizon
-from esea_gen.control.predictive_system import predictive_delay_s, predictive_system
+from esea_gen.control.predictive_system import device_horizon
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import read_file
 from esea_gen.emit.build import device_hash
@@ -48,13 +48,19 @@ if TYPE_CHECKING:
 _CONTROLLERS = Path(__file__).parent / "controllers"
 CONTROLLERS = {
     "smc": "elbow_drive",
-    "smc-published": str(_CONTROLLERS / "smc-published.toml"),
-    "mpc": "elbow_drive",
-    "mpc-no-preview": "elbow_drive",
+} | {
+    name: str(_CONTROLLERS / f"{name}.toml")
+    for name in (
+        "smc-published",
+        "mpc",
+        "mpc-no-preview",
+        "mpc-published",
+        "mpc-published-no-preview",
+    )
 }
-# Those with predictive control: whether the desired torque is known ahead.
-PREDICTIVE = {"mpc": True, "mpc-no-preview": False}
 MOST_PANELS = 4  # more cases than this are drawn as bars
+# The thesis weighs the impedance experiment otherwise than the torque experiments.
+PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
 PLANT_NAMES = ("ideal", "real", "random")
 PERSON_NAMES = ("none", "ideal", "uncertain", "random")
 GRID_NM = {0.25: (1, 2, 3, 4), 0.5: (1, 2, 3, 4), 1.0: (1, 2, 3), 1.5: (0.75,)}
@@ -66,11 +72,17 @@ MOTION = Sweep(0.1, 5.0, 100.0, start_s=1.0)
 SWEEP_NM, SWEEP_RAD = 0.5, 0.1
 SWEEP_MIDDLE_RAD = 0.8
 OFF, TORQUE, IMPEDANCE = 0, 1, 2
-# The controller is off at first and armed meanwhile, as after a start of the firmware.
+# The controller is off at first and armed meanwhile, as after a start of the firmware; a slow
+# control task must have given two commands before.
 ARM_S, ON_S = 0.03, 0.06
+ARM_PERIODS, ON_PERIODS = 2.5, 3.0
 STEP_AT_S = 1.0
 # RMS of the thesis, on its own device and with its own torque sensor.
-THESIS_NM = {("smc-published", "tuning"): 0.590, ("mpc-published", "tuning"): 0.386}
+THESIS_NM = {
+    ("smc-published", "tuning"): 0.590,
+    ("mpc-published", "tuning"): 0.386,
+    ("mpc-published-no-preview", "tuning"): 0.386,
+}
 
 
 @dataclass(frozen=True)
@@ -272,7 +284,7 @@ def controller_system(controller: str) -> System:
     UserError
         As :func:`controller_device`, or when a number of the device file does not allow it.
     """
-    return _system(controller_device(controller), PREDICTIVE.get(controller))
+    return controller_device(controller).system
 
 
 def default_person(experiment: str, plant: str) -> str:
@@ -330,29 +342,37 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
 
 
 @lru_cache(maxsize=8)
-def _loop(device: Device, cable: bool, real: str, preview: bool | None = None) -> ClosedLoop:
+def _loop(device: Device, cable: bool, real: str) -> ClosedLoop:
     variant = real_plant(device) if cable else ideal_plant(device)
-    return ClosedLoop(_system(device, preview), variant, real)
+    return ClosedLoop(device.system, variant, real)
 
 
-@lru_cache(maxsize=8)
-def _system(device: Device, preview: bool | None) -> System:
-    if preview is None:
-        return device.system
-    parts = device.velocity, device.sensor, device.inverse
-    return predictive_system(device, *parts, horizon=_horizon(device), preview=preview)
+def previews(path: Trajectory, horizon: Horizon) -> dict[str, Array]:
+    """What a predictive controller with a known future is given.
 
+    Parameters
+    ----------
+    path : Trajectory
+        What is wanted.
+    horizon : Horizon
+        Grid of the prediction.
 
-def _horizon(device: Device) -> Horizon:
-    return Horizon(delay_s=predictive_delay_s(device))
-
-
-def _ahead(desired_Nm: Array, horizon: Horizon) -> Array:
-    # At the end of each interval; the control task reads what was measured a tick ago.
-    ends = (np.arange(horizon.intervals) + 1) * horizon.interval_s + horizon.delay_s
-    ticks = np.rint(ends * RATE_HZ).astype(int) - 1
-    n = len(desired_Nm)
-    return np.asarray(desired_Nm[np.minimum(np.arange(n)[:, None] + ticks, n - 1)])
+    Returns
+    -------
+    dict of str to ndarray
+        ``tau_preview_Nm``, ``theta_preview_rad`` and ``omega_preview_rad_s``, each of shape
+        (ticks, intervals): the values at the end of every interval; the last ones hold.
+    """
+    # The control task reads what was measured a tick ago.
+    ticks = np.rint(np.array(horizon.ends_s) * RATE_HZ).astype(int) - 1
+    n = len(path.tau_desired_Nm)
+    at = np.minimum(np.arange(n)[:, None] + ticks, n - 1)
+    given = {
+        "tau_preview_Nm": path.tau_desired_Nm,
+        "theta_preview_rad": path.theta_p_rad,
+        "omega_preview_rad_s": path.omega_p_rad_s,
+    }
+    return {name: np.asarray(values[at]) for name, values in given.items()}
 
 
 @dataclass(frozen=True)
@@ -396,24 +416,56 @@ def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
         Every signal at every millisecond.
     """
     device = controller_device(setting.controller)
+    person = "none" if case.trajectory.clamped else setting.person
+    variant = plant_variant(device, setting.plant, person, seed)
+    return run_on(_loop(device, variant.cable, setting.real), device, variant, case, setting, seed)
+
+
+def run_on(
+    loop: ClosedLoop,
+    device: Device,
+    variant: PlantVariant,
+    case: Case,
+    setting: Setting,
+    seed: int,
+) -> ClosedLoopRun:
+    """Run one case on a loop that is compiled already.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        The device's System, or one that shows more of it, with a plant.
+    device : Device
+        The controller's device.
+    variant : PlantVariant
+        Plant and person.
+    case, setting, seed
+        As in :func:`run_case`.
+
+    Returns
+    -------
+    ClosedLoopRun
+        Every signal at every millisecond.
+    """
     fixed = case.trajectory.clamped
-    variant = plant_variant(device, setting.plant, "none" if fixed else setting.person, seed)
-    preview = PREDICTIVE.get(setting.controller)
-    loop = _loop(device, variant.cable, setting.real, preview)
     n = len(case.trajectory.tau_desired_Nm)
     t = np.arange(n) / RATE_HZ
+    slow_s = device.system.tasks[-1].every / RATE_HZ
     signals = case.trajectory.signals() | {
-        "mode": np.where(t < ON_S, OFF, case.mode).astype(float),
-        "rearm": (t >= ARM_S).astype(float),
+        "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, case.mode).astype(float),
+        "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
         "stop": np.zeros(n),
         "frame_error_motor": np.zeros(n),
         "frame_error_load": np.zeros(n),
     }
-    if preview:
-        signals["tau_preview_Nm"] = _ahead(case.trajectory.tau_desired_Nm, _horizon(device))
     merged = {k: dict(v) for k, v in setting.tunables.items()}
-    if preview is not None:
-        merged.setdefault("predictive", {}).setdefault("load_free", 0.0 if fixed else 1.0)
+    if device.file.predictive is not None:
+        given = previews(case.trajectory, device_horizon(device))
+        signals |= {k: v for k, v in given.items() if k in loop.signals}
+        chosen = {"load_free": 0.0 if fixed else 1.0}
+        if case.mode == IMPEDANCE and setting.controller.startswith("mpc-published"):
+            chosen |= PRINTED_IMPEDANCE
+        merged["predictive"] = chosen | merged.get("predictive", {})
     for instance, values in case.tunables.items():
         merged.setdefault(instance, {}).update(values)
     # A variant knows only what its plant has: the rigid one has no cable to twist.
@@ -783,12 +835,7 @@ def simulate(
         "tunables": {k: dict(v) for k, v in s.tunables.items()},
     }
     # Compile once, before the workers would each do it.
-    if s.controller in PREDICTIVE and any(c.mode == IMPEDANCE for c in cases):
-        raise UserError(
-            f"{s.controller} controls torque; impedance in one layer is not wired.",
-            "Choose another experiment, or --controller smc.",
-        )
-    _loop(device, s.plant != "ideal", s.real, PREDICTIVE.get(s.controller))
+    _loop(device, s.plant != "ideal", s.real)
     monte_carlo = run_cases(
         simulate_case,
         [

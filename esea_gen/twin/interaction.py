@@ -28,7 +28,6 @@ from esea_gen.twin.experiments import (
     IMPEDANCE,
     ON_S,
     PLANT_NAMES,
-    PREDICTIVE,
     Case,
     Setting,
     controller_device,
@@ -554,7 +553,7 @@ def gain_axis(tunable: Tunable, points: int) -> Array:
 def _gains(controller: str) -> tuple[Tunable, Tunable]:
     block = controller_system(controller).blocks.get("reference")
     known = {t.name: t for t in block.tunables} if block else {}
-    if controller in PREDICTIVE or any(n not in known for n in GAIN_TUNABLES):
+    if any(n not in known for n in GAIN_TUNABLES):
         raise UserError(
             f"{controller} controls torque; it renders no impedance whose gains could be mapped.",
             "Choose a controller that does, such as --controller smc.",

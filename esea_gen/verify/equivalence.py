@@ -43,11 +43,13 @@ if TYPE_CHECKING:
     from esea_gen.verify.one_step import StepRule
 
 F64_TOLERANCE = 1e-12
-EXACT, RESIDUAL, LASTING, ONE_STEP = RULES = (
+EXACT, RESIDUAL, LASTING, ONE_STEP, EXACT_PROGRAM, STATED = RULES = (
     "CasADi's C, bit for bit",
     "residual",
     "any number of steps",
     "one step, from the same memory",
+    "a program's executor, bit for bit",
+    "a program's executor, a stated share of full scale",
 )
 # C leaves open which zero fmin(0, -0) is, and a compiler that swaps the operands changes it.  Where
 # single bits are compared at such a tie, both sides call the library's function as written.
@@ -222,7 +224,7 @@ class CasadiReference:
         files = {n.removeprefix("reference/"): t for n, t in reference_c(system).items()}
         path = compile_sources(files, AS_WRITTEN, ("-lm",))
         self.ffi = cffi.FFI()
-        names = [f"{self.stem}_{b.name}_step" for b in system.kinds]
+        names = [f"{self.stem}_{b.name}_step" for b in system.kinds if not is_program(b)]
         self.ffi.cdef(
             "".join(
                 f"int {n}(const double**, double**, int*, double*, int);\n"
@@ -295,6 +297,22 @@ class CasadiReference:
             {p.name: _flat(p, a) for p, a in zip(block.outputs, outs, strict=True)},
             {p.name: _flat(p, a) for p, a in zip(block.state, trace, strict=True)},
         )
+
+
+def is_program(block: object) -> bool:
+    """Whether a Block of a System is a Program: kernels in loops, no step in one piece.
+
+    Parameters
+    ----------
+    block : Block or Program
+        What a System holds.
+
+    Returns
+    -------
+    bool
+        True for a Program.
+    """
+    return bool(getattr(block, "kernels", None))
 
 
 def _flat(p: Port, a: Array) -> Array:
@@ -861,21 +879,36 @@ def verify(
     """
     from esea_gen.emit.build import device_hash
 
+    # Late: it takes Comparison from here.
+    from esea_gen.verify.program import compare_program, program_streams, run_executor
+
     say = progress or (lambda _: None)
     comparisons: list[Comparison] = []
+    programs: dict[str, Any] = {b.name: b for b in device.system.kinds if is_program(b)}
     bounds: dict[str, dict[str, Bound]] = {}
     deflections = {"chirp in the domain": domain_chirp(device)} | (recorded or {})
     extra = [recorded_stream(device, theta, name) for name, theta in deflections.items()]
     tried = {
         b.name: streams(b, seed) + [e[b.name] for e in extra if b.name in e]
         for b in device.system.kinds
-    }
+        if b.name not in programs
+    } | {name: program_streams(p, seed) for name, p in programs.items()}
     scales = {b.name: full_scales(device, b) for b in device.system.kinds}
     known: dict[tuple[str, int], tuple[dict[str, Array], dict[str, Array]]] = {}
     for real in reals:
         library = compile_device(device, real)
         reference = CasadiReference(device.system) if real == "f64" else None
+        for name, program in programs.items():
+            for k, stream in enumerate(tried[name]):
+                say(f"{name}, {real}: {stream.name}")
+                if (name, k) not in known:
+                    known[name, k] = run_executor(program, stream)
+                comparisons.append(
+                    compare_program(device, program, library, stream, known[name, k])
+                )
         for block in device.system.kinds:
+            if block.name in programs:
+                continue
             rule = None
             if real == "f32":
                 say(f"deriving the float32 bound of {block.name}")

@@ -21,6 +21,7 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import find_compiler
+from esea_gen.verify.equivalence import is_program
 from esea_gen.verify.firmware import (
     CONTROL_FLAGS,
     deepest_stack,
@@ -88,18 +89,22 @@ class Target:
         ----------
         device : Device
             One with torque control wires 13 Blocks in its sensing task, whose inputs and outputs
-            take ``CONTROL_STACK_BYTES`` more.
+            take ``CONTROL_STACK_BYTES`` more; a program's parts, which call each other, and its
+            wide inputs take ``PROGRAM_STACK_BYTES``.
 
         Returns
         -------
         int
             Bytes.
         """
-        return self.stack_limit_bytes + (CONTROL_STACK_BYTES if device.system.latches else 0)
+        programs = any(is_program(b) for b in device.system.kinds)
+        more = CONTROL_STACK_BYTES if device.system.latches else 0
+        return self.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
 
 
 # Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.
 CONTROL_STACK_BYTES = 256
+PROGRAM_STACK_BYTES = 384
 
 _BARE = ("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
 TARGETS = {

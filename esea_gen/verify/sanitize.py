@@ -28,7 +28,7 @@ from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import Array, HostLibrary, find_compiler
 from esea_gen.system import System
-from esea_gen.verify.equivalence import run_c
+from esea_gen.verify.equivalence import is_program, run_c
 from esea_gen.verify.executor import counter_fields
 from esea_gen.verify.streams import Stream, at_the_limits, other_memories, streams
 
@@ -125,6 +125,8 @@ def tried_streams(block: Block, fmt: Format, steps: int = 1500) -> list[Stream]:
         Those of :func:`~esea_gen.verify.streams.streams`, the one at the limits, and those with
         another memory.
     """
+    if is_program(block):  # its state is work memory: what the rest changes in it carries nothing
+        return streams(block, steps=steps)
     return [
         *streams(block, steps=steps),
         at_the_limits(block, fmt.dtype, steps=steps),

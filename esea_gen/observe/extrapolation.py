@@ -1,0 +1,155 @@
+"""The person's torque ahead of time: a parabola through its past, as the thesis has it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+import sympy as sp
+
+from esea_gen.block import Array, Block, Flag, Guard, Labels, Port, clip, flag_word, threshold
+from esea_gen.errors import UserError
+from esea_gen.model.symbolic import equation
+from esea_gen.observe import drive_of
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+# The thesis fits the past 11 values and evaluates at the next 11.  Their spacing is not printed: at
+# 1 ms the noise of a value would grow ten thousandfold until the eleventh next one.
+VALUES, SPACING_S = 11, 0.05
+MOST_KEPT = 501
+
+
+def parabola_weights(values: int = VALUES, spacing_s: float = SPACING_S) -> Array:
+    """What each past value adds to the least-squares parabola.
+
+    Parameters
+    ----------
+    values : int
+        Number of values, newest first; 3 or more.
+    spacing_s : float
+        Time between two of them.
+
+    Returns
+    -------
+    ndarray
+        Shape (3, values): times the values it gives c with y(t) = c[0] + c[1] t + c[2] t^2, t
+        counted from the newest value on.
+    """
+    t = -spacing_s * np.arange(values)
+    return np.asarray(np.linalg.pinv(np.vander(t, 3, increasing=True)))
+
+
+def parabola(device: DeviceData) -> Block:
+    """Torque of the person with its slope and curvature, from a parabola through past values.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive; the Block runs at the rate of its control task.
+
+    Returns
+    -------
+    Block
+        Input ``tau_h_Nm``, an observer's estimate; outputs ``tau_h_fit_Nm``, ``tau_h_rate_Nm_s``
+        and ``tau_h_curve_Nm_s2``, value and derivatives of the parabola now, and a status word.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive, or 0.05 s is not a whole number of control periods, or too
+        many of them.
+
+    Notes
+    -----
+    At a control rate above 20 Hz the values between are kept too, so that the parabola always goes
+    through the newest value's neighbourhood: 11 values 0.05 s apart, of which the newest is now.
+    Until there are so many, the first one stands for those that are missing.  An invalid input
+    counts as the last valid one.
+    """
+    drive = drive_of(device)
+    h = drive.control_period_s
+    every = round(SPACING_S / h)
+    count = (VALUES - 1) * every + 1
+    if every < 1 or abs(every * h - SPACING_S) > 1e-9 or count > MOST_KEPT:
+        raise UserError(
+            f"{device.origin}: timing.control_rate_Hz = {1 / h:g} Hz does not suit the parabola "
+            f"through values {SPACING_S:g} s apart: it takes a multiple of {1 / SPACING_S:g} Hz up "
+            f"to {(MOST_KEPT - 1) / (VALUES - 1) / SPACING_S:g} Hz.",
+            'Change the rate, or write person = "extended_state" in [predictive].',
+        )
+    weights = parabola_weights()
+    tau_lim = drive.tau_h_Nm
+    # The farthest that any past within its range can give.
+    reach = tau_lim * np.sum(np.abs(weights), axis=1)
+    rate_lim, curve_lim = threshold(1.01 * reach[1]), threshold(2.02 * reach[2])
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        ok = guard.inputs_ok
+        primed = ca.logic_or(s.primed, ok)
+        past = [ca.if_else(s.primed, x, u.tau_h_Nm) for x in (s.last_Nm, *ca.vertsplit(s.past_Nm))]
+        kept = [u.tau_h_Nm, *past][:count]
+        fit = [
+            sum((float(w) * kept[i * every] for i, w in enumerate(row)), ca.SX(0))
+            for row in weights
+        ]
+        value = label("fit_Nm", fit[0], "least squares through 11 values, now")
+        out = ca.fabs(value) > tau_lim
+        next_state = {
+            "primed": primed,
+            "last_Nm": kept[0],
+            "past_Nm": kept[1 : count - 1],
+        }
+        outputs = {
+            "tau_h_fit_Nm": clip(value, -tau_lim, tau_lim),
+            "tau_h_rate_Nm_s": clip(fit[1], -rate_lim, rate_lim),
+            "tau_h_curve_Nm_s2": clip(2 * fit[2], -curve_lim, curve_lim),
+            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), out]),
+        }
+        return next_state, outputs
+
+    flags = (
+        Flag("INPUT_INVALID", "the input was NaN or outside its range; the last one counts", True),
+        Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
+        Flag("CLIPPED", "the fit was clipped at its range", True, ("tau_h_fit_Nm",), tau_lim),
+    )
+    t, c0, c1, c2 = sp.symbols("t c_0 c_1 c_2")
+    return Block.define(
+        "parabola",
+        "Torque of the person ahead: parabola through its past",
+        period_s=h,
+        state=(
+            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
+            Port("last_Nm", -tau_lim, tau_lim, "value of the last step"),
+            Port("past_Nm", -tau_lim, tau_lim, "values before it, newest first", count - 2),
+        ),
+        inputs=(
+            Port(
+                "tau_h_Nm",
+                -tau_lim,
+                tau_lim,
+                "estimated torque of the person",
+                1,
+                "(5.10)",
+                on_invalid="last_Nm",
+            ),
+        ),
+        outputs=(
+            Port("tau_h_fit_Nm", -tau_lim, tau_lim, "the parabola's value now"),
+            Port("tau_h_rate_Nm_s", -rate_lim, rate_lim, "its slope now"),
+            Port("tau_h_curve_Nm_s2", -curve_lim, curve_lim, "its second derivative"),
+            Port("status", 0, 7, "what is known of it", flags=flags),
+        ),
+        equations=(
+            equation("[parabola]", "tau_h", c0 + c1 * t + c2 * t**2, "least squares, 11 values"),
+        ),
+        step=step,
+    )
+
+
+__all__ = ["SPACING_S", "VALUES", "parabola", "parabola_weights"]
