@@ -805,7 +805,7 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first run.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Runs of each case.")] = 1,
     real: Annotated[
-        str, typer.Option("--real", metavar="f64|f32", help="Number format of the controller.")
+        str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
     ] = "f32",
     jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1 for one a core.")] = -1,
     resume: Annotated[
@@ -819,6 +819,7 @@ def simulate(
     figure: FigureOption = None,
 ) -> None:
     """Run an experiment of the thesis: a controller's C against the virtual exoskeleton."""
+    from esea_gen.emit.formats import ALL_FORMATS
     from esea_gen.twin.experiments import EXPERIMENTS, Setting, default_person
     from esea_gen.twin.experiments import simulate as run
 
@@ -827,7 +828,7 @@ def simulate(
         raise UserError(
             f"Unknown experiment '{experiment}'.", f"Choose from {', '.join(EXPERIMENTS)}."
         )
-    (real,) = _formats([real])
+    (real,) = _formats([real], ALL_FORMATS)
     who = person or default_person(experiment, plant)
     with _counted(f"{experiment}, {controller}") as tell:
         result = run(

@@ -463,7 +463,7 @@ def exact_inverse(
         ),
         equations=_exact_equations(),
         facts=_exact_facts(device, forward, values, w),
-        split=_exact_split(forward),
+        split=_rate_split(forward, "omega_mid_rad_s"),
         # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
         # part of it rises or stays: a small residual means a set-point near the exact one.
         solved={
@@ -478,12 +478,10 @@ def exact_inverse(
 def _exact_facts(
     device: DeviceData, forward: _Forward, values: Mapping[str, Any], w: Sequence[float]
 ) -> dict[str, tuple[float, float]]:
-    # What algebra knows of the segment's cubic.  share(x) = s / (1 + x s), s = 1 + x/2 + x^2/6, is
-    # at most 1 and falls, its derivative having the sign of s' - s^2 < 0; x is largest at the
-    # largest rate and no deflection.  The segment's stiffness is k1, kv share or nothing, and the
+    # What algebra knows of the segment's cubic.  Its stiffness is k1, kv share or nothing, and the
     # weights, positive, of the stops that are not saturated.
     limits = device.file.limits
-    theta, omega = threshold(limits.theta_rad.value), threshold(limits.omega_rad_s.value)
+    theta = threshold(limits.theta_rad.value)
     kv = values["kv_Nm_rad"] if forward.has_rate else 0.0
     room = 1e-6  # for float32 numbers inside the limits and for the rounding of these very numbers
     low = values["k1_Nm_rad"] * (1 - room)
@@ -495,24 +493,32 @@ def _exact_facts(
         "set_point_rad": (-theta, theta),
     }
     if forward.has_rate:
-        drag = values["B"] * omega ** values["n"] + values["eps2"]
-        x = device.period_s * kv * drag / values["eps1_Nms_rad"]
-        s = 1 + x * (0.5 + x / 6)
-        facts["omega_mid_rad_s"] = (-omega, omega)
-        facts["rate_share"] = (s / (1 + x * s) * (1 - room), 1.0)
+        facts |= _rate_facts(device, values, "omega_mid_rad_s")
     # Of the load: request and relaxed torque, the rate torque from zero or to its clip, and each
     # stop's threshold or play state, which is no further than that from the last deflection.
-    load = 2 * limits.tau_Nm.value + kv * (theta + omega * device.period_s)
+    load = 2 * limits.tau_Nm.value + kv * (theta + limits.omega_rad_s.value * device.period_s)
     for i, (a, r) in enumerate(zip(w, stop_grid(values, len(w))[0], strict=True)):
         load += a * (theta + r + (i + 1) * 2 * NESTING_ROOM_RAD)
     return facts | root_facts(values["k3_Nm_rad3"], (low, high), load * (1 + room))
 
 
-def _exact_split(forward: _Forward) -> dict[str, tuple[float, ...]]:
+def _rate_facts(
+    device: DeviceData, values: Mapping[str, Any], rate: str
+) -> dict[str, tuple[float, float]]:
+    # share(x) = s / (1 + x s), s = 1 + x/2 + x^2/6, is at most 1 and falls, its derivative having
+    # the sign of s' - s^2 < 0; x is largest at the largest rate and no deflection.
+    omega = threshold(device.file.limits.omega_rad_s.value)
+    drag = values["B"] * omega ** values["n"] + values["eps2"]
+    x = device.period_s * values["kv_Nm_rad"] * drag / values["eps1_Nms_rad"]
+    s = 1 + x * (0.5 + x / 6)
+    return {rate: (-omega, omega), "rate_share": (s / (1 + x * s) * (1 - 1e-6), 1.0)}
+
+
+def _rate_split(forward: _Forward, rate: str) -> dict[str, tuple[float, ...]]:
     # As the sensor, whose viscosity spans orders of magnitude; but its rate is no input here.
     own = dict(forward.block.split)
     if forward.has_rate:
-        own["omega_mid_rad_s"] = own.pop("u_omega_rad_s")
+        own[rate] = own.pop("u_omega_rad_s")
     return own
 
 
@@ -822,12 +828,26 @@ def published_inverse(
                 "omega_rad_s", clip((theta - last) / h, -omega_high, omega_high), "rate of the step"
             )
             model = forward.step(state, theta, omega)
+            if forward.has_rate:
+                label("rate_share", forward.share(model), "(1 - exp(-x))/x, third order")
             difference = clip(model["label_tau_Nm"] - corrected, -2 * tau_high, 2 * tau_high)
             line = [difference, *ca.vertsplit(s.difference_Nm)[: len(taps) - 1]]
             next_state |= {q.name: model[f"next_{q.name}"] for q in forward.state}
             next_state["difference_Nm"] = line
         return next_state, outputs
 
+    facts = root_facts(k3, (k1, k1), tau_high)
+    split: dict[str, tuple[float, ...]] = {}
+    if taps:
+        # The request less the disturbance is rounded: its sign is open near zero, where the root
+        # is small; and the root turns from linear to cubic where b^2 passes a^3.
+        bend = 2 * k3 * (k1 / (3 * k3)) ** 1.5 if k3 > 0 else tau_high
+        facts["corrected_Nm"] = (-tau_high, tau_high)
+        split = {"corrected_Nm": (1e-6 * tau_high, 0.1 * bend, bend, 4 * bend)}
+        split |= _rate_split(forward, "omega_rad_s")
+    if taps and forward.has_rate:
+        values = {c.name: c.value for c in device.constants("elastomer")}
+        facts |= _rate_facts(device, values, "omega_rad_s")
     state: tuple[Port, ...] = (
         Port("inverse_play_rad", -reach, reach, "play states", PLAYS, "(4.10, 4.11)"),
     )
@@ -859,7 +879,8 @@ def published_inverse(
             Port("status", 0, 15, "what is known of this set-point", flags=flags),
         ),
         equations=_published_equations(bool(taps)),
-        facts=root_facts(k3, (k1, k1), tau_high),
+        facts=facts,
+        split=split,
         step=step,
     )
 

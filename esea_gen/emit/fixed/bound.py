@@ -274,7 +274,7 @@ def _relative(x: Span) -> Span:
     least = np.minimum(np.abs(x.low), np.abs(x.high))
     away = (x.low > 0) | (x.high < 0)
     share = x.a / np.where(away, least, 1.0)
-    use = away & ((share <= np.maximum(8 * x.r, 2.0**-30)) | (x.magnitude <= 4 * least))
+    use = away & (share <= np.maximum(8 * x.r, 2.0**-30))
     return Span(x.low, x.high, np.where(use, 0.0, x.a), np.where(use, x.r + share, x.r), x.held)
 
 
