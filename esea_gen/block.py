@@ -571,9 +571,7 @@ class Block:
         cut = {f"s_{p.name}" for p in state} | {f"u_{p.name}" for p in inputs} | set(facts or {})
         unknown = sorted(set(split or {}) - cut)
         if unknown:
-            raise ValueError(
-                f"block {name}: splits of what is no state, input or fact: {unknown}"
-            )
+            raise ValueError(f"block {name}: splits of what is no state, input or fact: {unknown}")
         if len(names) != len(set(names)):
             raise ValueError(f"block {name}: a label occurs twice in {names}")
         shared = ca.cse(results + [v for _, _, v in label.items])

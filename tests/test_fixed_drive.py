@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 import esea_gen
 from esea_gen.bench.fixed import PROGRAMS, run_filter
+from esea_gen.block import Block, Port, clip
 from esea_gen.cli import app
-from esea_gen.device import parse_device
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import any_bound, block_bound
 from esea_gen.emit.fixed.report import range_report
@@ -26,6 +26,7 @@ from esea_gen.hostlib.fixed import FixedBoard
 from esea_gen.hostlib.library import run_schedule
 from esea_gen.identify import recorded_deflections
 from esea_gen.system import System, Task
+from esea_gen.twin.experiments import EXPERIMENTS, Setting, run_case
 from esea_gen.verify.equivalence import domain_chirp
 from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
 from esea_gen.verify.streams import streams
@@ -34,22 +35,14 @@ from esea_gen.verify.traces import reference_stream
 from .conftest import require_tool
 
 HDRB = Path(__file__).parent / "data" / "hdrb" / "hdrb.toml"
-# The published inverse: the exact one cannot be lowered.
-DRIVE = """schema = 1
-extends = "elbow_drive"
-name = "elbow_published"
-title = "Elbow exoskeleton with the published inverse"
-
-[inverse]
-kind = "published"
-"""
-FORGETFUL = {"limits", "sliding_mode"}  # rate limits and integrals keep what rounding adds
+# Rate limits and integrals keep what rounding adds; the set-point's error is one step's by nature.
+FORGETFUL = {"limits", "sliding_mode", "inverse"}
 
 
 @pytest.fixture(scope="module")
 def drive():
     require_tool("gcc")
-    return parse_device(DRIVE, "elbow_published.toml")
+    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +73,8 @@ def test_bounds_of_torque_control(drive, bounds):
         for p in block.outputs:
             if not p.flags:
                 share = bounds[block.name].outputs[p.name] / max(abs(p.low), abs(p.high))
-                assert share < 1e-4, (block.name, p.name)
+                # The inverse's model torque carries its set-point's error times the stiffness.
+                assert share < (4e-4 if block.name == "inverse" else 1e-4), (block.name, p.name)
 
 
 def test_a_wrong_decision_is_not_explained_by_rounding(drive, library):
@@ -108,7 +102,9 @@ def test_the_whole_system_in_q31(drive, library):
     for task in system.tasks:
         given = {x.name: stream[x.name][task.phase :: task.every] for x in system.task_inputs(task)}
         inputs[task.name] = given or {"": np.zeros(len(range(task.phase, length, task.every)))}
-    got = run_schedule(FixedBoard(library), inputs)
+    board = library.board()
+    assert isinstance(board, FixedBoard)
+    got = run_schedule(board, inputs)
     exact = run_schedule(compile_device(drive, "f64").board(), inputs)
     moved = 0
     for task in system.tasks:
@@ -169,6 +165,25 @@ def test_what_does_not_forget_has_a_bound_of_one_step(drive):
     narrow = any_bound(Planner(block).plan())
     assert narrow.outputs["u_command_Nm"] > 50 * bound.outputs["u_command_Nm"]
     assert any("clip" in why for why in plan.why_wide.values())
+
+
+def test_the_closed_loop_in_the_virtual_exoskeleton():
+    """The tuning case of the thesis, the controller in q31 against the one in f64."""
+    require_tool("gcc")
+    (case,) = EXPERIMENTS["tuning"].cases()
+    runs = {
+        real: run_case(case, Setting("smc", "real", "none", real), 0)
+        for real in ("f64", "f32", "q31")
+    }
+    desired, after = case.trajectory.tau_desired_Nm, slice(3000, None)
+    true = {real: r.plant["tau_e_Nm"] for real, r in runs.items()}
+    rms = {real: np.sqrt(np.mean((y - desired)[after] ** 2)) for real, y in true.items()}
+    apart = {real: np.sqrt(np.mean((y - true["f64"])[after] ** 2)) for real, y in true.items()}
+    # Encoders quantise: any two formats part within a count.  Measured: f32 1.6e-3, q31 1.7e-3 Nm.
+    assert 0 < apart["q31"] < 2 * apart["f32"] < 0.01
+    assert rms["q31"] == pytest.approx(rms["f64"], rel=0.02)
+    assert set(runs["q31"]["fault"]) == {0}
+    assert np.array_equal(runs["q31"]["mode_held"], runs["f64"]["mode_held"])
 
 
 # -- signals ---------------------------------------------------------------------------------------
@@ -255,30 +270,38 @@ def test_ranges_refuses_a_picture_of_no_kind(tmp_path):
 
 
 def test_the_report_goes_on_behind_a_block_that_is_refused():
-    device = esea_gen.load_device("elbow_drive")
-    inverse, joint = device.inverse, device.system.blocks["joint"]
-    with pytest.raises(LoweringError):
-        plan_block(inverse)
+    joint = esea_gen.load_device("elbow_drive").system.blocks["joint"]
+    ratio = Block.define(
+        "ratio",
+        "A quotient of two torques",
+        period_s=joint.period_s,
+        state=(),
+        inputs=(Port("over_Nm", -1, 1, "dividend"), Port("under_Nm", -1, 1, "divisor")),
+        outputs=(Port("share", -1, 1, "quotient"),),
+        step=lambda c, s, u, guard, label: ({}, {"share": clip(u.over_Nm / u.under_Nm, -1, 1)}),
+    )
+    with pytest.raises(LoweringError, match=r"under_Nm.*range .* holds zero.*positive offset"):
+        plan_block(ratio)
     system = System(
         "two",
-        device.period_s,
-        {"inverse": inverse, "joint": joint},
-        (Task("run", ("inverse", "joint")),),
+        joint.period_s,
+        {"ratio": ratio, "joint": joint},
+        (Task("run", ("ratio", "joint")),),
         {},
         {
             p.name: (f"{n}.{p.name}",)
-            for n, b in (("inverse", inverse), ("joint", joint))
+            for n, b in (("ratio", ratio), ("joint", joint))
             for p in b.inputs
         },
         {"theta_rad": "joint.theta_rad"},
     )
     report = range_report("two", system)
     text = "\n".join(report.table())
-    assert "cannot be lowered: inverse" in text
+    assert "cannot be lowered: ratio" in text
     assert "holds zero" in text
     assert report.blocks[1].plan is not None
     assert len(report.figure().axes) == 2
-    assert report.to_dict()["blocks"]["inverse"]["lowered"] is False
+    assert report.to_dict()["blocks"]["ratio"]["lowered"] is False
 
 
 def test_the_filter_written_by_hand_is_the_same_filter(elbow):

@@ -12,7 +12,7 @@ from .conftest import require_tool
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("name", ["elbow", "knee", "knee_printed", "wrist"])
+@pytest.mark.parametrize("name", ["elbow", "knee", "knee_printed", "wrist", "elbow_drive"])
 def test_no_alarm_in_any_emitted_file(name):
     require_tool("frama-c")
     device = esea_gen.load_device(name)

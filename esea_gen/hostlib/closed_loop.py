@@ -1,8 +1,8 @@
 """A controller's generated C in closed loop with the virtual exoskeleton's, in one C loop.
 
-The controller is the C that ships, in its own number format, q31 included; the plant is emitted in
-double precision.  Encoders, tasks, latches and the plant's steps run in C, tick by tick; Python hands
-arrays in and gets arrays back.
+The controller is the C that ships, in its own number format, q31 included; the plant is emitted
+in double precision.  Encoders, tasks, latches and the plant's steps run in C, tick by tick; Python
+hands arrays in and gets arrays back.
 """
 
 from __future__ import annotations

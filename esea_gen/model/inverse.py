@@ -85,6 +85,7 @@ ROOT_HALF = sp.Abs(LOAD) / (2 * K3)
 ROOT_CUBE = HALF + sp.sqrt(THIRD**3 + HALF**2)
 ROOT_RATIO = THIRD / ROOT
 ROOT_SIZE = 2 * HALF / (ROOT**2 + THIRD + RATIO**2)
+ROOT_WHOLE = ROOT_SIZE.subs(RATIO, ROOT_RATIO)
 PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
 
 
@@ -467,9 +468,7 @@ def exact_inverse(
         # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
         # part of it rises or stays: a small residual means a set-point near the exact one.
         solved={
-            "set_point_rad": Solved(
-                "residual_Nm", limit["NOT_CONVERGED"], k1, 2 * float(dead_zone)
-            )
+            "set_point_rad": Solved("residual_Nm", limit["NOT_CONVERGED"], k1, 2 * float(dead_zone))
         },
         step=step,
     )
@@ -620,7 +619,7 @@ def _exact_equations() -> tuple[Any, ...]:
         equation("[root 1]", THIRD, ROOT_THIRD, "real root of the segment's cubic, first part"),
         equation("[root 2]", HALF, ROOT_HALF, "second part"),
         equation("[root 3]", "c", sp.cbrt(ROOT_CUBE), "third part"),
-        equation("(4.13), stable form", "|x|", ROOT_SIZE.subs(RATIO, ROOT_RATIO), "the root, with the sign of d"),
+        equation("(4.13), stable form", "|x|", ROOT_WHOLE, "the root, with the sign of d"),
     )
 
 
@@ -899,7 +898,7 @@ def _published_equations(observer: bool) -> tuple[Any, ...]:
             sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p)),
             "play operator round the envelope",
         ),
-        equation("(4.13), stable form", "|gamma|", ROOT_SIZE.subs(RATIO, ROOT_RATIO), "envelope: inverse of the cubic"),
+        equation("(4.13), stable form", "|gamma|", ROOT_WHOLE, "envelope: inverse of the cubic"),
     )
     if not observer:
         return out
