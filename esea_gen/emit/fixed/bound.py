@@ -376,10 +376,10 @@ def analyse(
             continue
         if i in solved:
             assert facts is not None
-            ends = (np.broadcast_to(e, (boxes,)) for e in facts[i])
+            low, high = (np.broadcast_to(e, (boxes,)) for e in facts[i])
             # The lowering cuts it to its fact, so that what is computed lies there too.
             error = np.full(boxes, solved[i])
-            values.append(Span(*ends, error, np.zeros(boxes), True))
+            values.append(Span(low, high, error, np.zeros(boxes), True))
             continue
         v = [_operand(values, k, own, p) for p, k in enumerate(n.args)]
         if n.op in ("lt", "le", "eq", "ne"):
