@@ -998,6 +998,35 @@ def ranges(
     _picture(figure, result.figure)
 
 
+@app.command()
+def fixed(
+    device: DeviceArgument,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=1.0, help="Length of the chirps in the domain.")
+    ] = 1.0,
+    recording: Annotated[
+        Path | None, typer.Option("--recording", metavar="MAPPING", help="A recording to run.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    cores: Annotated[
+        bool, typer.Option("--cores", help="Also on emulated Cortex-M3, M0 and M4F.")
+    ] = False,
+    json_file: JsonOption = None,
+) -> None:
+    """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
+    from esea_gen.verify.fixed_report import check_fixed, read_recorded
+
+    loaded = load_device(device)
+    with progress_line() as say:
+        deflections = read_recorded(loaded, recording, data)
+        result = check_fixed(loaded, minutes, deflections, cores, say)
+    _show(result, json_file)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
 @app.command("torque-check")
 def torque_check(
     device: DeviceArgument,

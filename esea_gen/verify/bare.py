@@ -407,7 +407,8 @@ def _scheduled(
 ) -> tuple[list[dict[str, Any]], Array]:
     # Every output word of the host's board at every tick; a task's outputs are held in between.
     system, naming = device.system, renderer.naming
-    board, words = library.board(), []
+    board = library.board()
+    words: list[dict[str, Any]] = []
     for task in system.tasks:
         for x in system.task_outputs(task):
             for i in range(x.port.size):
