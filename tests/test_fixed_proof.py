@@ -25,6 +25,22 @@ def test_no_alarm_in_any_emitted_file(name):
         )
 
 
+@pytest.mark.parametrize("block", ["velocity", "sensor"])
+def test_no_alarm_as_compiled_for_a_core_without_a_64_bit_product(block):
+    require_tool("frama-c")
+    device = esea_gen.load_device("elbow")
+    found = prove_block(device, getattr(device, block), narrow=True)
+    assert found.proven, (found.alarms, found.unproven)
+    # Armed: one more bit in a half's product overflows.
+    wrong = prove_block(
+        device,
+        getattr(device, block),
+        lambda name, text: text.replace("(a >> 16) * (int32_t)(", "(a >> 15) * (int32_t)("),
+        narrow=True,
+    )
+    assert wrong.alarms
+
+
 def test_the_value_analysis_finds_an_overflow():
     require_tool("frama-c")
     device = esea_gen.load_device("elbow")
@@ -81,7 +97,7 @@ def test_rounding_of_the_core_is_certified():
         require_tool(tool)
     found = prove_rounding()
     assert [r.script for r in found if not r.proven] == []
-    assert len(found) == 4
+    assert len(found) == 5
 
 
 @pytest.mark.parametrize(
@@ -90,6 +106,7 @@ def test_rounding_of_the_core_is_certified():
         ("mul.gappa", "1073741824", "1073741000"),
         ("series.gappa", "2015181 + h2", "2015181 + h2 + h2"),
         ("round.smt2", "(bvsub s #x00000001)) #x00000001)", "(bvsub s #x00000001)) #x00000003)"),
+        ("narrow.smt2", "(bvlshr p00 half)", "(bvashr p00 half)"),
         ("product.smt2", "(bvsub s #x0000000000000021)))", "(bvsub s #x0000000000000020)))"),
     ],
 )
