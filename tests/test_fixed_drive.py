@@ -29,10 +29,12 @@ from esea_gen.system import System, Task
 from esea_gen.twin.experiments import EXPERIMENTS, Setting, run_case
 from esea_gen.verify.equivalence import domain_chirp
 from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
+from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_motions
 from esea_gen.verify.streams import streams
 from esea_gen.verify.traces import reference_stream
 
 from .conftest import require_tool
+from .test_fixed import header_problems
 
 HDRB = Path(__file__).parent / "data" / "hdrb" / "hdrb.toml"
 # Rate limits and integrals keep what rounding adds; the set-point's error is one step's by nature.
@@ -153,6 +155,10 @@ def test_an_arm_is_judged_where_it_is_taken():
         ex.evaluate(wrong, values, 3)
 
 
+def test_headers_of_the_drive_say_what_the_plan_holds(drive, library):
+    assert header_problems(drive, library) == []
+
+
 def test_what_does_not_forget_has_a_bound_of_one_step(drive):
     block = next(b for b in drive.system.kinds if b.name == "sliding_mode")
     plan = plan_block(block)
@@ -189,40 +195,11 @@ def test_the_closed_loop_in_the_virtual_exoskeleton():
 # -- signals ---------------------------------------------------------------------------------------
 
 
-def _published_motions(h):
-    """The excitations of thesis chapter 3, in degrees: sweeps, slow cycles, ramp and hold."""
-    for degrees, end_Hz in ((11.5, 1.0), (5.0, 1.5)):
-        t = np.arange(round(end_Hz / (0.5 / 60) / h)) * h
-        yield f"sweep {degrees}", np.deg2rad(degrees) * np.sin(np.pi * (0.5 / 60) * t * t)
-    t = np.arange(round(200 / h)) * h
-    for degrees in (10.0, 11.5):
-        yield f"slow {degrees}", np.deg2rad(degrees) * np.sin(2 * np.pi * 0.01 * t)
-    for degrees in (5.0, 10.0):
-        end = np.deg2rad(degrees)
-        ramp = np.arange(0.0, end, np.deg2rad(20.0) * h)
-        held = np.full(round(60.0 / h), end)
-        yield f"hold {degrees}", np.concatenate([np.zeros(1000), ramp, held])
-
-
-def _share_of_full_scale(device, theta):
-    """Largest torque error of the sensing task in q31 against f64, and the largest torque."""
-    task = device.system.tasks[0]
-    inputs = {x.name: theta for x in device.system.task_inputs(task)}
-    got, exact = (
-        compile_device(device, real).task(task.name).run(inputs, trace=False)[0]
-        for real in ("q31", "f64")
-    )
-    names = [n for n in exact if n.startswith("tau") and n.endswith("_Nm")]
-    error = max(float(np.max(np.abs(got[n] - exact[n]))) for n in names)
-    return error / device.tau_full_scale_Nm, max(float(np.max(np.abs(exact[n]))) for n in names)
-
-
 def test_published_motions_stay_within_the_aim(elbow):
     require_tool("gcc")
-    for name, theta in _published_motions(elbow.period_s):
-        share, torque = _share_of_full_scale(elbow, theta)
-        assert 0 < share < 0.0005, name
-        assert torque > 1.0, name
+    found = [compare_signal(elbow, name, theta) for name, theta in published_motions(elbow)]
+    assert len(found) == 6
+    assert all(0 < s.share < AIM_SHARE for s in found), found
 
 
 @pytest.mark.parametrize(
@@ -238,9 +215,7 @@ def test_the_recorded_rubber_stays_within_the_aim(name):
     found = recorded_deflections(device, HDRB, None)
     assert found
     for title, theta in found.items():
-        share, torque = _share_of_full_scale(device, theta)
-        assert 0 < share < 0.0005, title
-        assert torque > 0.1, title
+        assert 0 < compare_signal(device, title, theta).share < AIM_SHARE, title
 
 
 # -- report and benchmark --------------------------------------------------------------------------
