@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import esea_gen
-from esea_gen.bench.recorded import record_drive
 from esea_gen.cli import app
-from esea_gen.verify.bare import run_bare, run_bare_system
+from esea_gen.verify.bare import run_bare
 from esea_gen.verify.equivalence import domain_chirp
 
 from .conftest import require_tool
@@ -54,37 +52,6 @@ def test_a_difference_is_found(elbow, inputs, monkeypatch):
     found = run_bare(elbow, "q31", "m3", inputs)
     assert not found.identical
     assert "at step 70" in found.first_difference
-
-
-def test_both_tasks_of_a_drive_bit_for_bit(monkeypatch):
-    """Encoders to motor command on a Cortex-M0, from counts of the loop with the virtual plant."""
-    for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
-        require_tool(tool)
-    drive = esea_gen.load_device("elbow_drive")
-    recorded = record_drive(drive, 60)
-    inputs = {t: {n: a for n, a in v.items() if n} for t, v in recorded.inputs.items()}
-    found = run_bare_system(drive, "q31", "m0", inputs)
-    assert found.identical, found.first_difference
-    assert found.steps == 60
-    # Four ticks of five run the sensing task alone.
-    assert found.instructions["min"] < found.instructions["mean"] < found.instructions["max"]
-    assert found.flash_bytes < 96 * 1024
-    assert found.ram_bytes + found.stack_bytes < 4096
-    # The comparison can fail: the host's board is given another count at one tick.
-    from esea_gen.hostlib.fixed import FixedBoard
-
-    honest, calls = FixedBoard.step, []
-
-    def other(self, task_name, **given):
-        calls.append(task_name)
-        if calls.count("sense") == 40 and task_name == "sense":
-            given["count_load"] += 3
-        return honest(self, task_name, **given)
-
-    monkeypatch.setattr(FixedBoard, "step", other)
-    changed = run_bare_system(drive, "q31", "m0", inputs)
-    assert not changed.identical
-    assert "at step 39" in changed.first_difference
 
 
 def test_the_command_compares_bits_signals_and_says_what_fails(tmp_path, monkeypatch):
