@@ -111,8 +111,9 @@ def _formats(real: list[str] | None, known: Collection[str] | None = None) -> li
     chosen = real or list(FORMATS)
     for name in chosen:
         if name not in allowed:
+            hint = " Fixed point has its own command: esea-gen fixed." if name == "q31" else ""
             raise UserError(
-                f"Unknown number format '{name}'.", f"Choose from {', '.join(allowed)}."
+                f"Unknown number format '{name}'.", f"Choose from {', '.join(allowed)}.{hint}"
             )
     return list(dict.fromkeys(chosen))
 
@@ -1013,6 +1014,9 @@ def fixed(
     cores: Annotated[
         bool, typer.Option("--cores", help="Also on emulated Cortex-M3, M0 and M4F.")
     ] = False,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Also Frama-C's value analysis, assumptions listed.")
+    ] = False,
     json_file: JsonOption = None,
 ) -> None:
     """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
@@ -1021,7 +1025,7 @@ def fixed(
     loaded = load_device(device)
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)
-        result = check_fixed(loaded, minutes, deflections, cores, say)
+        result = check_fixed(loaded, minutes, deflections, cores, prove, say)
     _show(result, json_file)
     if not result.passed:
         raise typer.Exit(1)

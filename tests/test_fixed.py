@@ -70,9 +70,8 @@ def test_every_stream_bit_for_bit_and_inside_the_bound(device, library):
 
 def test_the_derived_torque_bound_is_small(device):
     bound = block_bound(plan_block(device.sensor))
-    # The aim is 0.05 % of full scale; knee_printed's viscosity is worse conditioned.
-    share = 0.002 if device.name == "knee_printed" else 0.0005
-    assert bound.outputs["tau_Nm"] < share * device.tau_full_scale_Nm
+    # The aim: 0.05 % of full scale.
+    assert bound.outputs["tau_Nm"] < 0.0005 * device.tau_full_scale_Nm
     assert bound.steps == float("inf")
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from typer.testing import CliRunner
 
 import esea_gen
+from esea_gen.cli import app
+from esea_gen.verify import fixed_report
 from esea_gen.verify.proof import prove_block, prove_rounding
 
 from .conftest import require_tool
@@ -39,6 +42,20 @@ def test_no_alarm_as_compiled_for_a_core_without_a_64_bit_product(block):
         narrow=True,
     )
     assert wrong.alarms
+
+
+def test_the_command_lists_what_is_assumed(monkeypatch):
+    require_tool("frama-c")
+    monkeypatch.setattr(fixed_report, "published_motions", lambda device: iter(()))
+    done = CliRunner().invoke(app, ["fixed", "elbow", "--prove"])
+    assert done.exit_code == 0, done.output
+    flat = " ".join(done.output.split())
+    assert "velocity no alarm" in flat
+    assert "sensor no alarm" in flat
+    # The tunable and three coefficients of the filter; the sensor has none.
+    assert "4 assumed ranges" in flat
+    assert "0 assumed ranges" in flat
+    assert flat.count("Frama_C_interval(") == 4
 
 
 def test_the_value_analysis_finds_an_overflow():

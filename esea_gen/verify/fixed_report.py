@@ -22,6 +22,7 @@ from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.verify.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
 from esea_gen.verify.equivalence import domain_chirp
 from esea_gen.verify.fixed import bounds_of, compare_fixed
+from esea_gen.verify.proof import EvaResult, prove_block
 from esea_gen.verify.streams import streams
 
 Array = npt.NDArray[np.float64]
@@ -102,12 +103,15 @@ class FixedReport:
         Empty for a System that does not start with a deflection.
     cores : list of BareResult
         Empty when not asked for.
+    proofs : list of EvaResult
+        Of the value analysis, one a Block; empty when not asked for.
     """
 
     device: str
     blocks: list[BlockResult]
     signals: list[SignalResult] = field(default_factory=list)
     cores: list[BareResult] = field(default_factory=list)
+    proofs: list[EvaResult] = field(default_factory=list)
 
     @property
     def passed(self) -> bool:
@@ -116,6 +120,7 @@ class FixedReport:
             not any(b.problems for b in self.blocks)
             and all(s.share <= AIM_SHARE for s in self.signals)
             and all(c.identical for c in self.cores)
+            and all(p.proven for p in self.proofs)
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -133,6 +138,7 @@ class FixedReport:
             "blocks": [asdict(b) for b in self.blocks],
             "signals": [asdict(s) for s in self.signals],
             "cores": [asdict(c) for c in self.cores],
+            "proofs": [asdict(p) for p in self.proofs],
         }
 
     def table(self) -> list[str]:
@@ -170,6 +176,15 @@ class FixedReport:
             f"{'equal' if c.identical else c.first_difference}"
             for c in self.cores
         ]
+        if self.proofs:
+            lines.append("value analysis under any bit pattern of inputs and states")
+        for p in self.proofs:
+            verdict = "no alarm" if p.proven else "; ".join([*p.alarms, *p.unproven][:2])
+            lines.append(
+                f"{p.block:16} {verdict}, {p.statements} statements, "
+                f"{len(p.assumptions)} assumed ranges"
+            )
+            lines += [f"    {a}" for a in p.assumptions]
         return lines
 
 
@@ -296,6 +311,7 @@ def check_fixed(
     minutes: float = 1.0,
     recorded: Mapping[str, Array] | None = None,
     cores: bool = False,
+    prove: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> FixedReport:
     """Compare a device's q31 C with everything there is to compare it with.
@@ -310,6 +326,8 @@ def check_fixed(
         Deflections of a recording, by title.
     cores : bool
         Whether to run on emulated cores, too.
+    prove : bool
+        Whether to have Frama-C's value analysis look at every file, too.
     progress : callable, optional
         Told in words what is being done.
 
@@ -335,6 +353,10 @@ def check_fixed(
             report.signals.append(compare_signal(device, name, theta))
     if cores:
         report.cores = _cores(device, say)
+    if prove:
+        for block in device.system.kinds:
+            say(f"{block.name}, value analysis")
+            report.proofs.append(prove_block(device, block))
     return report
 
 

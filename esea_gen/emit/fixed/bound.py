@@ -143,7 +143,8 @@ def _pow(x: Span, c: float) -> Span:
     peak = np.clip(top, 1e-300, math.exp(-1 / abs(c)))
     beyond = np.where(top > 1, top ** abs(c) * np.log(np.maximum(top, 1.0)), 0.0)
     tilt = off * np.maximum(beyond, peak ** abs(c) * np.abs(np.log(peak)))
-    use = (low > 0) & ((c < 0) | (relative * ends[1] <= 8 * tilt))
+    near = np.where(low > 0, relative, 0.0) * ends[1] <= 8 * tilt
+    use = (low > 0) & ((c < 0) | near)
     return Span(*ends, a + np.where(use, 0.0, tilt), r + np.where(use, relative, 0.0))
 
 
