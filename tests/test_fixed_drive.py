@@ -30,7 +30,13 @@ from esea_gen.system import System, Task
 from esea_gen.twin.experiments import EXPERIMENTS, Setting, controller_device, run_case
 from esea_gen.verify.bare import run_bare_system
 from esea_gen.verify.equivalence import domain_chirp
-from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
+from esea_gen.verify.fixed import (
+    bounds_of,
+    compare_fixed,
+    run_raw,
+    single_steps,
+    states_before,
+)
 from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_motions
 from esea_gen.verify.streams import streams
 from esea_gen.verify.traces import reference_stream
@@ -70,6 +76,17 @@ def test_every_block_of_torque_control_bit_for_bit_and_inside_its_bound(drive, l
             turned[block.name] = turned.get(block.name, 0) + found.turned
     # Rounding turns a decision only where a value stands at its threshold to the last bit.
     assert sum(turned.values()) <= 4
+
+
+def test_four_products_of_16_bits_give_the_same_bits(drive, library):
+    """The C as compiled for a Cortex-M0, here on the host."""
+    narrow = compile_device(drive, "q31", ("-DESEA_Q31_NARROW",))
+    assert narrow.path != library.path
+    for block in drive.system.kinds:
+        for stream in streams(block, steps=120):
+            got, expected = (run_raw(x.block(block.name), stream) for x in (narrow, library))
+            for a, b in zip(got, expected, strict=True):
+                assert all(np.array_equal(a[n], b[n]) for n in a), (block.name, stream.name)
 
 
 def test_bounds_of_torque_control(drive, bounds):
