@@ -101,9 +101,10 @@ class Propagation:
     ) -> tuple[list[dict[str, tuple[float, float]]], dict[int, tuple[Array, Array]]]:
         # Boxes of states and inputs, times pieces of the labelled values that are cut: a value that
         # follows from the others lies in one of its pieces, whatever they are.
-        known = {n: limits.get(n) or self.block.facts[n] for n in self.block.split}
         axes = [
-            [(name, pair) for pair in pieces(known[name], _finer(cuts, known[name]))]
+            [(name, pair) for pair in pieces(limits[name], _finer(cuts, limits[name]))]
+            if name in limits
+            else [(name, pair) for pair in pieces(self.block.facts[name], cuts)]
             for name, cuts in self.block.split.items()
         ]
         boxes = [dict(limits) | dict(choice) for choice in product(*axes)]
