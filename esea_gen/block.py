@@ -386,6 +386,28 @@ StepFn = Callable[
 
 
 @dataclass(frozen=True)
+class Solved:
+    """A value that an equation defines, however it was found: its residual bounds its error.
+
+    Parameters
+    ----------
+    residual : str
+        Label of the equation's residual at the value, computed in the same step.
+    most : float
+        Largest magnitude of the computed residual while no flag says otherwise.
+    slope : float
+        Least slope of the residual over the value, above 0; in exact arithmetic the residual is 0.
+    jump : float
+        Largest jump of the value where its defining unknown crosses zero.
+    """
+
+    residual: str
+    most: float
+    slope: float
+    jump: float = 0.0
+
+
+@dataclass(frozen=True)
 class Block:
     """A unit of controller code.  Build one with :meth:`define`.
 
@@ -408,11 +430,14 @@ class Block:
     labels : tuple of (str, str)
         Name and comment of each of these.
     split : mapping of str to tuple of float
-        Magnitudes at which the error analysis cuts the range of a state (``s_...``) or input
-        (``u_...``).
+        Magnitudes at which the error analysis cuts the range of a state (``s_...``), an input
+        (``u_...``) or, in fixed point, a labelled value of which a fact is known.
     facts : mapping of str to (low, high)
         Ranges of labelled values that follow from algebra, which intervals cannot see; the error
         analysis takes them as proven.
+    solved : mapping of str to Solved
+        Labelled values, of which a fact is known too, that an equation defines.  The error analysis
+        of fixed point bounds them by their residual and not by the way on which they were found.
     """
 
     name: str
@@ -432,6 +457,7 @@ class Block:
     labels: tuple[tuple[str, str], ...] = ()
     split: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     facts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    solved: Mapping[str, Solved] = field(default_factory=dict)
 
     @classmethod
     def define(
@@ -451,6 +477,7 @@ class Block:
         equations: tuple[Equation, ...] = (),
         split: Mapping[str, tuple[float, ...]] | None = None,
         facts: Mapping[str, tuple[float, float]] | None = None,
+        solved: Mapping[str, Solved] | None = None,
     ) -> Block:
         """Build a Block from Python functions on symbols.
 
@@ -458,7 +485,7 @@ class Block:
         ----------
         name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
             As in the class.
-        equations, split, facts
+        equations, split, facts, solved
             As in the class.
         step : callable
             ``step(c, s, u, guard, label) -> (next_state, outputs)``: ``c``, ``s``, ``u`` hold one
@@ -537,6 +564,15 @@ class Block:
         unknown = sorted(set(facts or {}) - set(names))
         if unknown:
             raise ValueError(f"block {name}: facts of values that have no label: {unknown}")
+        for value, by in (solved or {}).items():
+            if value not in (facts or {}) or by.residual not in names:
+                raise ValueError(f"block {name}: {value} needs a fact and {by.residual} a label")
+            if not (by.slope > 0 and by.most >= 0 and by.jump >= 0):
+                raise ValueError(f"block {name}: the slope of {by.residual} must be above 0")
+        cut = {f"s_{p.name}" for p in state} | {f"u_{p.name}" for p in inputs} | set(facts or {})
+        unknown = sorted(set(split or {}) - cut)
+        if unknown:
+            raise ValueError(f"block {name}: splits of what is no state, input or fact: {unknown}")
         if len(names) != len(set(names)):
             raise ValueError(f"block {name}: a label occurs twice in {names}")
         shared = ca.cse(results + [v for _, _, v in label.items])
@@ -577,6 +613,7 @@ class Block:
             labels=tuple((n, c) for n, c, _ in label.items),
             split=dict(split or {}),
             facts=dict(facts or {}),
+            solved=dict(solved or {}),
         )
 
     @property

@@ -111,8 +111,9 @@ def _formats(real: list[str] | None, known: Collection[str] | None = None) -> li
     chosen = real or list(FORMATS)
     for name in chosen:
         if name not in allowed:
+            hint = " Fixed point has its own command: esea-gen fixed." if name == "q31" else ""
             raise UserError(
-                f"Unknown number format '{name}'.", f"Choose from {', '.join(allowed)}."
+                f"Unknown number format '{name}'.", f"Choose from {', '.join(allowed)}.{hint}"
             )
     return list(dict.fromkeys(chosen))
 
@@ -855,7 +856,7 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first run.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Runs of each case.")] = 1,
     real: Annotated[
-        str, typer.Option("--real", metavar="f64|f32", help="Number format of the controller.")
+        str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
     ] = "f32",
     jobs: JobsOption = -1,
     resume: Annotated[
@@ -869,6 +870,7 @@ def simulate(
     figure: FigureOption = None,
 ) -> None:
     """Run an experiment of the thesis: a controller's C against the virtual exoskeleton."""
+    from esea_gen.emit.formats import ALL_FORMATS
     from esea_gen.twin.experiments import EXPERIMENTS, Setting, default_person
     from esea_gen.twin.experiments import simulate as run
 
@@ -877,7 +879,7 @@ def simulate(
         raise UserError(
             f"Unknown experiment '{experiment}'.", f"Choose from {', '.join(EXPERIMENTS)}."
         )
-    (real,) = _formats([real])
+    (real,) = _formats([real], ALL_FORMATS)
     who = person or default_person(experiment, plant)
     with _counted(f"{experiment}, {controller}") as tell:
         result = run(
@@ -1049,6 +1051,38 @@ def ranges(
         result = range_report(loaded.name, loaded.system, say)
     _show(result, json_file)
     _picture(figure, result.figure)
+
+
+@app.command()
+def fixed(
+    device: DeviceArgument,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=1.0, help="Length of the chirps in the domain.")
+    ] = 1.0,
+    recording: Annotated[
+        Path | None, typer.Option("--recording", metavar="MAPPING", help="A recording to run.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    cores: Annotated[
+        bool, typer.Option("--cores", help="Also on emulated Cortex-M3, M0 and M4F.")
+    ] = False,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Also Frama-C's value analysis, assumptions listed.")
+    ] = False,
+    json_file: JsonOption = None,
+) -> None:
+    """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
+    from esea_gen.verify.fixed_report import check_fixed, read_recorded
+
+    loaded = load_device(device)
+    with progress_line() as say:
+        deflections = read_recorded(loaded, recording, data)
+        result = check_fixed(loaded, minutes, deflections, cores, prove, say)
+    _show(result, json_file)
+    if not result.passed:
+        raise typer.Exit(1)
 
 
 @app.command("torque-check")

@@ -25,6 +25,7 @@ WRAPPERS = """
 int32_t t_round32(int32_t x, int s) { return esea_q31_round(x, s); }
 int64_t t_round64(int64_t x, int s) { return esea_q63_round(x, s); }
 int32_t t_mul(int32_t a, int32_t b, int s) { return esea_q31_mul(a, b, s); }
+int64_t t_wide(int32_t a, int32_t b) { return esea_q31_wide(a, b); }
 int64_t t_mul_q31(int64_t a, int32_t b, int s) { return esea_q63_mul_q31(a, b, s); }
 int64_t t_mul64(int64_t a, int64_t b, int s) { return esea_q63_mul(a, b, s); }
 int32_t t_from(double x, int n) { return ESEA_Q31_FROM(x, n); }
@@ -33,7 +34,7 @@ double t_to(int32_t raw, int n) { return ESEA_Q31_TO(raw, n); }
 DECLARATIONS = """
 int32_t t_round32(int32_t, int); int64_t t_round64(int64_t, int);
 int32_t t_mul(int32_t, int32_t, int); int64_t t_mul_q31(int64_t, int32_t, int);
-int64_t t_mul64(int64_t, int64_t, int);
+int64_t t_mul64(int64_t, int64_t, int); int64_t t_wide(int32_t, int32_t);
 int32_t t_from(double, int); double t_to(int32_t, int);
 int64_t esea_q63_divide(int64_t, int64_t, int, int64_t, int64_t);
 int64_t esea_q63_pow(int64_t, int, int32_t, int, int64_t);
@@ -45,7 +46,11 @@ int32_t esea_q31_tanh(int32_t, int);
 """
 
 
-@pytest.fixture(scope="module", params=[(), ("-DESEA_Q31_PORTABLE_CLZ",)])
+# As compiled here, and as on a core without counting of zeros, or without a 64-bit product.
+PORTABLE = [(), ("-DESEA_Q31_PORTABLE_CLZ",), ("-DESEA_Q31_NARROW",)]
+
+
+@pytest.fixture(scope="module", params=PORTABLE)
 def lib(request):
     require_tool("gcc")
     files = {p.name: p.read_text() for p in functions.source_files()} | {"t.c": WRAPPERS}
@@ -66,9 +71,11 @@ def test_arithmetic_core_is_exact_round_half_up(lib, data):
     s = draw(st.integers(1, 31))
     assert lib.t_round32(a, s) == floor_shift(a, s)
     assert lib.t_round64(wide, s) == floor_shift(wide, s)
-    product = floor_shift(a * b, s)
-    if abs(product) < 2**31:
-        assert lib.t_mul(a, b, s) == product
+    assert lib.t_wide(a, b) == a * b
+    for shift in (s, 2 * s):
+        product = floor_shift(a * b, shift)
+        if abs(product) < 2**31:
+            assert lib.t_mul(a, b, shift) == product
     s = draw(st.integers(1, 94))
     product = floor_shift(wide * b, s)
     if abs(product) < 2**62:
@@ -100,6 +107,29 @@ def test_functions_equal_their_python(lib, data):
     low, high = -draw(st.integers(0, 2**61)), draw(st.integers(0, 2**61))
     got = lib.esea_q63_divide(wide, d, k, low, high)
     assert got == functions.divide(wide, d, k, low, high)
+
+
+def test_products_and_quotients_at_the_ends(lib):
+    """Powers of two and their neighbours, where words carry: a reciprocal is then 2^32 itself."""
+    ends = sorted(
+        {
+            max(-(2**31), min(sign * (2**k + d), 2**31 - 1))
+            for k in (0, 15, 16, 17, 30, 31)
+            for d in (-1, 0, 1)
+            for sign in (-1, 1)
+        }
+    )
+    for a in ends:
+        for b in ends:
+            assert lib.t_wide(a, b) == a * b
+            for s in (1, 2, 15, 16, 31, 32, 33, 48, 62):
+                product = floor_shift(a * b, s)
+                if -(2**31) <= product < 2**31:
+                    assert lib.t_mul(a, b, s) == product, (a, b, s)
+            if b:
+                for k in (-40, 0, 29, 40):
+                    args = a, b, k, -(2**61), 2**61
+                    assert lib.esea_q63_divide(*args) == functions.divide(*args), args
 
 
 def test_conversion_macros_refuse_what_is_no_number(lib):

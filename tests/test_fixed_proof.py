@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from typer.testing import CliRunner
 
 import esea_gen
+from esea_gen.cli import app
+from esea_gen.verify import fixed_report
 from esea_gen.verify.proof import prove_block, prove_rounding
 
 from .conftest import require_tool
@@ -12,7 +15,7 @@ from .conftest import require_tool
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("name", ["elbow", "knee", "knee_printed", "wrist"])
+@pytest.mark.parametrize("name", ["elbow", "knee", "knee_printed", "wrist", "elbow_drive"])
 def test_no_alarm_in_any_emitted_file(name):
     require_tool("frama-c")
     device = esea_gen.load_device(name)
@@ -23,6 +26,36 @@ def test_no_alarm_in_any_emitted_file(name):
         assert len(found.assumptions) == len(block.tunables) + sum(
             p.size for p in block.coefficients
         )
+
+
+@pytest.mark.parametrize("block", ["velocity", "sensor"])
+def test_no_alarm_as_compiled_for_a_core_without_a_64_bit_product(block):
+    require_tool("frama-c")
+    device = esea_gen.load_device("elbow")
+    found = prove_block(device, getattr(device, block), narrow=True)
+    assert found.proven, (found.alarms, found.unproven)
+    # Armed: one more bit in a half's product overflows.
+    wrong = prove_block(
+        device,
+        getattr(device, block),
+        lambda name, text: text.replace("(a >> 16) * (int32_t)(", "(a >> 15) * (int32_t)("),
+        narrow=True,
+    )
+    assert wrong.alarms
+
+
+def test_the_command_lists_what_is_assumed(monkeypatch):
+    require_tool("frama-c")
+    monkeypatch.setattr(fixed_report, "published_motions", lambda device: iter(()))
+    done = CliRunner().invoke(app, ["fixed", "elbow", "--prove"])
+    assert done.exit_code == 0, done.output
+    flat = " ".join(done.output.split())
+    assert "velocity no alarm" in flat
+    assert "sensor no alarm" in flat
+    # The tunable and three coefficients of the filter; the sensor has none.
+    assert "4 assumed ranges" in flat
+    assert "0 assumed ranges" in flat
+    assert flat.count("Frama_C_interval(") == 4
 
 
 def test_the_value_analysis_finds_an_overflow():
@@ -81,7 +114,7 @@ def test_rounding_of_the_core_is_certified():
         require_tool(tool)
     found = prove_rounding()
     assert [r.script for r in found if not r.proven] == []
-    assert len(found) == 4
+    assert len(found) == 5
 
 
 @pytest.mark.parametrize(
@@ -90,6 +123,7 @@ def test_rounding_of_the_core_is_certified():
         ("mul.gappa", "1073741824", "1073741000"),
         ("series.gappa", "2015181 + h2", "2015181 + h2 + h2"),
         ("round.smt2", "(bvsub s #x00000001)) #x00000001)", "(bvsub s #x00000001)) #x00000003)"),
+        ("narrow.smt2", "(bvlshr p00 half)", "(bvashr p00 half)"),
         ("product.smt2", "(bvsub s #x0000000000000021)))", "(bvsub s #x0000000000000020)))"),
     ],
 )

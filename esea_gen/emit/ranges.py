@@ -740,6 +740,8 @@ def boxes_of(
 ) -> list[dict[str, tuple[float, float]]]:
     """Cut the ranges where the Block says: one box for every choice of pieces.
 
+    Cuts of labelled values are left out: only the analysis of whole numbers takes them.
+
     Parameters
     ----------
     block : Block
@@ -754,11 +756,29 @@ def boxes_of(
     """
     axes = []
     for name, cuts in block.split.items():
-        low, high = limits[name]
-        inside = sorted({c for m in cuts for c in (m, -m) if low < c < high})
-        edges = [low, *inside, high]
-        axes.append([(name, pair) for pair in pairwise(edges)])
+        if name in limits:
+            axes.append([(name, pair) for pair in pieces(limits[name], cuts)])
     return [dict(limits) | dict(choice) for choice in product(*axes)]
+
+
+def pieces(limits: tuple[float, float], cuts: Sequence[float]) -> list[tuple[float, float]]:
+    """Cut a range at magnitudes.
+
+    Parameters
+    ----------
+    limits : (float, float)
+        The range.
+    cuts : sequence of float
+        Magnitudes; each cuts on both sides of zero, where the range holds it.
+
+    Returns
+    -------
+    list of (float, float)
+        Adjoining pieces, from low to high.
+    """
+    low, high = limits
+    inside = sorted({c for m in cuts for c in (m, -m) if low < c < high})
+    return list(pairwise([low, *inside, high]))
 
 
 def _worst(parts: Sequence[Analysis]) -> Analysis:

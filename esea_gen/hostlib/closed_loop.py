@@ -1,8 +1,8 @@
 """A controller's generated C in closed loop with the virtual exoskeleton's, in one C loop.
 
-The controller is the C that ships, in its own number format; the plant is emitted in double
-precision.  Encoders, tasks, latches and the plant's steps run in C, tick by tick; Python hands
-arrays in and gets arrays back.
+The controller is the C that ships, in its own number format, q31 included; the plant is emitted
+in double precision.  Encoders, tasks, latches and the plant's steps run in C, tick by tick; Python
+hands arrays in and gets arrays back.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.block import Port
-from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.fixed.search import raw_tunable
+from esea_gen.emit.formats import ALL_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_sources, declarations
@@ -26,7 +27,7 @@ from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import plant_system, start_state
 
 COMMAND = "u_Nm"
-REALS = ("f64", "f32")
+REALS = ("f64", "f32", "q31")
 PATH = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise")
 STATE_REPAIRED = 2
 Array = npt.NDArray[Any]
@@ -92,8 +93,8 @@ class _Column:
     whole: bool
 
 
-def _elements(x: External) -> list[str]:
-    return [x.name] if x.port.size == 1 else [f"{x.name}[{i}]" for i in range(x.port.size)]
+def _elements(x: External, name: str) -> list[str]:
+    return [name] if x.port.size == 1 else [f"{name}[{i}]" for i in range(x.port.size)]
 
 
 class ClosedLoop:
@@ -137,6 +138,7 @@ class ClosedLoop:
         if controller.name == self.plant.name:
             raise UserError(f"A controller cannot be named '{controller.name}'.", "Rename it.")
         self._check_command()
+        self._control = Renderer(controller, ALL_FORMATS[real], "-", "-", controller.name)
         self._columns = self._record_columns()
         self._feeds, self.signals = self._wire(from_signals)
         self._compile()
@@ -168,8 +170,23 @@ class ClosedLoop:
         for task in self.controller.tasks:
             for x in self.controller.task_outputs(task):
                 column = _Column(x.name, x.port.size, "controller", bool(x.port.flags))
-                columns.append((column, [f"{task.name}_out.{e}" for e in _elements(x)]))
+                columns.append((column, self._read(task.name, x)))
         return columns
+
+    def _read(self, task: str, x: External) -> list[str]:
+        # C expressions of an output's elements, in its unit.
+        naming = self._control.naming
+        places = [f"{task}_out.{e}" for e in _elements(x, naming.external(x))]
+        if self.real != "q31" or x.port.flags:
+            return places
+        return [f"ESEA_Q31_TO({p}, {naming.external_field(x).fraction})" for p in places]
+
+    def _given(self, x: External, source: str) -> str:
+        # C expression of a number in an input's format.
+        if self.real != "q31":
+            return f"({self._control.fmt.c_type}){source}"
+        fraction = self._control.naming.external_field(x).fraction
+        return f"ESEA_Q31_FROM({source}, {fraction})"
 
     def _wire(
         self, from_signals: Sequence[str]
@@ -195,16 +212,17 @@ class ClosedLoop:
                             "the plant's output of that name one.",
                             "Rename it.",
                         )
-                    feeds[task.name].append((x.name, sources[x.name][0]))
+                    value = self._given(x, sources[x.name][0])
+                    feeds[task.name].append((self._control.naming.external(x), value))
                     continue
                 signals[x.name] = x.port.size
-                for e in _elements(x):
-                    feeds[task.name].append((e, f"signals[{place}]"))
+                for e in _elements(x, self._control.naming.external(x)):
+                    feeds[task.name].append((e, self._given(x, f"signals[{place}]")))
                     place += 1
         return feeds, signals
 
     def _compile(self) -> None:
-        control = Renderer(self.controller, FORMATS[self.real], "-", "-", self.controller.name)
+        control = self._control
         plant = Renderer(self.plant, FORMATS["f64"], "-", "-", "Virtual exoskeleton")
         files = {n: t for n, t in control.files().items() if not n.startswith("reference/")}
         self._prefix, self._plant_prefix = control.prefix, plant.prefix
@@ -215,17 +233,18 @@ class ClosedLoop:
             # Included by the loop, not compiled alone.
             parts[f"{name}.inc" if name.endswith(".c") else name] = text
         sources = [s for _, group in self._columns for s in group]
-        command_task = next(
-            t.name
+        (command,) = next(
+            self._read(t.name, x)
             for t in self.controller.tasks
-            if COMMAND in [x.name for x in self.controller.task_outputs(t)]
+            for x in self.controller.task_outputs(t)
+            if x.name == COMMAND
         )
         self._width = len(sources)
         loop = plant.render(
             "hostlib/closed_loop.c.j2",
             controller=self.controller,
             controller_prefix=self._prefix,
-            controller_type=control.fmt.c_type,
+            controller_fixed=self.real == "q31",
             plant_files=[n for n in parts if n.endswith(".inc")],
             encode_inputs=[x.name for x in self.plant.task_inputs(self.plant.task("encode"))],
             feeds=self._feeds,
@@ -236,7 +255,7 @@ class ClosedLoop:
             ],
             recorded=sources,
             columns=self._width,
-            command=f"{command_task}_out.{COMMAND}",
+            command=command,
             substeps=round(self.tick_s / self.variant.step_s),
             step_s=plant.fmt.literal(self.variant.step_s),
         )
@@ -269,7 +288,10 @@ class ClosedLoop:
                     raise UserError(
                         f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
                     )
-                setattr(getattr(params, instance), key, float(value))
+                field, number = key, float(value)
+                if system is self.controller and self.real == "q31":
+                    field, number = raw_tunable(system.blocks[instance], key, number)
+                setattr(getattr(params, instance), field, number)
         refused = int(getattr(self._lib, f"{prefix}_prepare")(params, coeffs))
         if refused:
             instance, tunable = system.tunables[refused - 1]

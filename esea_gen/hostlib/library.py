@@ -549,6 +549,10 @@ class HostLibrary:
         CBoard
             Freshly initialised.
         """
+        if self.real == "q31":
+            from esea_gen.hostlib.fixed import FixedBoard
+
+            return FixedBoard(self, tunables)
         return CBoard(self, tunables)
 
     def block(self, name: str) -> CRunner:

@@ -33,6 +33,7 @@ from esea_gen.block import (
     Guard,
     Labels,
     Port,
+    Solved,
     Tunable,
     clip,
     flag_word,
@@ -76,17 +77,19 @@ FILTER_B = (0.024, 0.12, 0.23, 0.20, 0.0, -0.12, 0.0, 0.20, 0.23, 0.12, 0.024)
 KAPPA_ROUNDING_RAD, FILTER_B_ROUNDING_GAIN = 0.10635, 1.0165
 
 LINEAR, LOAD = sp.symbols("a d", real=True)
-HALF, THIRD, ROOT = sp.symbols("b a_3 c", positive=True)
+HALF, THIRD, ROOT, RATIO = sp.symbols("b a_3 c q", positive=True)
 KAPPA, PHI, CHI, PLAY_R, PLAY_J = sp.symbols("kappa phi chi r j", positive=True)
 # Parts of the real root of k3 x^3 + a x = d, without the cancellation of (4.13) near zero.
 ROOT_THIRD = LINEAR / (3 * K3)
 ROOT_HALF = sp.Abs(LOAD) / (2 * K3)
 ROOT_CUBE = HALF + sp.sqrt(THIRD**3 + HALF**2)
-ROOT_SIZE = 2 * HALF / (ROOT**2 + THIRD + (THIRD / ROOT) ** 2)
+ROOT_RATIO = THIRD / ROOT
+ROOT_SIZE = 2 * HALF / (ROOT**2 + THIRD + RATIO**2)
+ROOT_WHOLE = ROOT_SIZE.subs(RATIO, ROOT_RATIO)
 PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
 
 
-def cubic_root(k3: float, linear: Any, load: Any) -> ca.SX:
+def cubic_root(k3: float, linear: Any, load: Any, label: Labels | None = None) -> ca.SX:
     """Real root of ``k3 x^3 + linear x = load``, accurate near zero (4.13 without cancellation).
 
     Parameters
@@ -97,6 +100,8 @@ def cubic_root(k3: float, linear: Any, load: Any) -> ca.SX:
         Linear stiffness, above 0.
     load : casadi.SX
         Torque.
+    label : Labels, optional
+        Names the parts of the root, of which :func:`root_facts` knows the ranges.
 
     Returns
     -------
@@ -109,8 +114,58 @@ def cubic_root(k3: float, linear: Any, load: Any) -> ca.SX:
     half = to_casadi(ROOT_HALF, {LOAD: load, K3: k3})
     cube = to_casadi(ROOT_CUBE, {HALF: half, THIRD: third})
     root = ca.power(cube, 1.0 / 3.0)
-    size = to_casadi(ROOT_SIZE, {HALF: half, THIRD: third, ROOT: root})
+    ratio = to_casadi(ROOT_RATIO, {THIRD: third, ROOT: root})
+    if label is not None:
+        if not ca.SX(third).is_constant():
+            third = label("root_a_rad2", third, "[root 1] linear / (3 k3)")
+        root = label("root_c_rad", root, "[root 3] at least sqrt(a)")
+        ratio = label("root_ratio_rad", ratio, "a / c, at most sqrt(a)")
+    size = to_casadi(ROOT_SIZE, {HALF: half, THIRD: third, ROOT: root, RATIO: ratio})
+    if label is not None:
+        size = label("root_size_rad", size, "(4.13), stable form")
     return ca.SX(ca.sign(load) * size)
+
+
+def root_facts(
+    k3: float, linear: tuple[float, float], load_high: float
+) -> dict[str, tuple[float, float]]:
+    """Ranges of the labelled parts of :func:`cubic_root`, which intervals cannot see.
+
+    Parameters
+    ----------
+    k3 : float
+        Cubic stiffness in Nm/rad^3, not negative.
+    linear : (float, float)
+        Least, above 0, and largest linear stiffness in Nm/rad.
+    load_high : float
+        Largest torque in Nm.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        By label; empty without a cubic term.
+
+    Notes
+    -----
+    With ``a = linear / (3 k3) > 0`` and ``b = |load| / (2 k3) >= 0`` the radicand of ``c`` is
+    ``b + sqrt(a^3 + b^2) >= sqrt(a^3)``, so ``c >= sqrt(a)`` and ``a / c <= sqrt(a)``; ``c`` rises
+    with both.  The torque ``k3 x^3 + linear x`` rises with ``x`` and with ``linear``: the root of
+    the largest load at the least stiffness is the largest of all.
+    """
+    if k3 == 0:
+        return {}
+    low, high = (x / (3 * k3) for x in linear)
+    half = load_high / (2 * k3)
+    most = (half + (high**3 + half**2) ** 0.5) ** (1 / 3)
+    least = (half + (low**3 + half**2) ** 0.5) ** (1 / 3)
+    largest = 2 * half / (least**2 + low + (low / least) ** 2)
+    room = 1e-9  # for the rounding of these very numbers
+    known = {"root_a_rad2": (low * (1 - room), high * (1 + room))} if low < high else {}
+    return known | {
+        "root_c_rad": (low**0.5 * (1 - room), most * (1 + room)),
+        "root_ratio_rad": (0.0, high**0.5 * (1 + room)),
+        "root_size_rad": (0.0, largest * (1 + room)),
+    }
 
 
 def _call(function: ca.Function, values: Mapping[str, Any]) -> dict[str, ca.SX]:
@@ -286,7 +341,8 @@ def exact_inverse(
         request = label("request_Nm", clip(u.tau_Nm, -tau_high, tau_high), "clamped request")
 
         if forward.has_rate:
-            slope = values["kv_Nm_rad"] * forward.share(known)
+            share = label("rate_share", forward.share(known), "(1 - exp(-x))/x, third order")
+            slope = values["kv_Nm_rad"] * share
             slope = label("rate_slope_Nm_rad", slope, "(3.3) d tau_r / d theta(k)")
             relaxed = label(
                 "relaxed_Nm", state["tau_r_Nm"] * known["label_decay"], "tau_r if nothing moves"
@@ -335,7 +391,8 @@ def exact_inverse(
         constant = label(
             "load_Nm", ca.if_else(primed, constant, turn * request), "d of the segment"
         )
-        root = label("root_rad", turn * cubic_root(k3, linear, constant), "k3 x^3 + a x = d")
+        root = cubic_root(k3, linear, constant, label)
+        root = label("root_rad", turn * root, "k3 x^3 + a x = d")
 
         # One Newton step on the torque written out in moves, in which nothing cancels.
         near = turn * clip(root, -theta_high, theta_high)
@@ -345,7 +402,8 @@ def exact_inverse(
             taken = taken + w[i] * ca.fmin(near - play[i], r[i])
         miss = turn * request - (k3 * near * near + k1) * near
         miss = miss - ca.if_else(primed, turn * relaxed + slope * move + taken, 0)
-        better = near + miss / (3 * k3 * near * near + linear)
+        tangent = label("tangent_Nm_rad", 3 * k3 * near * near + linear, "d d / d x, at least a")
+        better = near + miss / tangent
         refined = label("refined_rad", turn * better, "one Newton step")
         solved = deflection(refined)
         theta = label(
@@ -405,8 +463,62 @@ def exact_inverse(
             Port("status", 0, 2 ** len(flags) - 1, "what is known of this set-point", flags=flags),
         ),
         equations=_exact_equations(),
+        facts=_exact_facts(device, forward, values, w),
+        split=_rate_split(forward, "omega_mid_rad_s"),
+        # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
+        # part of it rises or stays: a small residual means a set-point near the exact one.
+        solved={
+            "set_point_rad": Solved("residual_Nm", limit["NOT_CONVERGED"], k1, 2 * float(dead_zone))
+        },
         step=step,
     )
+
+
+def _exact_facts(
+    device: DeviceData, forward: _Forward, values: Mapping[str, Any], w: Sequence[float]
+) -> dict[str, tuple[float, float]]:
+    # What algebra knows of the segment's cubic.  Its stiffness is k1, kv share or nothing, and the
+    # weights, positive, of the stops that are not saturated.
+    limits = device.file.limits
+    theta = threshold(limits.theta_rad.value)
+    kv = values["kv_Nm_rad"] if forward.has_rate else 0.0
+    room = 1e-6  # for float32 numbers inside the limits and for the rounding of these very numbers
+    low = values["k1_Nm_rad"] * (1 - room)
+    high = (values["k1_Nm_rad"] + kv + sum(w)) * (1 + room)
+    bend = 3 * values["k3_Nm_rad3"] * theta**2 * (1 + room)
+    facts = {
+        "linear_Nm_rad": (low, high),
+        "tangent_Nm_rad": (low, high + bend),
+        "set_point_rad": (-theta, theta),
+    }
+    if forward.has_rate:
+        facts |= _rate_facts(device, values, "omega_mid_rad_s")
+    # Of the load: request and relaxed torque, the rate torque from zero or to its clip, and each
+    # stop's threshold or play state, which is no further than that from the last deflection.
+    load = 2 * limits.tau_Nm.value + kv * (theta + limits.omega_rad_s.value * device.period_s)
+    for i, (a, r) in enumerate(zip(w, stop_grid(values, len(w))[0], strict=True)):
+        load += a * (theta + r + (i + 1) * 2 * NESTING_ROOM_RAD)
+    return facts | root_facts(values["k3_Nm_rad3"], (low, high), load * (1 + room))
+
+
+def _rate_facts(
+    device: DeviceData, values: Mapping[str, Any], rate: str
+) -> dict[str, tuple[float, float]]:
+    # share(x) = s / (1 + x s), s = 1 + x/2 + x^2/6, is at most 1 and falls, its derivative having
+    # the sign of s' - s^2 < 0; x is largest at the largest rate and no deflection.
+    omega = threshold(device.file.limits.omega_rad_s.value)
+    drag = values["B"] * omega ** values["n"] + values["eps2"]
+    x = device.period_s * values["kv_Nm_rad"] * drag / values["eps1_Nms_rad"]
+    s = 1 + x * (0.5 + x / 6)
+    return {rate: (-omega, omega), "rate_share": (s / (1 + x * s) * (1 - 1e-6), 1.0)}
+
+
+def _rate_split(forward: _Forward, rate: str) -> dict[str, tuple[float, ...]]:
+    # As the sensor, whose viscosity spans orders of magnitude; but its rate is no input here.
+    own = dict(forward.block.split)
+    if forward.has_rate:
+        own[rate] = own.pop("u_omega_rad_s")
+    return own
 
 
 class _RateSource:
@@ -507,7 +619,7 @@ def _exact_equations() -> tuple[Any, ...]:
         equation("[root 1]", THIRD, ROOT_THIRD, "real root of the segment's cubic, first part"),
         equation("[root 2]", HALF, ROOT_HALF, "second part"),
         equation("[root 3]", "c", sp.cbrt(ROOT_CUBE), "third part"),
-        equation("(4.13), stable form", "|x|", ROOT_SIZE, "the root, with the sign of d"),
+        equation("(4.13), stable form", "|x|", ROOT_WHOLE, "the root, with the sign of d"),
     )
 
 
@@ -685,7 +797,7 @@ def published_inverse(
         label("disturbance_Nm", disturbance, "low-pass of the past differences")
         wanted = u.tau_Nm - disturbance
         corrected = label("corrected_Nm", clip(wanted, -tau_high, tau_high), "corrected request")
-        envelope = label("envelope_rad", cubic_root(k3, k1, corrected), "(4.13) gamma")
+        envelope = label("envelope_rad", cubic_root(k3, k1, corrected, label), "(4.13) gamma")
         r: list[Any] = ca.vertsplit(c.r_rad) if tunable else fixed_r
         p: list[Any] = ca.vertsplit(c.p_rad) if tunable else fixed_p
         held, total = [], ca.SX(0)
@@ -715,12 +827,26 @@ def published_inverse(
                 "omega_rad_s", clip((theta - last) / h, -omega_high, omega_high), "rate of the step"
             )
             model = forward.step(state, theta, omega)
+            if forward.has_rate:
+                label("rate_share", forward.share(model), "(1 - exp(-x))/x, third order")
             difference = clip(model["label_tau_Nm"] - corrected, -2 * tau_high, 2 * tau_high)
             line = [difference, *ca.vertsplit(s.difference_Nm)[: len(taps) - 1]]
             next_state |= {q.name: model[f"next_{q.name}"] for q in forward.state}
             next_state["difference_Nm"] = line
         return next_state, outputs
 
+    facts = root_facts(k3, (k1, k1), tau_high)
+    split: dict[str, tuple[float, ...]] = {}
+    if taps:
+        # The request less the disturbance is rounded: its sign is open near zero, where the root
+        # is small; and the root turns from linear to cubic where b^2 passes a^3.
+        bend = 2 * k3 * (k1 / (3 * k3)) ** 1.5 if k3 > 0 else tau_high
+        facts["corrected_Nm"] = (-tau_high, tau_high)
+        split = {"corrected_Nm": (1e-6 * tau_high, 0.1 * bend, bend, 4 * bend)}
+        split |= _rate_split(forward, "omega_rad_s")
+    if taps and forward.has_rate:
+        values = {c.name: c.value for c in device.constants("elastomer")}
+        facts |= _rate_facts(device, values, "omega_rad_s")
     state: tuple[Port, ...] = (
         Port("inverse_play_rad", -reach, reach, "play states", PLAYS, "(4.10, 4.11)"),
     )
@@ -752,6 +878,8 @@ def published_inverse(
             Port("status", 0, 15, "what is known of this set-point", flags=flags),
         ),
         equations=_published_equations(bool(taps)),
+        facts=facts,
+        split=split,
         step=step,
     )
 
@@ -770,7 +898,7 @@ def _published_equations(observer: bool) -> tuple[Any, ...]:
             sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p)),
             "play operator round the envelope",
         ),
-        equation("(4.13), stable form", "|gamma|", ROOT_SIZE, "envelope: inverse of the cubic"),
+        equation("(4.13), stable form", "|gamma|", ROOT_WHOLE, "envelope: inverse of the cubic"),
     )
     if not observer:
         return out

@@ -337,14 +337,15 @@ def _turned(
     places, count = Executor(plan).places(before, inputs)
     computed = lowered_values(plan.step, places, count)
     step = Propagation(plan, {}, {}, BEYOND)
-    errors = step.node_errors(step.zero)
+    errors, followed = step.node_errors(step.zero), step.followed
     turned: Raw = np.zeros(count, dtype=bool)
     unexplained: Raw = np.zeros(count, dtype=bool)
     close: dict[int, Raw] = {}
     used = {a for n in kernel.nodes if not n.boolean for a in n.args}
     used |= {i for r in kernel.results for i in r}
     for i, node in enumerate(kernel.nodes):
-        if not node.boolean:
+        # How a solved value was found does not matter: its residual is judged, not its way.
+        if not node.boolean or i not in followed:
             continue
         if node.op in COMPARES:
             a, b = (np.asarray(exact[k], dtype=np.float64) for k in node.args)

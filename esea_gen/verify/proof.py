@@ -89,7 +89,10 @@ def _said(command: Sequence[str], folder: Path, text: str | None = None) -> str:
 
 
 def prove_block(
-    device: Device, block: Block, change: Callable[[str, str], str] | None = None
+    device: Device,
+    block: Block,
+    change: Callable[[str, str], str] | None = None,
+    narrow: bool = False,
 ) -> EvaResult:
     """Analyse the emitted C of one Block.
 
@@ -101,6 +104,8 @@ def prove_block(
         One of its Blocks.
     change : callable, optional
         ``change(file name, text) -> text``: a deliberate fault, to see that the analysis finds it.
+    narrow : bool
+        As compiled for a core without a 64-bit product.
 
     Returns
     -------
@@ -127,6 +132,8 @@ def prove_block(
         names = ["eva.c", f"{renderer.prefix}_{block.name}.c", "esea_q31.c"]
         sources = [str(folder / n) for n in names]
         include = f"-cpp-extra-args=-I{scratch} -DESEA_Q31_PORTABLE_CLZ"
+        if narrow:
+            include += " -DESEA_Q31_NARROW"
         said = _said([frama, *EVA, include, *sources], folder)
     counted = re.search(r"(\d+) functions? analyzed.*?(\d+) statements? reached", said, re.DOTALL)
     alarms: list[str] = []

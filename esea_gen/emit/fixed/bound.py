@@ -8,7 +8,7 @@ boxes of a Block's split ranges go through at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -143,7 +143,8 @@ def _pow(x: Span, c: float) -> Span:
     peak = np.clip(top, 1e-300, math.exp(-1 / abs(c)))
     beyond = np.where(top > 1, top ** abs(c) * np.log(np.maximum(top, 1.0)), 0.0)
     tilt = off * np.maximum(beyond, peak ** abs(c) * np.abs(np.log(peak)))
-    use = (low > 0) & ((c < 0) | (relative * ends[1] <= 8 * tilt))
+    near = np.where(low > 0, relative, 0.0) * ends[1] <= 8 * tilt
+    use = (low > 0) & ((c < 0) | near)
     return Span(*ends, a + np.where(use, 0.0, tilt), r + np.where(use, relative, 0.0))
 
 
@@ -176,11 +177,22 @@ def _either(x: Span, y: Span, low: Array, high: Array) -> Span:
     return Span(low, high, a, np.where(mine, y.r, np.where(other, x.r, 0.0)))
 
 
-def _decide(op: str, x: Span, y: Span) -> tuple[Array, Array]:
+def _seen(x: Span, own: Value | None) -> tuple[Array, Array]:
+    # Where exact and computed value lie; what is emitted never leaves its proven interval.
+    if x.held:
+        return x.low, x.high
+    low, high = x.low - x.error, x.high + x.error
+    if own is not None:
+        low = np.minimum(x.low, np.maximum(low, float(own.low)))
+        high = np.maximum(x.high, np.minimum(high, float(own.high)))
+    return low, high
+
+
+def _decide(
+    op: str, x: Span, y: Span, own: tuple[Value | None, Value | None]
+) -> tuple[Array, Array]:
     # Interval of the truth value, from what both exact and computed arithmetic can see.
-    xe, ye = (0.0 if v.held else v.error for v in (x, y))
-    xl, xh = x.low - xe, x.high + xe
-    yl, yh = y.low - ye, y.high + ye
+    (xl, xh), (yl, yh) = _seen(x, own[0]), _seen(y, own[1])
     yes, no = {
         "le": (xh <= yl, xl > yh),
         "lt": (xh < yl, xl >= yh),
@@ -279,11 +291,29 @@ def _logic(op: str, v: list[Span]) -> Span:
     return Span(np.maximum(*sure), np.maximum(*maybe), zero, zero)
 
 
-def _needed(lowered: LoweredKernel, flag_results: Sequence[int]) -> set[int]:
+def numeric_nodes(
+    lowered: LoweredKernel, flag_results: Sequence[int], solved: Collection[int] = ()
+) -> set[int]:
+    """Nodes on which a result that is a number depends.
+
+    Parameters
+    ----------
+    lowered : LoweredKernel
+        The kernel.
+    flag_results : sequence of int
+        Results that are status words.
+    solved : collection of int
+        Nodes that an equation defines: on the way to them nothing is followed.
+
+    Returns
+    -------
+    set of int
+        Nodes, these included.
+    """
     kernel = lowered.kernel
     needed = {i for k, r in enumerate(kernel.results) if k not in flag_results for i in r}
     for i in range(len(kernel.nodes) - 1, -1, -1):
-        if i in needed:
+        if i in needed and i not in solved:
             needed.update(kernel.nodes[i].args)
     return needed
 
@@ -292,8 +322,9 @@ def analyse(
     lowered: LoweredKernel,
     arguments: Sequence[Sequence[Span]],
     flag_results: Sequence[int] = (),
-    facts: Mapping[int, tuple[float, float]] | None = None,
+    facts: Mapping[int, tuple[Array, Array]] | None = None,
     boxes: int = 1,
+    solved: Mapping[int, float] | None = None,
 ) -> tuple[list[list[Span]], tuple[str, ...], list[Span]]:
     """Push ranges and errors through a lowered kernel.
 
@@ -306,9 +337,12 @@ def analyse(
     flag_results : sequence of int
         Results that are status words: a decision that only they use is no assumption.
     facts : mapping, optional
-        Ranges of nodes that follow from algebra.
+        Ranges of nodes that follow from algebra, or pieces of them, shape (boxes,) each.
     boxes : int
         Number of boxes.
+    solved : mapping of int to float, optional
+        Error of nodes that an equation defines, of which a fact is known; what leads to them alone
+        is left out.
 
     Returns
     -------
@@ -325,7 +359,8 @@ def analyse(
         For a division by a range holding zero and the like.
     """
     kernel = lowered.kernel
-    numeric = _needed(lowered, flag_results)
+    solved = solved or {}
+    numeric = numeric_nodes(lowered, flag_results, solved)
     values: list[Span] = []
     assumptions = []
     nothing = span(0.0, 0.0, 0.0, boxes)
@@ -337,12 +372,20 @@ def analyse(
         if n.op == "input":
             values.append(arguments[n.source[0]][n.source[1]])
             continue
-        if own is None:  # a part of a status word
+        if own is None or (solved and i not in numeric):  # a part of a status word; or not followed
             values.append(nothing)
+            continue
+        if i in solved:
+            assert facts is not None
+            low, high = (np.broadcast_to(e, (boxes,)) for e in facts[i])
+            # The lowering cuts it to its fact, so that what is computed lies there too.
+            error = np.full(boxes, solved[i])
+            values.append(Span(low, high, error, np.zeros(boxes), True))
             continue
         v = [_operand(values, k, own, p) for p, k in enumerate(n.args)]
         if n.op in ("lt", "le", "eq", "ne"):
-            low, high = _decide(n.op, v[0], v[1])
+            owners = lowered.values[n.args[0]], lowered.values[n.args[1]]
+            low, high = _decide(n.op, v[0], v[1], owners)
             open_ = bool(np.any(low != high))
             if open_ and i in numeric and not (v[0].exact and v[1].exact and own.local == 0):
                 assumptions.append(f"{kernel.name}: v{i} = {n.op}")
@@ -355,7 +398,8 @@ def analyse(
         result = _operation(n.op, v, n.op == "sq" or n.args[0] == n.args[-1], exponent)
         if facts and i in facts:
             low = np.maximum(result.low, facts[i][0])
-            high = np.minimum(result.high, facts[i][1])
+            # In a box that no value can be in, any value will do.
+            high = np.maximum(np.minimum(result.high, facts[i][1]), low)
             result = Span(low, high, result.a, result.r)
         result = Span(
             result.low,

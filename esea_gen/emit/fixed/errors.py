@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 
 from esea_gen.block import Block
-from esea_gen.emit.fixed.bound import Array, Span, analyse, span
+from esea_gen.emit.fixed.bound import Array, Span, analyse, numeric_nodes, span
 from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
 from esea_gen.emit.ranges import (
     BEYOND,
     Analysis,
     Bound,
     RangeError,
-    boxes_of,
     fixed_point,
     is_linear,
     limits_of,
     linear_bound,
+    pieces,
 )
 from esea_gen.emit.ranges import Value as FloatValue
 
@@ -37,6 +39,13 @@ def _point(value: float, error: float, boxes: int) -> Span:
 
 
 Errors = list[list[float]]
+
+
+def _finer(cuts: Sequence[float], limits: tuple[float, float]) -> list[float]:
+    # Between every two cuts one more: all boxes go through at once here, and what multiplies two
+    # wide intervals gains most (knee_printed: a quarter of the bound).
+    edges = [*sorted(cuts), max(abs(x) for x in limits)]
+    return [*cuts, *(math.sqrt(a * b) for a, b in pairwise(edges) if 0 < a < b)]
 
 
 class Propagation:
@@ -64,11 +73,12 @@ class Propagation:
     ) -> None:
         self.plan, self.block = plan, plan.block
         self.limits = limits_of(self.block, ranges)
-        self.boxes = boxes_of(
-            self.block,
-            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()},
+        self.boxes, self.facts = self._boxes(
+            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()}
         )
         self.count = len(self.boxes)
+        node = {name: i for i, (name, _) in plan.labels.items()}
+        self.solved = {node[k]: (s, node[s.residual]) for k, s in self.block.solved.items()}
         self.coefficients = [
             [
                 _point(float(x), abs(r * f.lsb - float(x)), self.count)
@@ -85,6 +95,25 @@ class Propagation:
             [self._held(f"u_{p.name}", input_errors.get(p.name, 0.0))] * p.size
             for p in self.block.inputs
         ]
+
+    def _boxes(
+        self, limits: Mapping[str, tuple[float, float]]
+    ) -> tuple[list[dict[str, tuple[float, float]]], dict[int, tuple[Array, Array]]]:
+        # Boxes of states and inputs, times pieces of the labelled values that are cut: a value that
+        # follows from the others lies in one of its pieces, whatever they are.
+        axes = [
+            [(name, pair) for pair in pieces(limits[name], _finer(cuts, limits[name]))]
+            if name in limits
+            else [(name, pair) for pair in pieces(self.block.facts[name], cuts)]
+            for name, cuts in self.block.split.items()
+        ]
+        boxes = [dict(limits) | dict(choice) for choice in product(*axes)]
+        names = {i: name for i, (name, _) in self.plan.labels.items()}
+        facts = {}
+        for i, (low, high) in self.plan.facts.items():
+            ends = [box.get(names[i], (low, high)) for box in boxes]
+            facts[i] = np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
+        return boxes, facts
 
     @property
     def zero(self) -> Errors:
@@ -109,6 +138,10 @@ class Propagation:
             Worst of all boxes.
         """
         results, assumptions, _ = self._analysed(errors)
+        assumptions += tuple(
+            f"{self.block.name}: |{s.residual}| of {name} is at most {s.most:g}"
+            for name, s in self.block.solved.items()
+        )
         return Analysis(
             tuple(
                 tuple(
@@ -125,12 +158,27 @@ class Propagation:
             [self._held(f"s_{p.name}", x) for x in e]
             for p, e in zip(self.block.state, errors, strict=True)
         ]
-        return analyse(
-            self.plan.step,
-            [*self.coefficients, *state, *self.inputs],
-            self.block.flag_results,
-            self.plan.facts,
-            self.count,
+
+        def analysed(solved: Mapping[int, float]) -> tuple[Any, Any, list[Span]]:
+            return analyse(
+                self.plan.step,
+                [*self.coefficients, *state, *self.inputs],
+                self.block.flag_results,
+                self.facts,
+                self.count,
+                solved,
+            )
+
+        if not self.solved:
+            return analysed({})
+        # What the residual's own computation errs by, the value being what it is; with it the
+        # residual bounds the value's distance from where the exact one is 0.
+        _, _, values = analysed(dict.fromkeys(self.solved, 0.0))
+        return analysed(
+            {
+                i: (s.most + float(values[r].error.max())) / s.slope + s.jump
+                for i, (s, r) in self.solved.items()
+            }
         )
 
     def node_errors(self, errors: Errors) -> list[float]:
@@ -144,9 +192,16 @@ class Propagation:
         Returns
         -------
         list of float
-            Per node; worst of all boxes.
+            Per node; worst of all boxes; 0 for those outside :attr:`followed`.
         """
         return [float(v.error.max()) for v in self._analysed(errors)[2]]
+
+    @property
+    def followed(self) -> frozenset[int]:
+        """Nodes whose errors count: all, or those that do not merely lead to a solved value."""
+        if not self.solved:
+            return frozenset(range(len(self.plan.step.kernel.nodes)))
+        return frozenset(numeric_nodes(self.plan.step, self.block.flag_results, self.solved))
 
     def state_errors(self, result: Analysis) -> Errors:
         """Errors of the next states: at most their range, for exact and computed both lie in it.

@@ -18,7 +18,35 @@ static int32_t as_signed(uint32_t u)
 
 static int32_t high_signed(int32_t a, int32_t b)
 {
+#ifdef ESEA_Q31_NARROW
+    uint32_t low;
+    return esea_q31_product(a, b, &low);
+#else
     return (int32_t)(((int64_t)a * b) >> 32);
+#endif
+}
+
+static uint64_t product(uint32_t a, uint32_t b)
+{
+#ifdef ESEA_Q31_NARROW
+    const uint32_t last = (a & 0xFFFFu) * (b & 0xFFFFu);
+    const uint32_t first = (a >> 16) * (b & 0xFFFFu) + (last >> 16);
+    const uint32_t second = (b >> 16) * (a & 0xFFFFu) + (first & 0xFFFFu);
+    const uint32_t high = (a >> 16) * (b >> 16) + (first >> 16) + (second >> 16);
+    return ((uint64_t)high << 32) | (second << 16) | (last & 0xFFFFu);
+#else
+    return (uint64_t)a * b;
+#endif
+}
+
+/* a b below 2^64, and so is b times the high word of a. */
+static uint64_t longer_product(uint64_t a, uint32_t b)
+{
+#ifdef ESEA_Q31_NARROW
+    return ((uint64_t)((uint32_t)(a >> 32) * b) << 32) + product((uint32_t)a, b);
+#else
+    return a * b;
+#endif
 }
 
 /* Of a nonzero word. The built-in is one instruction where there is one; a Cortex-M0 would call a
@@ -63,14 +91,14 @@ static uint32_t leading_zeros_64(uint64_t u)
 static uint64_t log2_fraction(uint32_t significand)
 {
     const uint64_t row = LOG2_TABLE[(significand >> 25) & 63u];
-    const uint64_t product = (uint64_t)significand * ((uint32_t)row & 0xFFFu);
+    const uint64_t scaled = product(significand, (uint32_t)row & 0xFFFu);
     /* Q42 rounded to Q34; the integer part, 2^34, falls off. */
-    const int32_t r = as_signed((uint32_t)((product + 128u) >> 8));
+    const int32_t r = as_signed((uint32_t)((scaled + 128u) >> 8));
     int32_t p = LOG2_3;
     p = LOG2_2 + high_signed(r, p);
     p = LOG2_1 + high_signed(r, p);
     p = LOG2_0 + high_signed(r, p);
-    return row + (uint64_t)((int64_t)r * p);
+    return row + (uint64_t)esea_q31_wide(r, p);
 }
 
 /* 2^(fraction / 2^32) as Q31, 2^31 <= result < 2^32. */
@@ -92,8 +120,8 @@ static uint32_t scaled_log2(uint32_t significand, int32_t exponent, int32_t y_q2
     /* Signed digits of 32 bits keep every product signed 32 x 32: carry what the lower lacks. */
     const uint32_t high = (uint32_t)(fraction >> 32) + ((uint32_t)fraction >> 31);
     const int64_t sum =
-        (int64_t)y_q27 * as_signed(high) + high_signed(y_q27, as_signed((uint32_t)fraction));
-    const int64_t z = (sum >> 32) + (int64_t)y_q27 * (exponent + (int32_t)(high >> 31)); /* Q27 */
+        esea_q31_wide(y_q27, as_signed(high)) + high_signed(y_q27, as_signed((uint32_t)fraction));
+    const int64_t z = (sum >> 32) + esea_q31_wide(y_q27, exponent + (int32_t)(high >> 31)); /* Q27 */
     *whole = (int32_t)(z >> 27);
     return ((uint32_t)(uint64_t)z << 5) | ((uint32_t)(uint64_t)sum >> 27);
 }
@@ -218,7 +246,7 @@ int32_t esea_q31_tanh(int32_t x, int xf)
 static uint64_t reciprocal(uint64_t d)
 {
     const uint32_t c = (uint32_t)LOG2_TABLE[(uint32_t)(d >> 27) & 63u] & 0xFFFu;
-    const int32_t r = as_signed((uint32_t)((d * c) >> 7)); /* Q37 of d c - 1 */
+    const int32_t r = as_signed((uint32_t)(longer_product(d, c) >> 7)); /* Q37 of d c - 1 */
     int32_t p = RECIPROCAL_4;
     uint64_t w;
     p = RECIPROCAL_3 + high_signed(r, p);
@@ -226,9 +254,9 @@ static uint64_t reciprocal(uint64_t d)
     p = RECIPROCAL_1 + high_signed(r, p);
     p = RECIPROCAL_0 + high_signed(r, p);
     /* 1 - r p = 1 / (1 + r); the offset keeps the shift unsigned. */
-    w = (UINT64_C(1) << 63) - (uint64_t)((int64_t)r * p); /* Q67 of -r p, below 2^62 */
+    w = (UINT64_C(1) << 63) - (uint64_t)esea_q31_wide(r, p); /* Q67 of -r p, below 2^62 */
     w = (w >> 29) - (UINT64_C(1) << 34) + (UINT64_C(1) << 38);
-    return w * c;
+    return longer_product(w, c);
 }
 
 int64_t esea_q63_divide(int64_t n, int64_t d, int k, int64_t low, int64_t high)
@@ -245,7 +273,8 @@ int64_t esea_q63_divide(int64_t n, int64_t d, int k, int64_t low, int64_t high)
         un = leading_zeros_64(u);
         vn = leading_zeros_64(v);
         /* Both to 32 bits: the dividend cut, the divisor's reciprocal rounded. */
-        q = ((u << un) >> 32) * ((reciprocal((v << vn) >> 30) + 0x10000u) >> 17); /* above 2^62 */
+        q = longer_product((reciprocal((v << vn) >> 30) + 0x10000u) >> 17, (uint32_t)((u << un) >> 32));
+        /* q is above 2^62. */
         shift = 63 + (int)un - (int)vn - k;
         if (shift < 2) {
             value = INT64_MAX;

@@ -36,11 +36,55 @@ static inline int64_t esea_q63_round(int64_t x, int s)
     return (x + (INT64_C(1) << (s - 1))) >> s;
 }
 
+/* Cores that multiply 32 by 32 bits to 32 only: a 64-bit product would be a call of the library,
+ * which multiplies 64 by 64. */
+#if defined(__ARM_ARCH_6M__) && !defined(ESEA_Q31_NARROW)
+#define ESEA_Q31_NARROW
+#endif
+
+#ifdef ESEA_Q31_NARROW
+/* High word of a b, and the low one: four products of 16 bits; nothing overflows 32. */
+static inline int32_t esea_q31_product(int32_t a, int32_t b, uint32_t *low)
+{
+    const uint32_t last = ((uint32_t)a & 0xFFFFu) * ((uint32_t)b & 0xFFFFu);
+    const int32_t first = (a >> 16) * (int32_t)((uint32_t)b & 0xFFFFu) + (int32_t)(last >> 16);
+    const int32_t second = (b >> 16) * (int32_t)((uint32_t)a & 0xFFFFu) + (first & 0xFFFF);
+    *low = ((uint32_t)second << 16) | (last & 0xFFFFu);
+    return (a >> 16) * (b >> 16) + (first >> 16) + (second >> 16);
+}
+
+static inline int64_t esea_q31_wide(int32_t a, int32_t b)
+{
+    uint32_t low;
+    const int32_t high = esea_q31_product(a, b, &low);
+    return high * (INT64_C(1) << 32) + low;
+}
+
+/* a b / 2^s rounded, 1 <= s <= 62. */
+static inline int32_t esea_q31_mul(int32_t a, int32_t b, int s)
+{
+    uint32_t low, half;
+    int32_t high = esea_q31_product(a, b, &low);
+    if (s > 32)
+        return (high + (1 << (s - 33))) >> (s - 32);
+    half = UINT32_C(1) << (s - 1);
+    high += low > UINT32_MAX - half;
+    low += half;
+    if (s == 32)
+        return high;
+    if (s == 1)
+        return (int32_t)((high * (INT64_C(1) << 32) + low) >> 1);
+    return high * (int32_t)(UINT32_C(1) << (32 - s)) + (int32_t)(low >> s);
+}
+#else
+static inline int64_t esea_q31_wide(int32_t a, int32_t b) { return (int64_t)a * b; }
+
 /* a b / 2^s rounded, 1 <= s <= 62. */
 static inline int32_t esea_q31_mul(int32_t a, int32_t b, int s)
 {
     return (int32_t)(((int64_t)a * b + (INT64_C(1) << (s - 1))) >> s);
 }
+#endif
 
 /* a b / 2^s rounded, 1 <= s <= 94; the result must fit. */
 static inline int64_t esea_q63_mul_q31(int64_t a, int32_t b, int s)

@@ -607,7 +607,7 @@ def bare_text(x: Expr) -> str:
         "neg": lambda: f"-{a[0]}",
         "sign": lambda: f"({a[0]} > 0) - ({a[0]} < 0)",
         "scale": lambda: f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}",
-        "wide_mul": lambda: f"(int64_t){a[0]} * {a[1]}",
+        "wide_mul": lambda: f"esea_q31_wide({', '.join(bare_text(y) for y in x.args)})",
         "choose": lambda: f"{a[0]} ? {a[1]} : {a[2]}",
         "not": lambda: f"!{a[0]}",
         "and": lambda: " && ".join(a),

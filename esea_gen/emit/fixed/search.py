@@ -17,7 +17,14 @@ from fractions import Fraction
 from esea_gen.block import Block
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Errors, Propagation, any_bound
-from esea_gen.emit.fixed.plan import BlockPlan, Planner
+from esea_gen.emit.fixed.plan import (
+    BlockPlan,
+    Planner,
+    coefficients_raw,
+    lowered_values,
+    raw_places,
+    run_lowered,
+)
 from esea_gen.emit.fixed.values import LoweringError, best_fraction
 from esea_gen.emit.ranges import BEYOND, RangeError, linear_bound
 from esea_gen.emit.walker import Kernel
@@ -245,6 +252,64 @@ def coarse_values(plan: BlockPlan) -> dict[int, str]:
 _LINEAR = frozenset({"add", "sub", "neg", "twice", "mul", "fmin", "fmax", "select", "if_else_zero"})
 
 
+PROBE_STEPS = 48
+RESIDUAL_SHARE = 0.25
+"""Most that the residual of a solved value may fill of what is allowed, on the probe's steps."""
+
+
+def _probe(plan: BlockPlan) -> float:
+    # Largest share of the allowed residuals over a run with inputs of growing size, where exact
+    # arithmetic solves the equation at all.
+    block, fields = plan.block, plan.fields
+    node = {name: i for i, (name, _) in plan.labels.items()}
+    places = raw_places("coeffs", fields["coeffs"], [[c] for c in coefficients_raw(plan)])
+    exact = list(block.simulator().coefficients.values())
+    state = run_lowered(plan.init, places, 1)
+    worst = 0.0
+    for k in range(PROBE_STEPS):
+        wave = math.sin(0.4 * k) * 10.0 ** (-3.0 + 2.0 * k / PROBE_STEPS)
+        given = [[[f.raw(wave * f.port.high)] * f.size] for f in fields["in"]]
+        now = [[[int(e[0]) for e in r]] for r in state]
+        here = places | raw_places("state", fields["state"], now)
+        here |= raw_places("in", fields["in"], given)
+        numbers = [
+            [x * f.lsb for x in row[0]]
+            for group, rows in (("state", now), ("in", given))
+            for f, row in zip(fields[group], rows, strict=True)
+        ]
+        solution = dict(
+            zip(
+                block.labelled_step.name_out(),
+                block.labelled_step.call([*exact, *numbers]),
+                strict=True,
+            )
+        )
+        values = lowered_values(plan.step, here, 1)
+        for s in block.solved.values():
+            if abs(float(solution[f"label_{s.residual}"])) > 1e-6 * s.most:
+                continue  # the equation has no solution within its limits
+            i = node[s.residual]
+            found = plan.step.values[i]
+            assert found is not None
+            worst = max(worst, abs(int(values[i][0])) * 2.0**-found.fraction / s.most)
+        state = run_lowered(plan.step, here, 1)[: len(fields["state"])]
+    return worst
+
+
+def _with_way(planner: Planner, plan: BlockPlan) -> BlockPlan:
+    # The way to a solved value in 64 bits where 32 leave too large a residual.  The bound does not
+    # depend on it, so that it may be tried.
+    share = _probe(plan) if plan.block.solved else 0.0
+    if share <= RESIDUAL_SHARE:
+        return plan
+    followed = Propagation(plan, {}, {}).followed
+    why = dict(plan.why_wide)
+    for i, n in enumerate(planner.kernel.nodes):
+        if i not in followed and n.op not in ("input", "const", "sign") and not n.boolean:
+            why[i] = f"leads to a solved value whose residual would fill {100 * share:.0f} %"
+    return planner.plan(why, why)
+
+
 def search(block: Block) -> BlockPlan:
     """Find the plan of a Block.
 
@@ -264,6 +329,11 @@ def search(block: Block) -> BlockPlan:
         For what cannot be lowered.
     """
     planner = Planner(block)
+    return _with_way(planner, _searched(planner))
+
+
+def _searched(planner: Planner) -> BlockPlan:
+    block = planner.block
     first = _try(planner, {})
     assert first is not None
     plan = first.plan
@@ -276,7 +346,19 @@ def search(block: Block) -> BlockPlan:
     wide = clipped | _with_terms(planner.kernel, short)
     halves = clipped | _clipped(plan, inner=True)
     coarse = {i: f"would be {why}" for i, why in coarse_values(plan).items()}
-    levels = [clipped, halves, wide, wide | roots, coarse | halves]
+    # What merely leads to a solved value is judged by its residual: 64 bits there gain no bound.
+    followed = Propagation(plan, {}, {}).followed
+    levels = [
+        {i: why for i, why in level.items() if i in followed}
+        for level in (
+            clipped,
+            halves,
+            wide,
+            wide | roots,
+            coarse | halves,
+            coarse | halves | wide | roots,
+        )
+    ]
     found, seen = first, [frozenset[int]()]
     for level in levels:
         if found.forgets and found.score <= 1:
