@@ -127,6 +127,7 @@ def _above(limit: float, share: float = 1.02) -> tuple[float, float]:
 def _limits(block: Block, rng: np.random.Generator) -> list[Stream]:
     return [
         _faults(block, rng),
+        _causes_together(block, rng),
         _held_back(block, rng),
         _requests(block, rng),
         _energy(block, rng),
@@ -173,6 +174,40 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
         j.at += 2 * j.deliver
         j.release()
     return j.stream("every fault, and its release")
+
+
+def _causes_together(block: Block, rng: np.random.Generator) -> Stream:
+    # Any two causes in one step, from the released state: one reason is kept, not a mixture.
+    j = _Joint(block, 2600, rng)
+    t = j.t
+    j.command(0.8)
+    slots = next(p for p in block.state if p.name == "slots_J")
+    beyond = t["rom_max_rad"] + j.constant["rom_margin_rad"] + 0.01
+    causes: list[dict[str, float]] = [
+        {"key": 1.0},
+        {"stop": 1.0},
+        {"rearm": 2.5},
+        {"sensing_ok": 0.0},
+        {"control_beat": 0.0},
+        {"theta_rad": 1.02 * t["theta_max_rad"]},
+        {"tau_Nm": 1.02 * t["tau_max_Nm"]},
+        {"omega_motor_rad_s": 1.02 * t["omega_max_rad_s"]},
+        {"theta_load_rad": beyond, "theta_motor_rad": beyond + j.bent},
+        {"slots_J": 2.0 * t["energy_max_J"] / slots.size},
+    ]
+    states = {p.name: p.size for p in block.state}
+    injections: dict[int, dict[str, Array]] = {}
+    for k, one in enumerate(causes):
+        for other in causes[k:]:
+            j.release()
+            both = one | other
+            injections[j.at] = {
+                n: np.full(states[n], np.float32(v)) for n, v in both.items() if n in states
+            }
+            j.put(1, **{n: v for n, v in both.items() if n not in states})
+            injections[j.at + 2] = {"slots_J": np.zeros(slots.size)}
+            j.at += 4
+    return j.stream("two causes at once", injections)
 
 
 def _held_back(block: Block, rng: np.random.Generator) -> Stream:
