@@ -217,7 +217,7 @@ def test_all_mutants_of_the_drive(drive, real):
     for block in drive.system.kinds:
         # Bit by bit: the looser bound would take hours.
         report = run_mutation(drive, real, sample=10**6, blocks=[block.name])
-        least = SCORES.get(block.name, 0.985)
+        least = SCORES.get(block.name, 0.975)
         assert report.score >= least, (block.name, [str(m) for m in report.survivors])
         assert report.contradicted == []
 
