@@ -11,6 +11,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.library import compile_device
 from esea_gen.verify.coverage import SIDES, _masks, branch_coverage
 from esea_gen.verify.equivalence import (
+    AS_WRITTEN,
     CasadiReference,
     domain_chirp,
     recorded_stream,
@@ -144,7 +145,8 @@ def test_what_is_proven_impossible_never_happens(drive, name, real):
 @pytest.mark.parametrize("real", ["f64", "f32"])
 @pytest.mark.parametrize("name", BLOCKS)
 def test_the_c_gives_every_bit(drive, name, real):
-    block, library = block_of(drive, name), compile_device(drive, real)
+    # Either zero is right for fmin(0, -0) in C: both sides call the library's function.
+    block, library = block_of(drive, name), compile_device(drive, real, AS_WRITTEN)
     reference = CasadiReference(drive.system) if real == "f64" else None
     assert setup_difference(block, library) == ""
     for stream in tried(drive, block, FORMATS[real].dtype):
