@@ -42,6 +42,10 @@ DeviceArgument = Annotated[
 JsonOption = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
 ]
+BlockOption = Annotated[
+    list[str] | None,
+    typer.Option("--block", metavar="NAME", help="Block; all of them when not given."),
+]
 RealOption = Annotated[
     list[str] | None, typer.Option("--real", metavar="f64|f32", help="Number format; all of them.")
 ]
@@ -204,6 +208,7 @@ def verify(
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
+    block: BlockOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Compare the generated C, compiled for this machine, with the symbolic model."""
@@ -212,7 +217,7 @@ def verify(
     loaded = load_device(device)
     recorded = _recorded(loaded, recording, data)
     with progress_line() as say:
-        result = run(loaded, _formats(real), recorded, progress=say)
+        result = run(loaded, _formats(real), recorded, progress=say, blocks=block)
     write_json(json_file, result.to_dict())
     _print_verification(loaded, result)
     if not result.passed:
@@ -610,17 +615,19 @@ def _no_programs(loaded: Device, what: str) -> None:
 
 
 @app.command()
-def coverage(device: DeviceArgument, json_file: JsonOption = None) -> None:
+def coverage(
+    device: DeviceArgument, block: BlockOption = None, json_file: JsonOption = None
+) -> None:
     """Which sides of every minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
-    from esea_gen.verify.equivalence import is_program
+    from esea_gen.verify.equivalence import chosen_blocks, is_program
     from esea_gen.verify.streams import at_the_limits, other_memories, streams
 
     loaded = load_device(device)
-    programs = [b.name for b in loaded.system.kinds if is_program(b)]
+    programs = [b.name for b in chosen_blocks(loaded, block) if is_program(b)]
     found = {
         b.name: branch_coverage(b, [*streams(b), at_the_limits(b), *other_memories(b)])
-        for b in loaded.system.kinds
+        for b in chosen_blocks(loaded, block)
         if b.name not in programs
     }
     write_json(json_file, {name: c.to_dict() for name, c in found.items()})
@@ -672,6 +679,7 @@ def mutate(
         int | None, typer.Option("--sample", min=1, help="So many mutants, drawn; else all.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the draw.")] = 0,
+    block: BlockOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Change the emitted C one place at a time and see whether the tests notice."""
@@ -682,7 +690,7 @@ def mutate(
     reports = {}
     with progress_line() as say:
         for name in _formats(real):
-            reports[name] = run_mutation(loaded, name, sample, seed, progress=say)
+            reports[name] = run_mutation(loaded, name, sample, seed, say, block)
     write_json(json_file, {name: r.to_dict() for name, r in reports.items()})
     for name, r in reports.items():
         out.print(f"{name}: {100 * r.score:.1f} % of the mutants caught")

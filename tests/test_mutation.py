@@ -22,6 +22,7 @@ def test_a_sample_of_mutants_is_caught(elbow, real):
     assert report.score >= REQUIRED_SCORE, [str(m) for m in report.survivors]
     assert report.killed + len(report.survivors) + len(report.equivalent) == report.tried
     assert said
+    assert report.contradicted == []
     found = report.to_dict()
     assert found["killed"] == report.killed
     assert len(found["survivors"]) == len(report.survivors)
@@ -35,6 +36,7 @@ def test_all_mutants(elbow, real):
     assert report.tried > 1000
     assert report.raw_score >= REQUIRED_SCORE  # equivalent mutants counted as missed
     assert report.score >= 0.99, [str(m) for m in report.survivors]
+    assert report.contradicted == []
 
 
 @pytest.mark.parametrize("real", ["f64", "f32"])

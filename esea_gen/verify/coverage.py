@@ -274,7 +274,8 @@ def guarded_ranges(
 ) -> dict[int, Interval]:
     """Ranges that hold whatever stands in inputs and states, because the guard stands before.
 
-    Coefficients may be anything within their ports' ranges, whatever the tunables are.
+    Coefficients may be anything within their ports' ranges, whatever the tunables are; one that the
+    step itself checks may be anything at all before that check.
 
     Parameters
     ----------
@@ -316,8 +317,10 @@ def guarded_ranges(
 def _unguarded(block: Block, kernel: Kernel) -> list[frozenset[int]]:
     # Per node, the arguments that reach it without having passed their guard.
     start = len(block.coefficients)
-    ports = dict(enumerate((*block.state, *block.inputs), start))
+    ports = dict(enumerate((*block.coefficients, *block.state, *block.inputs)))
     checks = _checks(kernel, ports)
+    # A coefficient that the step itself checks may be anything before; others are as prepared.
+    checks = {k: sides for k, sides in checks.items() if k >= start or all(sides)}
     raw: list[frozenset[int]] = []
     arms: dict[tuple[int, bool], frozenset[int]] = {}
 
@@ -333,7 +336,7 @@ def _unguarded(block: Block, kernel: Kernel) -> list[frozenset[int]]:
 
     for n in kernel.nodes:
         if n.op == "input":
-            raw.append(frozenset({n.source[0]} if n.source[0] >= start else ()))
+            raw.append(frozenset({n.source[0]} & checks.keys()))
         elif n.op in ("if_else_zero", "select"):
             reached = raw[n.args[1]] - passed(n.args[0], True)
             if n.op == "select":

@@ -21,7 +21,7 @@ it must stay within a derived bound.  Three rules, in this order:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,7 @@ from esea_gen.block import Array, Block, Flag, Port
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import Bound, RangeError, block_bound
-from esea_gen.emit.render import reference_c
+from esea_gen.emit.render import reference_c, template_folder
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_sources
 from esea_gen.system import System
@@ -222,9 +222,16 @@ class CasadiReference:
     def __init__(self, system: System) -> None:
         self.stem = f"esea_{system.name}_casadi"
         files = {n.removeprefix("reference/"): t for n, t in reference_c(system).items()}
+        loop = template_folder() / "verify" / "reference_loop.c"
+        files[loop.name] = loop.read_text(encoding="utf-8")
         path = compile_sources(files, AS_WRITTEN, ("-lm",))
         self.ffi = cffi.FFI()
         names = [f"{self.stem}_{b.name}_step" for b in system.kinds if not is_program(b)]
+        self.ffi.cdef(
+            "void esea_reference_run(int (*)(const double**, double**, int*, double*, int), "
+            "const double**, double**, int*, double*, double*, const double*, size_t, double*, "
+            "size_t, const double*, size_t, const double*, double*, double*, size_t);"
+        )
         self.ffi.cdef(
             "".join(
                 f"int {n}(const double**, double**, int*, double*, int);\n"
@@ -253,50 +260,74 @@ class CasadiReference:
         outputs, states : dict of str to ndarray
             As :meth:`esea_gen.block.Simulator.run`.
         """
-        coefficients = [np.array(c, dtype=np.float64) for c in coefficients]
         ffi, function = self.ffi, getattr(self.lib, f"{self.stem}_{block.name}_step")
         sizes = [ffi.new("int*") for _ in range(4)]
         getattr(self.lib, f"{self.stem}_{block.name}_step_work")(*sizes)
-        u = [np.zeros(p.size) for p in block.inputs]
-        s = [a.copy() for a in state]
-        after = [np.zeros(p.size) for p in block.state]
-        y = [np.zeros(p.size) for p in block.outputs]
+        c, (s, u, after, y) = (
+            _Cells(block.coefficients),
+            map(_Cells, (block.state, block.inputs, block.state, block.outputs)),
+        )
 
-        def pointers(arrays: list[Array], count: int, kind: str) -> Any:
-            cells = ffi.new(f"{kind} *[{max(count, 1)}]")
-            for i, a in enumerate(arrays):
-                cells[i] = ffi.cast("double *", a.ctypes.data)
-            return cells
+        def pointers(cells: Sequence[_Cells], count: int, kind: str) -> Any:
+            found = ffi.new(f"{kind} *[{max(count, 1)}]")
+            for i, part in enumerate(p for group in cells for p in group.parts):
+                found[i] = ffi.cast("double *", part.ctypes.data)
+            return found
 
-        arguments = pointers([*coefficients, *s, *u], sizes[0][0], "const double")
-        results = pointers([*after, *y], sizes[1][0], "double")
+        def at(values: Array) -> Any:
+            return ffi.cast("double *", values.ctypes.data)
+
+        arguments = pointers((c, s, u), sizes[0][0], "const double")
+        results = pointers((after, y), sizes[1][0], "double")
         iw = ffi.new(f"int[{max(sizes[2][0], 1)}]")
         w = ffi.new(f"double[{max(sizes[3][0], 1)}]")
-        columns = [stream.inputs[p.name].reshape(stream.steps, -1) for p in block.inputs]
-        outs = [np.empty((stream.steps, p.size)) for p in block.outputs]
-        trace = [np.empty((stream.steps, p.size)) for p in block.state]
-        prepared = [c.copy() for c in coefficients]
-        for k in range(stream.steps):
-            if k in stream.coefficients:
-                for a, c in zip(
-                    coefficients, changed(block, prepared, stream.coefficients[k]), strict=True
-                ):
-                    a[:] = c
-            for p, a in zip(block.state, s, strict=True):
-                if p.name in stream.injections.get(k, {}):
-                    a[:] = stream.injections[k][p.name]
-            for a, c in zip(u, columns, strict=True):
-                a[:] = c[k]
-            function(arguments, results, iw, w, 0)
-            for store, a in zip(outs, y, strict=True):
-                store[k] = a
-            for store, a, b in zip(trace, s, after, strict=True):
-                a[:] = b
-                store[k] = b
-        return (
-            {p.name: _flat(p, a) for p, a in zip(block.outputs, outs, strict=True)},
-            {p.name: _flat(p, a) for p, a in zip(block.state, trace, strict=True)},
+        given = np.concatenate(
+            [
+                np.asarray(stream.inputs[p.name], np.float64).reshape(stream.steps, p.size)
+                for p in block.inputs
+            ],
+            axis=1,
         )
+        out = np.empty((stream.steps, len(y.values)))
+        trace = np.empty((stream.steps, len(s.values)))
+        prepared = [np.array(v, dtype=np.float64) for v in coefficients]
+        c.put(dict(zip(c.names, prepared, strict=True)))
+        s.put(dict(zip(s.names, state, strict=True)))
+        for start, stop in _segments(stream):
+            if start in stream.coefficients:
+                values = changed(block, prepared, stream.coefficients[start])
+                c.put(dict(zip(c.names, values, strict=True)))
+            s.put(stream.injections.get(start, {}))
+            self.lib.esea_reference_run(
+                *(function, arguments, results, iw, w),
+                *(at(s.values), at(after.values), len(s.values), at(u.values), len(u.values)),
+                *(at(y.values), len(y.values)),
+                *(at(given[start:]), at(out[start:]), at(trace[start:]), stop - start),
+            )
+        return y.split(out), s.split(trace)
+
+
+class _Cells:
+    # The numbers of some ports, one after the other in one array.
+
+    def __init__(self, ports: Sequence[Port]) -> None:
+        self.ports, self.names = ports, [p.name for p in ports]
+        ends = np.cumsum([0, *(p.size for p in ports)]).tolist()
+        self.slices = [slice(a, b) for a, b in pairwise(ends)]
+        self.values = np.zeros(ends[-1])
+        self.parts = [self.values[x] for x in self.slices]
+
+    def put(self, values: Mapping[str, Array]) -> None:
+        for name, part in zip(self.names, self.parts, strict=True):
+            if name in values:
+                part[:] = values[name]
+
+    def split(self, rows: Array) -> dict[str, Array]:
+        # Columns by port.
+        return {
+            p.name: _flat(p, np.ascontiguousarray(rows[:, x]))
+            for p, x in zip(self.ports, self.slices, strict=True)
+        }
 
 
 def is_program(block: object) -> bool:
@@ -592,11 +623,14 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
     """
     if residual_flag(block) is not None:
         return {}
-    out = {}
+    out: dict[str, Bound] = {}
     for name, ranges in (
         ("port ranges", {}),
         ("identified domain", operating_ranges(device, block)),
     ):
+        if out and not ranges:  # nothing that the domain narrows
+            out[name] = out["port ranges"]
+            continue
         single = block_bound(block, FORMATS["f32"], ranges)
         double = block_bound(block, FORMATS["f64"], ranges)
         out[name] = Bound(
@@ -850,14 +884,44 @@ def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") ->
     }
 
 
+def chosen_blocks(device: Device, names: Sequence[str] | None) -> list[Block]:
+    """Blocks of a device by name.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    names : sequence of str or None
+        Their names; all without any.
+
+    Returns
+    -------
+    list of Block
+        In the System's order.
+
+    Raises
+    ------
+    UserError
+        For a name that none of them has.
+    """
+    known = {b.name: b for b in device.system.kinds}
+    for name in names or ():
+        if name not in known:
+            raise UserError(
+                f"{device.origin}: there is no Block '{name}'.", f"Choose from {', '.join(known)}."
+            )
+    return [b for n, b in known.items() if not names or n in names]
+
+
 def verify(
     device: Device,
     reals: Iterable[str] = ("f64", "f32"),
     recorded: dict[str, Array] | None = None,
     seed: int = 1,
     progress: Callable[[str], None] | None = None,
+    blocks: Sequence[str] | None = None,
 ) -> Verification:
-    """Verify every Block of a device in every number format.
+    """Verify the Blocks of a device in every number format.
 
     Parameters
     ----------
@@ -871,29 +935,36 @@ def verify(
         Seed of the random streams.
     progress : callable, optional
         Told in words what is being done.
+    blocks : sequence of str, optional
+        Only these; without it, all.
 
     Returns
     -------
     Verification
         Every comparison.
+
+    Raises
+    ------
+    UserError
+        For a Block that the device has not.
     """
     from esea_gen.emit.build import device_hash
 
     # Late: it takes Comparison from here.
     from esea_gen.verify.program import compare_program, program_streams, run_executor
 
+    every = chosen_blocks(device, blocks)
+    chosen = [b for b in every if not is_program(b)]
     say = progress or (lambda _: None)
     comparisons: list[Comparison] = []
-    programs: dict[str, Any] = {b.name: b for b in device.system.kinds if is_program(b)}
+    programs: dict[str, Any] = {b.name: b for b in every if is_program(b)}
     bounds: dict[str, dict[str, Bound]] = {}
     deflections = {"chirp in the domain": domain_chirp(device)} | (recorded or {})
     extra = [recorded_stream(device, theta, name) for name, theta in deflections.items()]
     tried = {
-        b.name: streams(b, seed) + [e[b.name] for e in extra if b.name in e]
-        for b in device.system.kinds
-        if b.name not in programs
+        b.name: streams(b, seed) + [e[b.name] for e in extra if b.name in e] for b in chosen
     } | {name: program_streams(p, seed) for name, p in programs.items()}
-    scales = {b.name: full_scales(device, b) for b in device.system.kinds}
+    scales = {b.name: full_scales(device, b) for b in every}
     known: dict[tuple[str, int], tuple[dict[str, Array], dict[str, Array]]] = {}
     for real in reals:
         library = compile_device(device, real)
@@ -906,9 +977,7 @@ def verify(
                 comparisons.append(
                     compare_program(device, program, library, stream, known[name, k])
                 )
-        for block in device.system.kinds:
-            if block.name in programs:
-                continue
+        for block in chosen:
             rule = None
             if real == "f32":
                 say(f"deriving the float32 bound of {block.name}")

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from itertools import product
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -54,11 +55,14 @@ def memories(block: Block, dtype: npt.DTypeLike = np.float32, seed: int = 2) -> 
     Returns
     -------
     list of Stream
-        Coefficients that the limits must refuse; states of the exact inverse that only a long past
-        brings; empty for other Blocks.
+        Coefficients that the limits must refuse; zeros and steps of an encoder at the edge of what
+        they decide; states of the exact inverse that only a long past brings; empty for other
+        Blocks.
     """
     if block.name == "limits":
         return [_bad_coefficients(block, np.dtype(dtype))]
+    if block.name.startswith("encoder_"):
+        return [_encoder_edges(block, np.dtype(dtype))]
     if {"play_rad", "theta_prev_rad", "tau_r_Nm"} <= {p.name for p in block.state}:
         return [_nested_plays(block, np.random.default_rng(seed))]
     return []
@@ -124,6 +128,7 @@ def _above(limit: float, share: float = 1.02) -> tuple[float, float]:
 def _limits(block: Block, rng: np.random.Generator) -> list[Stream]:
     return [
         _faults(block, rng),
+        _causes_together(block, rng),
         _held_back(block, rng),
         _requests(block, rng),
         _energy(block, rng),
@@ -171,6 +176,40 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
         j.at += 2 * j.deliver
         j.release()
     return j.stream("every fault, and its release")
+
+
+def _causes_together(block: Block, rng: np.random.Generator) -> Stream:
+    # Any two causes in one step, from the released state: one reason is kept, not a mixture.
+    j = _Joint(block, 2600, rng)
+    t = j.t
+    j.command(0.8)
+    slots = next(p for p in block.state if p.name == "slots_J")
+    beyond = t["rom_max_rad"] + j.constant["rom_margin_rad"] + 0.01
+    causes: list[dict[str, float]] = [
+        {"key": 1.0},
+        {"stop": 1.0},
+        {"rearm": 2.5},
+        {"sensing_ok": 0.0},
+        {"control_beat": 0.0},
+        {"theta_rad": 1.02 * t["theta_max_rad"]},
+        {"tau_Nm": 1.02 * t["tau_max_Nm"]},
+        {"omega_motor_rad_s": 1.02 * t["omega_max_rad_s"]},
+        {"theta_load_rad": beyond, "theta_motor_rad": beyond + j.bent},
+        {"slots_J": 2.0 * t["energy_max_J"] / slots.size},
+    ]
+    states = {p.name: p.size for p in block.state}
+    injections: dict[int, dict[str, Array]] = {}
+    for k, one in enumerate(causes):
+        for other in causes[k:]:
+            j.release()
+            both = one | other
+            injections[j.at] = {
+                n: np.full(states[n], np.float32(v)) for n, v in both.items() if n in states
+            }
+            j.put(1, **{n: v for n, v in both.items() if n not in states})
+            injections[j.at + 2] = {"slots_J": np.zeros(slots.size)}
+            j.at += 4
+    return j.stream("two causes at once", injections)
 
 
 def _held_back(block: Block, rng: np.random.Generator) -> Stream:
@@ -303,16 +342,38 @@ def _bad_coefficients(block: Block, dtype: np.dtype[Any]) -> Stream:
         below, above = (np.nextafter(x, dtype.type(s * np.inf)) for x, s in ((low, -1), (high, 1)))
         for v in (low, high, below, above, *SPECIAL):
             cases.append({p.name: float(v)})
-    # A range of motion turned round, each end inside its own range.
+    # A range of motion turned round, each end inside its own range; and one that is as narrow as
+    # none was meant to be, at either end, but in order.
     t = {p.name: p for p in block.coefficients}
-    cases.append({"rom_min_rad": t["rom_min_rad"].high, "rom_max_rad": t["rom_max_rad"].low})
+    least, most = t["rom_min_rad"].low, t["rom_max_rad"].high
+    hair = 0.02 * (most - least)
+    cases += [
+        {"rom_min_rad": low, "rom_max_rad": high}
+        for low, high in ((most, least), (least, least + hair), (most - hair, most), (most, most))
+    ]
+    # Trips as wide as their ports let them be, a hair wider than compiled in, and the joint there.
+    margin = next(c.value for c in block.constants if c.name == "rom_margin_rad")
+    angles: dict[int, float] = {}
+    for name, end, sign in (
+        ("trip_low_rad", "rom_min_rad", -1),
+        ("trip_high_rad", "rom_max_rad", 1),
+    ):
+        widest = t[name].low if sign < 0 else t[name].high
+        edge = next(x.default for x in block.tunables if x.name == end) + sign * margin
+        near = np.float32(edge) + np.spacing(np.float32(edge)) * np.arange(-4, 5)
+        for angle in (*near, 0.5 * (edge + widest)):
+            angles[len(cases)] = float(angle)
+            cases.append({name: widest})
     each = 24
     j = _Joint(block, each * len(cases) + 60, np.random.default_rng(4))
     j.command(0.5)
     changes: dict[int, dict[str, Array]] = {}
-    for case in cases:
+    for k, case in enumerate(cases):
         j.release()
-        changes[j.at] = {k: np.array([v]) for k, v in case.items()}
+        changes[j.at] = {name: np.array([v]) for name, v in case.items()}
+        if k in angles:
+            j.x["theta_load_rad"][j.at : j.at + 4] = angles[k]
+            j.x["theta_motor_rad"][j.at : j.at + 4] = angles[k] + j.bent
         j.at += 6
         changes[j.at] = {}
         j.at += 4
@@ -422,6 +483,53 @@ def _encoder(block: Block, rng: np.random.Generator) -> list[Stream]:
         Stream("motion, gaps and slips", inputs, again),
         Stream("the same, with invalid inputs", broken, again),
     ]
+
+
+def _encoder_edges(block: Block, dtype: np.dtype[Any]) -> Stream:
+    # Zeros that put a first frame half way between two turns, a hair to either side, and a little
+    # less than a percent; whether zeroed, at its threshold; and steps as far as is believed after
+    # so many bad frames, and one count farther.
+    count, word = block.inputs
+    constant = {c.name: c.value for c in block.constants}
+    most, held = int(constant["step_max_counts"]), int(constant["held_max"])
+    offset, zeroed = block.coefficients
+    start = {p.name: np.full(p.size, p.init) for p in block.state}
+    full = count.high + 1
+    turn = block.step.n_out() + [name for name, _ in block.labels].index("turn_wanted")
+
+    def wanted(zero: float, at: float) -> float:
+        # The Block's own formula: the turn that a first frame asks for.
+        first = [zero, 0.0, *(p.init for p in block.state), at, 0.0]
+        return float(block.labelled_step.call([ca.DM(x) for x in first])[turn])
+
+    frames: list[tuple[dict[str, Array], dict[str, Array], float]] = []
+    for at in (0.0, 1.0, np.floor(full / 3), full - 1):
+        here, slope = wanted(0.0, at), wanted(1.0, at) - wanted(0.0, at)
+        for half in np.arange(-5, 5) + 0.5:
+            zero = (half - here) / slope
+            if not offset.low < zero < offset.high:
+                continue
+            tie = dtype.type(zero)
+            near = [tie + k * np.spacing(tie) for k in range(-6, 7)]
+            near += [dtype.type((half * (1 + s) - here) / slope) for s in (-4e-3, 4e-3)]
+            frames += [(start, {offset.name: np.array([float(z)])}, at) for z in near]
+    edge = dtype.type(0.5)
+    for value in (edge - np.spacing(edge), edge, edge + np.spacing(edge), dtype.type(0.503)):
+        frames.append((start, {zeroed.name: np.array([float(value)])}, 0.0))
+    for bad in range(held + 1):
+        for far in (0, 1):
+            for way in (-1, 1):
+                step = way * (most * (bad + 1) + far)
+                for settled, last in product((2.0, 4.0), (full // 2, 2.0, full - 3.0)):
+                    past = {"held": bad, "settled": settled, "count_last": last, "turn": 1.0}
+                    state = start | {k: np.array([float(v)]) for k, v in past.items()}
+                    frames.append((state, {}, (last + step) % full))
+    return Stream(
+        "edges of turn, zero and reach",
+        {count.name: np.array([f[2] for f in frames]), word.name: np.zeros(len(frames))},
+        {k: f[0] for k, f in enumerate(frames)},
+        {k: f[1] for k, f in enumerate(frames)},
+    )
 
 
 # -- control ---------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import casadi as ca
 import cffi
 import numpy as np
 
@@ -454,7 +455,75 @@ def exact_trajectory(
     return float32_reference(kernel, block, stream, arguments)
 
 
-def setup_difference(block: Block, library: HostLibrary) -> str:
+# Settings of the tunables within their bounds, beside their defaults: shares of the room between.
+SHARES = (0.0, 0.11, 0.37, 0.5, 0.83, 1.0)
+RANDOM_SETTINGS = 40
+# And far beyond them, times their defaults: there the terms count that are small within.
+# Arithmetic is compared, not sense, so a setting that gives no number is left out.
+BEYOND = (1e-3, 0.03, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What ``prepare`` and ``init`` of a Block must give in one format, bit for bit.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    start : list of ndarray
+        State after ``init``, per port.
+    prepared : list of (dict, list of ndarray)
+        Settings of the tunables, and the coefficients per port.
+    """
+
+    block: Block
+    start: list[Array]
+    prepared: list[tuple[dict[str, float], list[Array]]]
+
+
+def expected_setup(block: Block, fmt: Format) -> Setup:
+    """What ``prepare`` and ``init`` of a Block must give.
+
+    Parameters
+    ----------
+    block : Block
+        The Block.
+    fmt : Format
+        Number format.
+
+    Returns
+    -------
+    Setup
+        With the tunables at their defaults, ends and middles, 40 times at random within their
+        bounds, and together a thousandth of to a thousand times their defaults.
+    """
+    rng = np.random.default_rng(7)
+    count = len(block.tunables)
+    shares = [np.full(count, s) for s in SHARES] + [*rng.random((RANDOM_SETTINGS, count))]
+    settings = [block.default_tunables()] + [
+        {
+            t.name: float(np.float32(t.low + s * (t.high - t.low)))
+            for t, s in zip(block.tunables, row, strict=True)
+        }
+        for row in shares
+    ]
+    settings += [
+        {t.name: float(np.float32(factor * t.default)) for t in block.tunables} for factor in BEYOND
+    ]
+    prepared = []
+    for values in settings if count else ():
+        if fmt.needs_libm:
+            made = block.prepare.call([ca.DM(v) for v in values.values()])
+            columns = [np.asarray(c, dtype=float).ravel() for c in made]
+        else:
+            columns = coefficients_of(block, fmt, values)
+        if all(np.all(np.isfinite(c)) for c in columns):
+            prepared.append((values, columns))
+    return Setup(block, initial_state(block, fmt, coefficients_of(block, fmt, {})), prepared)
+
+
+def setup_difference(block: Block, library: HostLibrary, expected: Setup | None = None) -> str:
     """Where ``init`` or ``prepare`` of a compiled Block differs from this executor.
 
     Parameters
@@ -463,37 +532,33 @@ def setup_difference(block: Block, library: HostLibrary) -> str:
         The Block.
     library : HostLibrary
         Its C.
+    expected : Setup, optional
+        From :func:`expected_setup`, where it is known already.
 
     Returns
     -------
     str
         What differs; empty when every bit agrees, from a state full of rubbish and with the
-        tunables at their defaults, ends and middles.
+        tunables at the settings of :func:`expected_setup`.
     """
     fmt = FORMATS[library.real]
+    wanted = expected or expected_setup(block, fmt)
     runner = library.block(block.name)
     rubbish = runner.state
     rubbish.view(np.uint8)[:] = 0xA5
     runner.state = rubbish
     runner.reset()
     now = runner.state[0]
-    start = initial_state(block, fmt, coefficients_of(block, fmt, {}))
-    for p, value in zip(block.state, start, strict=True):
+    for p, value in zip(block.state, wanted.start, strict=True):
         if np.asarray(now[p.name], fmt.dtype).tobytes() != value.tobytes():
             return f"init: state {p.name} is {now[p.name]!r} instead of {value!r}"
     for field in counter_fields(block):
         if now[field] != 0:
             return f"init: counter {field} is {now[field]}"
-    for share in (None, 0.0, 0.11, 0.37, 0.5, 0.83, 1.0) if block.tunables else ():
-        tunables = {
-            t.name: t.default
-            if share is None
-            else float(np.float32(t.low + share * (t.high - t.low)))
-            for t in block.tunables
-        }
+    for tunables, columns in wanted.prepared:
         runner.prepare(tunables)
         (held,) = runner._coeffs
-        for p, value in zip(block.coefficients, coefficients_of(block, fmt, tunables), strict=True):
+        for p, value in zip(block.coefficients, columns, strict=True):
             got = getattr(held, p.name)
             column = np.array([got] if p.size == 1 else list(got), fmt.dtype)
             if column.tobytes() != value.tobytes():
@@ -502,10 +567,12 @@ def setup_difference(block: Block, library: HostLibrary) -> str:
 
 
 __all__ = [
+    "Setup",
     "Trajectory",
     "emitted_kernel",
     "evaluate",
     "exact_trajectory",
+    "expected_setup",
     "float32_reference",
     "setup_difference",
 ]

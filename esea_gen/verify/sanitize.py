@@ -28,7 +28,7 @@ from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import Array, HostLibrary, find_compiler
 from esea_gen.system import System
-from esea_gen.verify.equivalence import is_program, run_c
+from esea_gen.verify.equivalence import chosen_blocks, is_program, run_c
 from esea_gen.verify.executor import counter_fields
 from esea_gen.verify.streams import Stream, at_the_limits, other_memories, streams
 
@@ -151,7 +151,11 @@ def _standard_error() -> Iterator[list[str]]:
 
 
 def undefined_behaviour(
-    device: Device, real: str, files: Mapping[str, str] | None = None, steps: int = 1500
+    device: Device,
+    real: str,
+    files: Mapping[str, str] | None = None,
+    steps: int = 1500,
+    blocks: Sequence[str] | None = None,
 ) -> SanitizerRun:
     """Run every Block and task in process, watched for undefined behaviour.
 
@@ -165,6 +169,8 @@ def undefined_behaviour(
         Files in place of the device's own.
     steps : int
         Length of each stream.
+    blocks : sequence of str, optional
+        Only these; without it, all Blocks and the tasks.
 
     Returns
     -------
@@ -176,11 +182,11 @@ def undefined_behaviour(
     library = HostLibrary(device.system, GivenRenderer(device, real, files), flags)
     runs = taken = 0
     with _standard_error() as said:
-        for block in device.system.kinds:
+        for block in chosen_blocks(device, blocks):
             for stream in tried_streams(block, FORMATS[real], steps):
                 run_c(library.block(block.name), stream)
                 runs, taken = runs + 1, taken + stream.steps
-        for task in device.system.tasks:
+        for task in () if blocks else device.system.tasks:
             runner = library.task(task.name)
             inputs = _task_inputs(device.system, task, steps)
             runner.run(inputs, trace=False)
@@ -200,7 +206,8 @@ def _task_inputs(system: System, task: Any, steps: int) -> dict[str, Array]:
         out[x.name] = value.astype(float)
         if x.port.size > 1:
             out[x.name] = np.tile(out[x.name][:, None], (1, x.port.size))
-    return out
+    # A task without inputs is run as often all the same.
+    return out or {"": np.zeros(steps)}
 
 
 def _packed(values: Sequence[Array], steps: int) -> list[bytes]:
@@ -325,6 +332,7 @@ def replay_device(
     sanitizer: str,
     files: Mapping[str, str] | None = None,
     steps: int = 1500,
+    blocks: Sequence[str] | None = None,
 ) -> SanitizerRun:
     """Replay every Block and task in the C harness, and compare its bits with the library's.
 
@@ -340,6 +348,8 @@ def replay_device(
         Files in place of the device's own.
     steps : int
         Length of each stream.
+    blocks : sequence of str, optional
+        Only these; without it, all Blocks and the tasks.
 
     Returns
     -------
@@ -353,7 +363,7 @@ def replay_device(
     runs = taken = 0
     with tempfile.TemporaryDirectory(prefix="esea-replay-") as scratch:
         harness = Replay(device, real, sanitizer, Path(scratch), files)
-        for name, stream, inputs, state, expected in _cases(device, library, fmt, steps):
+        for name, stream, inputs, state, expected in _cases(device, library, fmt, steps, blocks):
             data = _stream_bytes(stream, inputs, state)
             # Two fillings, a tiny and a huge number: a result that depends on memory that nobody
             # wrote differs in one.
@@ -368,10 +378,14 @@ def replay_device(
 
 
 def _cases(
-    device: Device, library: HostLibrary, fmt: Format, steps: int
+    device: Device,
+    library: HostLibrary,
+    fmt: Format,
+    steps: int,
+    blocks: Sequence[str] | None,
 ) -> Iterator[tuple[str, Stream, list[Array], np.dtype[Any], list[Array]]]:
     # Name, stream, inputs as the C's numbers, type of the state, outputs and states expected.
-    for block in device.system.kinds:
+    for block in chosen_blocks(device, blocks):
         state = library.dtype(f"{library.prefix}_{block.name}_state_t")
         for stream in tried_streams(block, fmt, steps):
             if stream.coefficients:  # the harness prepares its own: watched in process
@@ -382,8 +396,10 @@ def _cases(
             names = [p.name for p in block.state] + list(counter_fields(block))
             expected = [y[p.name] for p in block.outputs] + [s[n] for n in names]
             yield block.name, stream, inputs, state, expected
-    for task in device.system.tasks:
+    for task in () if blocks else device.system.tasks:
         values = _task_inputs(device.system, task, steps)
+        if not device.system.task_inputs(task):  # nothing to replay: watched in process
+            continue
         y, _ = library.task(task.name).run(values, trace=False)
         sources = device.system.task_inputs(task)
         inputs = [np.asarray(values[x.name], fmt.dtype) for x in sources]

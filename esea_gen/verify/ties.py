@@ -2,26 +2,33 @@
 
 A comparison, minimum or maximum whose operands are far apart tells nothing of its threshold.  So
 for each one, from states that its Block has been in, one input or state is moved until both
-operands meet, and then a little to either side.
+operands meet.  Of the ties found, those are taken where the decision shows: told to decide the
+other way, the step gives another result.  Round each, the stream has the numbers of the format
+whose operands are equal, or one unit in the last place apart, and one within a percent.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.block import Array, Block, Port
-from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.walker import Kernel
+from esea_gen.emit.formats import FORMATS, Format
+from esea_gen.emit.walker import Kernel, Node
 from esea_gen.verify.streams import Stream, single
 
 AIMED = frozenset({"lt", "le", "fmin", "fmax"})
-# Beside the tie itself: units in the last place, and shares of the moved value's range.
-SIDES_ULP = (-2, 2)
-SIDES_SHARE = (-1e-3, 1e-3, -1e-5, 1e-5)
 ITERATIONS = 6
+# Ties looked for, for each one that is wanted: most do not show.
+SEARCHED = 8
+FEWEST, MOST = 600, 6000
+ROUNDS = 4  # the later ones for what still lacks some
+# Beside a threshold, and less than the percent by which one may be wrong.
+SHARE = 4e-3
 
 
 def aimed_stream(
@@ -40,105 +47,261 @@ def aimed_stream(
     tried : sequence of Stream
         Whose states and inputs it starts from.
     dtype : dtype
-        The format whose neighbouring numbers are meant.
+        The format whose numbers are meant.
     seed : int
         Seed of the choices.
     trials : int
-        Ties looked for of each decision; each that is found gives three steps.
+        Ties wanted of each decision; each gives up to four steps.
 
     Returns
     -------
     list of Stream
         The stream; none when no decision could be aimed at.
     """
-    from esea_gen.verify.equivalence import run_symbolic
-    from esea_gen.verify.executor import (
-        coefficients_of,
-        emitted_kernel,
-        evaluate,
-        initial_state,
-        step_arguments,
-    )
-
-    fmt = FORMATS["f64"]
-    kernel, _ = emitted_kernel(block, fmt)
-    ports = (*block.state, *block.inputs)
-    first = len(block.coefficients)
-    cones = _cones(kernel, first)
-    decisions = [
-        i for i, n in enumerate(kernel.nodes) if n.op in AIMED and any(cones[a] for a in n.args)
-    ]
-    if not decisions:
+    aim = _Aim.at(block, next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype)))
+    if not aim.decisions:
         return []
     rng = np.random.default_rng(seed)
-    trials = max(300, min(1600, trials * len(decisions)))
-    coefficients = coefficients_of(block, fmt, {})
-    initial = initial_state(block, fmt, coefficients)
+    pool = _pool(aim, tried, rng)
+    if not pool:
+        return []
+    cones = _cones(aim.kernel, aim.first)
+    lacking = dict.fromkeys(aim.decisions, trials)
+    steps: list[list[Array]] = []
+    for _ in range(ROUNDS):
+        wanted = [i for i, n in lacking.items() if n > 0]
+        if not wanted:
+            break
+        count = int(np.clip(SEARCHED * trials * len(wanted), FEWEST, MOST))
+        rows = rng.integers(len(pool[0]), size=count)
+        # Rounded before, so that the tie is one of the numbers that the stream holds.
+        start = [single(p[rows]) for p in pool]
+        aims = np.resize(rng.permutation(wanted), count)
+        moved = [_pick(rng, cones, aim.kernel.nodes[i].args) for i in aims]
+        search = _Search(aim, start, aims, moved, rng)
+        ties = search.ties()
+        shown = ties & search.shows()
+        chosen: list[int] = []
+        for i in wanted:
+            good, rest = (np.flatnonzero(x & (aims == i)) for x in (shown, ties & ~shown))
+            chosen += [*good[: lacking[i]], *rest[: 0 if len(good) else 2]]
+            lacking[i] -= len(good)
+        steps += search.near(np.array(chosen, dtype=int))
+    return _steps(aim, steps)
+
+
+@dataclass(frozen=True)
+class _Aim:
+    # What is aimed at: a Block's step as one format prints it.
+    block: Block
+    fmt: Format
+    kernel: Kernel
+    decisions: list[int]
+    coefficients: list[Array]
+
+    @classmethod
+    def at(cls, block: Block, fmt: Format) -> _Aim:
+        from esea_gen.verify.executor import coefficients_of, emitted_kernel
+
+        kernel, _ = emitted_kernel(block, fmt)
+        cones = _cones(kernel, len(block.coefficients))
+        decisions = [
+            i for i, n in enumerate(kernel.nodes) if n.op in AIMED and any(cones[a] for a in n.args)
+        ]
+        return cls(block, fmt, kernel, decisions, coefficients_of(block, fmt, {}))
+
+    @property
+    def first(self) -> int:
+        return len(self.block.coefficients)
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        return (*self.block.state, *self.block.inputs)
+
+    def nodes(
+        self, arguments: Sequence[Array], kernel: Kernel | None = None, own: bool = False
+    ) -> list[Array]:
+        # Every value, in float64 or in the format's own arithmetic.
+        from esea_gen.verify.executor import evaluate
+
+        full = [np.tile(c, (len(arguments[0]), 1)) for c in self.coefficients] + [*arguments]
+        return evaluate(kernel or self.kernel, self.fmt if own else FORMATS["f64"], full)
+
+    def told(self, i: int, replacement: Node) -> Kernel:
+        # The kernel with one node decided from outside.
+        nodes = [*self.kernel.nodes]
+        nodes[i] = replacement
+        return Kernel(self.kernel.name, tuple(nodes), self.kernel.results)
+
+
+def _pool(aim: _Aim, tried: Sequence[Stream], rng: np.random.Generator) -> list[Array]:
     # Any step of the given streams that lies within all ports' ranges.
-    pool: list[list[Array]] = []
+    from esea_gen.verify.equivalence import run_symbolic
+    from esea_gen.verify.executor import coefficients_of, initial_state, step_arguments
+
+    double = FORMATS["f64"]
+    coefficients = coefficients_of(aim.block, double, {})
+    initial = initial_state(aim.block, double, coefficients)
+    found: list[list[Array]] = []
     for stream in tried:
         if stream.coefficients:
             continue
-        _, states = run_symbolic(block, stream)
-        arguments = step_arguments(block, stream, states, initial, coefficients, fmt)[first:]
+        _, states = run_symbolic(aim.block, stream)
+        arguments = step_arguments(aim.block, stream, states, initial, coefficients, double)
+        arguments = arguments[aim.first :]
         inside = np.all(
             [
                 np.all((a >= p.low) & (a <= p.high), axis=1)
-                for p, a in zip(ports, arguments, strict=True)
+                for p, a in zip(aim.ports, arguments, strict=True)
             ],
             axis=0,
         )
         chosen = np.flatnonzero(inside)
         if len(chosen):
             chosen = rng.choice(chosen, min(len(chosen), 400), replace=False)
-            pool.append([a[chosen] for a in arguments])
-    if not pool:
-        return []
-    base = [np.concatenate([p[k] for p in pool]) for k in range(len(ports))]
-    rows = rng.integers(len(base[0]), size=trials)
-    # Rounded before, so that the tie is one of the numbers that the stream holds.
-    start = [single(b[rows]) for b in base]
-    aims = np.resize(rng.permutation(decisions), trials)
-    moved = [_pick(rng, cones, kernel.nodes[i].args) for i in aims]
+            found.append([a[chosen] for a in arguments])
+    return [np.concatenate([p[k] for p in found]) for k in range(len(aim.ports))] if found else []
 
-    def gap(values: Array) -> tuple[Array, list[Array]]:
-        arguments = [a.copy() for a in start]
-        for k, (argument, element) in enumerate(moved):
-            arguments[argument - first][k, element] = values[k]
-        full = [np.tile(c, (trials, 1)) for c in coefficients] + arguments
-        nodes = evaluate(kernel, fmt, full)
-        pairs = [kernel.nodes[i].args for i in aims]
-        found = [float(nodes[a][k]) - float(nodes[b][k]) for k, (a, b) in enumerate(pairs)]
-        return np.array(found), arguments
 
-    own: list[Port] = [ports[argument - first] for argument, _ in moved]
-    low, high = np.array([p.low for p in own]), np.array([p.high for p in own])
-    x0 = np.array([start[a - first][k, e] for k, (a, e) in enumerate(moved)])
-    x1 = np.clip(
-        x0 + rng.uniform(-1, 1, trials) * 10.0 ** rng.uniform(-6, 0, trials) * (high - low),
-        low,
-        high,
-    )
-    d0, _ = gap(x0)
-    with np.errstate(all="ignore"):
-        for _ in range(ITERATIONS):
-            d1, _ = gap(x1)
-            step = d1 * (x1 - x0) / (d1 - d0)
-            better = np.where(np.isfinite(step), x1 - step, x1)
-            x0, d0, x1 = x1, d1, np.clip(better, low, high)
-        last, arguments = gap(x1)
-        met = np.abs(last) <= 1e-6 * np.maximum(np.abs(d0) + np.abs(x1), 1e-3)
-    return _steps(block, arguments, moved, x1, met, (low, high), dtype, rng)
+class _Search:
+    # Many ties at once: per row one decision, and one element of an argument that is moved.
+
+    def __init__(
+        self,
+        aim: _Aim,
+        start: list[Array],
+        aims: npt.NDArray[Any],
+        moved: list[tuple[int, int]],
+        rng: np.random.Generator,
+    ) -> None:
+        self.aim, self.start, self.aims, self.rng = aim, start, aims, rng
+        self.moved = np.array([(argument - aim.first, element) for argument, element in moved])
+        own = [aim.ports[k] for k, _ in self.moved]
+        self.low, self.high = np.array([p.low for p in own]), np.array([p.high for p in own])
+        self.at = np.array([start[k][row, e] for row, (k, e) in enumerate(self.moved)])
+        self.slope = np.zeros(len(aims))
+        self.size = np.zeros(len(aims))
+
+    def arguments(self, values: Array, rows: npt.NDArray[Any]) -> list[Array]:
+        out = [a[rows].copy() for a in self.start]
+        for k in np.unique(self.moved[rows, 0]):
+            hit = np.flatnonzero(self.moved[rows, 0] == k)
+            out[k][hit, self.moved[rows[hit], 1]] = values[hit]
+        return out
+
+    def operands(
+        self, values: Array, rows: npt.NDArray[Any], own: bool = False
+    ) -> tuple[Array, Array]:
+        nodes = self.aim.nodes(self.arguments(values, rows), own=own)
+        kind = self.aim.fmt.dtype if own else np.dtype(float)
+        a, b = np.zeros(len(rows), kind), np.zeros(len(rows), kind)
+        for i in np.unique(self.aims[rows]):
+            hit = self.aims[rows] == i
+            first, second = self.aim.kernel.nodes[i].args
+            a[hit], b[hit] = nodes[first][hit], nodes[second][hit]
+        return a, b
+
+    def ties(self) -> npt.NDArray[np.bool_]:
+        # By secants, in float64, from any step towards the tie.
+        every, x0 = np.arange(len(self.aims)), self.at
+        reach = 10.0 ** self.rng.uniform(-6, 0, len(every)) * (self.high - self.low)
+        x1 = np.clip(x0 + self.rng.uniform(-1, 1, len(every)) * reach, self.low, self.high)
+        with np.errstate(all="ignore"):
+            a, b = self.operands(x0, every)
+            d0 = a - b
+            far = np.abs(d0)
+            for _ in range(ITERATIONS):
+                a, b = self.operands(x1, every)
+                d1 = a - b
+                slope = (d1 - d0) / (x1 - x0)
+                step = d1 / slope
+                self.slope = np.where(np.isfinite(step) & (step != 0), slope, self.slope)
+                better = np.where(np.isfinite(step), x1 - step, x1)
+                x0, d0, x1 = x1, d1, np.clip(better, self.low, self.high)
+            a, b = self.operands(x1, every)
+            # Beside a zero, a share of how far apart they were.
+            self.at, self.size = x1, np.where(b == 0, 0.1 * far, np.abs(b))
+            room = np.maximum(np.abs(d0) + np.abs(x1), 1e-3)
+            return np.asarray(np.abs(a - b) <= 1e-6 * room)
+
+    def beside(self, rows: npt.NDArray[Any], side: Array) -> Array:
+        # Where the operands are a small share of the second one apart.
+        with np.errstate(all="ignore"):
+            step = side * SHARE * self.size[rows] / self.slope[rows]
+        found = self.at[rows] + np.where(np.isfinite(step), step, 0.0)
+        return np.asarray(single(np.clip(found, self.low[rows], self.high[rows])))
+
+    def shows(self) -> npt.NDArray[np.bool_]:
+        # Whether the step gives another result when the decision is the other one.
+        out = np.zeros(len(self.aims), dtype=bool)
+        for i in self.aim.decisions:
+            rows = np.flatnonzero(self.aims == i)
+            n = self.aim.kernel.nodes[i]
+            if n.boolean:
+                values = self.at[rows]
+                ways = [Node("const", value=v) for v in (0.0, 1.0)]
+            else:  # at the tie a minimum is either operand
+                values = self.beside(rows, self.rng.choice([-1.0, 1.0], len(rows)))
+                ways = [Node(n.op, (a, a)) for a in n.args]
+            arguments = self.arguments(values, rows)
+            one, other = (self.aim.nodes(arguments, self.aim.told(i, w)) for w in ways)
+            for k in (k for r in self.aim.kernel.results for k in r):
+                out[rows] |= one[k].astype(float) != other[k].astype(float)
+        return out
+
+    def near(self, rows: npt.NDArray[Any]) -> list[list[Array]]:
+        # Arguments of the steps round the ties, row by row.
+        kind = self.aim.fmt.dtype
+        tie = _ordered(self.at[rows].astype(kind))
+        doubling = 1 << np.arange(3, 20 if kind.itemsize == 4 else 48)
+        offsets = np.array([0, *range(1, 8), *doubling])
+        best = {s: (np.full(len(rows), np.inf), self.at[rows]) for s in (-1, 0, 1)}
+        for offset in np.concatenate([offsets, -offsets[1:]]):
+            values = _number(tie + offset, kind).astype(float)
+            inside = (values >= self.low[rows]) & (values <= self.high[rows])
+            values = np.where(inside, values, self.at[rows].astype(kind))
+            a, b = self.operands(values, rows, own=True)
+            apart = _ordered(a) - _ordered(b)
+            for side, (least, held) in best.items():
+                closer = inside & (np.sign(apart) == side) & (np.abs(apart) < least)
+                best[side] = (
+                    np.where(closer, np.abs(apart), least),
+                    np.where(closer, values, held),
+                )
+        either = self.rng.choice([-1.0, 1.0], len(rows))
+        columns = [held for _, held in best.values()] + [self.beside(rows, either)]
+        known = [np.isfinite(least) for least, _ in best.values()] + [np.ones(len(rows), bool)]
+        out = []
+        given = [self.arguments(c, rows) for c in columns]
+        for k in range(len(rows)):
+            out += [[a[k] for a in g] for g, ok in zip(given, known, strict=True) if ok[k]]
+        return out
+
+
+def _ordered(x: Array) -> npt.NDArray[np.int64]:
+    # Whole numbers in the order of the format's numbers, neighbours one apart; both zeros are 0.
+    kind = np.int32 if x.dtype.itemsize == 4 else np.int64
+    raw = x.view(kind).astype(np.int64)
+    return np.asarray(np.where(raw < 0, np.iinfo(kind).min - raw, raw))
+
+
+def _number(i: npt.NDArray[np.int64], dtype: np.dtype[Any]) -> Array:
+    kind = np.int32 if dtype.itemsize == 4 else np.int64
+    return np.where(i < 0, np.iinfo(kind).min - i, i).astype(kind).view(dtype)
 
 
 def _cones(kernel: Kernel, first: int) -> list[frozenset[tuple[int, int]]]:
-    # Per node, the elements of states and inputs that it depends on.
+    # Per node, the elements of states and inputs that its number depends on.  What only decides
+    # between numbers is left out: moving it a little moves nothing.
     out: list[frozenset[tuple[int, int]]] = []
     for n in kernel.nodes:
         if n.op == "input":
             out.append(frozenset({n.source} if n.source[0] >= first else ()))
+        elif n.boolean:
+            out.append(frozenset())
         else:
-            out.append(frozenset().union(*(out[a] for a in n.args)))
+            moving = n.args[1:] if n.op in ("if_else_zero", "select") else n.args
+            out.append(frozenset().union(*(out[a] for a in moving)))
     return out
 
 
@@ -149,42 +312,15 @@ def _pick(
     return elements[int(rng.integers(len(elements)))]
 
 
-def _steps(
-    block: Block,
-    arguments: list[Array],
-    moved: list[tuple[int, int]],
-    values: Array,
-    met: Array,
-    ends: tuple[Array, Array],
-    dtype: npt.DTypeLike,
-    rng: np.random.Generator,
-) -> list[Stream]:
-    first = len(block.coefficients)
-    kind = np.dtype(dtype).type
-    rows: list[list[Array]] = []
-    for k in np.flatnonzero(met):
-        argument, element = moved[k]
-        tie = kind(values[k])
-        sides = [float(tie)]
-        for ulps in SIDES_ULP:
-            x = tie
-            for _ in range(abs(ulps)):
-                x = np.nextafter(x, kind(np.copysign(np.inf, ulps)))
-            sides.append(float(x))
-        room = ends[1][k] - ends[0][k]
-        sides += [float(single(values[k] + s * room)) for s in SIDES_SHARE]
-        for x in (sides[0], *rng.choice(sides[1:], 2, replace=False)):
-            row = [a[k].copy() for a in arguments]
-            row[argument - first][element] = x
-            rows.append(row)
+def _steps(aim: _Aim, rows: list[list[Array]]) -> list[Stream]:
     if not rows:
         return []
-    count = len(block.state)
+    count = len(aim.block.state)
     injections = {
-        k: {p.name: row[i] for i, p in enumerate(block.state)} for k, row in enumerate(rows)
+        k: {p.name: row[i] for i, p in enumerate(aim.block.state)} for k, row in enumerate(rows)
     }
     inputs = {}
-    for i, p in enumerate(block.inputs):
+    for i, p in enumerate(aim.block.inputs):
         column = np.array([row[count + i] for row in rows])
         inputs[p.name] = column[:, 0] if p.size == 1 else column
     return [Stream("aimed at every decision", inputs, injections if count else {})]

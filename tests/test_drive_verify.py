@@ -1,0 +1,242 @@
+"""Verification of the Blocks of torque control: what it sees of a fault in their C."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+import esea_gen
+from esea_gen.cli import app
+from esea_gen.emit.formats import FORMATS
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import HostLibrary
+from esea_gen.verify import equivalence, mutation
+from esea_gen.verify.equivalence import EXACT, LASTING, ONE_STEP, RESIDUAL, verify
+from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
+from esea_gen.verify.sanitize import GivenRenderer, replay_device, undefined_behaviour
+
+from .conftest import require_tool
+
+# One fault a Block: what stands in its C, what is put there, which output or state tells of it.
+FAULTS = {
+    # The switching term pushes away from the surface.
+    "sliding_mode": (r"law_Nm = u_eq_Nm \+ \(", "law_Nm = u_eq_Nm - (", "u_wanted_Nm"),
+    # The energy trips while it is small, and not when it is large.
+    "limits": (r"energy_max_J < window_J", "window_J < energy_max_J", "status"),
+    # A turn that is counted is forgotten.
+    "encoder_motor": (r" state->turn = turn;", "", "turn"),
+    # The new law starts a torque away from where the coupling is.
+    "reference": (r"\(law_Nm \+ offset_Nm\)", "(law_Nm - offset_Nm)", "tau_set_Nm"),
+    # The last step of the search goes the wrong way.
+    "inverse": (r"(refined_rad = turn \* \(\w+) \+", r"\1 -", "residual"),
+    # The observer's memory of the motor's torque stands still.
+    "drive_observer": (r" state->u_a_Nm = u_a_Nm;", "", "u_a_Nm"),
+    # The difference is taken from the first angle ever seen.
+    "motor_rate": (r" state->theta_last_rad = theta_rad_used;", "", "omega_rad_s"),
+}
+SOUND = ["joint", "stamp", "set_rate"]
+# By which rule f32 is judged.
+RULE = dict.fromkeys(FAULTS, LASTING) | {
+    "sliding_mode": ONE_STEP,
+    "limits": ONE_STEP,
+    "inverse": RESIDUAL,
+}
+
+
+@pytest.fixture(scope="module")
+def drive():
+    require_tool("gcc")
+    return esea_gen.load_device("elbow_drive")
+
+
+def faulty(drive, real):
+    files = GivenRenderer(drive, real).files()
+    for block, (old, new, _) in FAULTS.items():
+        name = f"esea_elbow_drive_{block}.c"
+        assert len(re.findall(old, files[name])) == 1, (block, old)
+        files[name] = re.sub(old, new, files[name])
+    return HostLibrary(drive.system, GivenRenderer(drive, real, files))
+
+
+def told_of(comparisons):
+    return {
+        text for c in comparisons for text in [*c.problems, "status" * bool(c.status_differences)]
+    }
+
+
+@pytest.fixture(scope="module")
+def f32_faulty(drive):
+    return faulty(drive, "f32")
+
+
+def test_a_fault_in_each_block_is_seen_in_f32_and_told_by_name(drive, f32_faulty, monkeypatch):
+    monkeypatch.setattr(equivalence, "compile_device", lambda *_: f32_faulty)
+    names = [*FAULTS, *SOUND]
+    arguments = [x for name in names for x in ("--block", name)]
+    kept = []
+    original = equivalence.verify
+
+    def run(*given, **named):
+        kept.append(original(*given, **named))
+        return kept[0]
+
+    monkeypatch.setattr(equivalence, "verify", run)
+    wide = {"COLUMNS": "200"}
+    done = CliRunner().invoke(app, ["verify", "elbow_drive", "--real", "f32", *arguments], env=wide)
+    assert done.exit_code == 1, done.output
+    (found,) = kept
+    for name, (_, _, port) in FAULTS.items():
+        items = [c for c in found.comparisons if c.block == name]
+        assert not all(c.passed for c in items), name
+        assert {c.rule for c in items} == {RULE[name]}, name
+        assert any(port in text for text in told_of(items)), (name, told_of(items))
+        assert re.search(rf"\b{name}\b[^\n]*FAILED", done.output), done.output
+        assert re.search(rf"^{name} f32, .+: ", done.output, re.M), name
+    for name in SOUND:
+        assert all(c.passed for c in found.comparisons if c.block == name), name
+        assert not re.search(rf"\b{name}\b[^\n]*FAILED", done.output)
+
+
+def test_a_fault_in_each_block_is_seen_in_f64(drive, monkeypatch):
+    library = faulty(drive, "f64")
+    monkeypatch.setattr(equivalence, "compile_device", lambda *_: library)
+    found = verify(drive, ["f64"], blocks=[*FAULTS, *SOUND])
+    for name in FAULTS:
+        items = [c for c in found.comparisons if c.block == name]
+        assert {c.rule for c in items} == {EXACT}
+        assert any(c.bit_identical is False for c in items), name
+        assert any(c.problems for c in items), name
+    assert all(c.passed for c in found.comparisons if c.block in SOUND)
+
+
+def test_the_c_that_ships_passes(drive):
+    """The same Blocks without a fault; all of them, and both formats, under ``slow``."""
+    found = verify(drive, ["f32"], blocks=["sliding_mode", "limits", "reference", "joint"])
+    assert found.passed, [(c.block, c.stream, c.problems) for c in found.comparisons]
+    assert {c.block for c in found.comparisons} == {"sliding_mode", "limits", "reference", "joint"}
+
+
+@pytest.mark.slow
+def test_the_whole_drive_passes(drive):
+    found = verify(drive)
+    assert found.passed, [(c.block, c.stream, c.problems) for c in found.comparisons]
+    assert {c.block for c in found.comparisons} == {b.name for b in drive.system.kinds}
+    assert all(c.bit_identical for c in found.comparisons if c.real == "f64")
+
+
+def test_an_unknown_block_is_refused(drive):
+    with pytest.raises(UserError, match=r"no Block 'limit'\.") as error:
+        verify(drive, ["f32"], blocks=["limit"])
+    assert "limits" in str(error.value.fix)
+    done = CliRunner().invoke(app, ["mutate", "elbow_drive", "--block", "nothing"])
+    assert done.exit_code != 0
+
+
+# -- sanitizers ------------------------------------------------------------------------------------
+
+STEP = r"(?m)^(    const float theta_rad = in->theta_rad;|    const float mode = in->mode;)$"
+UNDEFINED = {
+    "limits": (
+        r"state->slots_J\[9\];",
+        "state->slots_J[10 + (in->tau_Nm > 3.0f)];",
+        "out of bounds",
+    ),
+    "sliding_mode": (STEP, r"\1 volatile float z = 0.0f; z = 1.0f / z;", "division by zero"),
+    "reference": (STEP, r"\1 volatile int far = 40; far = 1 << far;", "shift exponent"),
+}
+
+
+def broken(drive, faults):
+    files = GivenRenderer(drive, "f32").files()
+    for block, (old, new, *_) in faults.items():
+        name = f"esea_elbow_drive_{block}.c"
+        assert re.search(old, files[name]), (block, old)
+        files[name] = re.sub(old, new, files[name], count=1)
+    return files
+
+
+def test_undefined_behaviour_is_seen_in_the_drives_blocks(drive):
+    files = broken(drive, UNDEFINED)
+    names = [*UNDEFINED, *SOUND]
+    found = undefined_behaviour(drive, "f32", files, steps=150, blocks=names)
+    for block, (_, _, said) in UNDEFINED.items():
+        file = f"esea_elbow_drive_{block}.c"
+        assert any(file in text and said in text for text in found.reports), (block, found.reports)
+    assert not any(f"{name}.c" in text for text in found.reports for name in SOUND)
+
+
+def test_memory_and_stray_accesses_are_seen_in_the_drives_blocks(drive):
+    """One harness: what is left unwritten shows in the bits, a stray access in a report."""
+    over = "((volatile uint32_t *)(void *)state)[sizeof *state / 4u] = 1u;"
+    files = broken(
+        drive,
+        {
+            "drive_observer": (r"    state->u_a_Nm = 0\.0f;\n", ""),  # init leaves one unwritten
+            "reference": (r"    out->mode = .*\n", ""),  # step leaves an output unwritten
+            "sliding_mode": (STEP, rf"\1 {over}"),
+        },
+    )
+    names = ["drive_observer", "reference", "sliding_mode", "joint"]
+    found = replay_device(drive, "f32", "address", files, steps=100, blocks=names)
+    told = {text.split(": ")[1].split(",")[0] for text in found.differences}
+    assert told == {"drive_observer", "reference"}
+    assert found.reports
+    assert all("sliding_mode" in x and "heap-buffer-overflow" in x for x in found.reports)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("real", ["f32", "f64"])
+def test_sanitizers_on_every_block_and_task(drive, real):
+    assert undefined_behaviour(drive, real).passed
+    found = replay_device(drive, real, "address")
+    assert found.passed, found
+
+
+# -- mutation --------------------------------------------------------------------------------------
+
+
+def test_a_sample_of_mutants_of_control_is_caught(drive):
+    blocks = ["sliding_mode", "reference", "joint"]
+    report = run_mutation(drive, "f32", sample=36, seed=3, blocks=blocks)
+    assert report.tried == 36
+    assert report.score >= REQUIRED_SCORE, [str(m) for m in report.survivors]
+    assert report.contradicted == []
+    with pytest.raises(UserError, match="no Block 'sensors'"):
+        run_mutation(drive, "f32", blocks=["sensors"])
+
+
+# What all mutants of a Block score at least: the exact inverse repairs a slip of its own search.
+SCORES = {"inverse": 0.85}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_all_mutants_of_the_drive(drive, real):
+    for block in drive.system.kinds:
+        # Bit by bit: the looser bound would take hours.
+        report = run_mutation(drive, real, sample=10**6, blocks=[block.name])
+        least = SCORES.get(block.name, 0.975)
+        assert report.score >= least, (block.name, [str(m) for m in report.survivors])
+        assert report.contradicted == []
+
+
+def test_a_proof_holds_for_the_step_alone(drive):
+    """The names of values start anew in every function: in prepare they are no values of the step.
+
+    A mutant of the Butterworth filter's prewarping that the bits show was once called equivalent,
+    because the value of that name in the step is only looked at for its sign.
+    """
+    files = GivenRenderer(drive, "f32").files()
+    text = files["esea_elbow_drive_motor_rate.c"]
+    block = next(b for b in drive.system.kinds if b.name == "motor_rate")
+    prover = mutation._Prover(block, FORMATS["f32"], text)
+    name = "esea_elbow_drive_motor_rate.c"
+    own = [m for m in mutation.mutants(drive, "f32", files) if m.file == name]
+    before = [m for m in own if m.line < prover.first and m.kind == "result negated"]
+    assert len(before) > 8
+    assert not any(prover(m) for m in before)
+    # The same lines, taken for lines of the step, are what went wrong.
+    prover.first = 0
+    assert any(prover(m) for m in before)
