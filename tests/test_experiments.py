@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
+from esea_gen.twin import experiments as room
 from esea_gen.twin.experiments import (
     EXPERIMENTS,
     IMPEDANCE,
@@ -103,6 +104,70 @@ def test_json_holds_every_case_and_seed(tmp_path):
     )
     assert again.cases() == result.cases()
     assert told[0][0] == 2
+    # The same text too, though a journal sorts its keys.
+    assert again.csv() == result.csv()
+    assert list(again.cases()[0]) == list(result.cases()[0])
+
+
+def test_a_journal_of_other_c_is_not_taken_up(tmp_path, monkeypatch):
+    told: list[tuple[int, int, int]] = []
+    arguments = {"seed": 3, "runs": 2, "folder": tmp_path, "progress": lambda *a: told.append(a)}
+    monkeypatch.setattr(room, "simulate_case", quick)
+    simulate("tuning", Setting(person="none"), **arguments)
+    assert (told[0], told[-1]) == ((0, 2, 0), (2, 2, 0))
+    told.clear()
+    simulate("tuning", Setting(person="none"), **arguments)
+    assert told[0] == (2, 2, 0)
+    told.clear()
+    monkeypatch.setattr(room, "files_digest", lambda files: f"one more file than {len(files)}")
+    simulate("tuning", Setting(person="none"), **arguments)
+    assert told[0] == (0, 2, 0)
+
+
+def quick(seed: int, **_: object) -> dict[str, float]:
+    """In place of a run: a figure that tells its seed; seed 5 trips, seed 6 fails."""
+    if seed == 6:
+        raise ArithmeticError("the plant left the page")
+    rest = dict.fromkeys(("rms_model_Nm", "max_true_Nm", "unstable", "fault", "limited_share"), 0.0)
+    return {"rms_true_Nm": 0.1 * seed, "tripped": float(seed == 5), **rest}
+
+
+def test_runs_that_ended_are_counted_and_explained(monkeypatch):
+    monkeypatch.setattr(room, "simulate_case", quick)
+    good = simulate("tuning", Setting(), seed=3, runs=2)
+    assert good.ended() == []
+    assert good.to_dict()["ended_runs"] == 0
+    assert not any("latched" in line for line in good.table())
+    some = simulate("tuning", Setting(), seed=4, runs=3)
+    assert [e["seed"] for e in some.ended()] == [5, 6]
+    assert some.to_dict()["ended_runs"] == 2
+    text = "\n".join(some.table())
+    assert "2 of 3 runs were unstable, tripped, latched or failed" in text
+    assert "the plant left the page" in text
+    none = simulate("tuning", Setting(), seed=6, runs=1)
+    assert "the plant left the page" in "\n".join(none.table())
+    monkeypatch.setattr(room, "simulate_case", failing)
+    lost = simulate("tuning", Setting(), seed=6, runs=2)
+    assert "2 of 2 runs" in "\n".join(lost.table())
+    with pytest.raises(UserError, match="nothing to draw"):
+        lost.figure()
+
+
+def failing(**_: object) -> dict[str, float]:
+    raise ArithmeticError("nothing ran")
+
+
+def test_another_sensing_rate_is_refused(tmp_path):
+    # Its signals would be played at half the speed.
+    path = tmp_path / "half.toml"
+    path.write_text(
+        'schema = 1\nextends = "elbow_drive"\nname = "half"\ntitle = "half"\n[timing]\n'
+        'sense_rate_Hz = { value = 500, status = "assumed", source = "test" }\n'
+        'control_rate_Hz = { value = 250, status = "assumed", source = "test" }\n'
+        'control_release_s = { value = 0.002, status = "assumed", source = "test" }\n'
+    )
+    with pytest.raises(UserError, match=r"500 Hz; .* played at another speed"):
+        simulate("tuning", Setting(str(path)))
 
 
 def test_the_figures_are_what_they_say():

@@ -28,7 +28,13 @@ from esea_gen.hostlib.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.system import System
 from esea_gen.twin import trajectories
 from esea_gen.twin.frequency import FrequencyResponse
-from esea_gen.twin.monte_carlo import Configuration, MonteCarlo, file_digest, run_cases
+from esea_gen.twin.monte_carlo import (
+    Configuration,
+    MonteCarlo,
+    file_digest,
+    files_digest,
+    run_cases,
+)
 from esea_gen.twin.people import (
     PEOPLE,
     PLANTS,
@@ -58,6 +64,19 @@ CONTROLLERS = {
         "mpc-published-no-preview",
     )
 }
+FIGURES = (
+    "rms_true_Nm",
+    "rms_model_Nm",
+    "max_true_Nm",
+    "unstable",
+    "tripped",
+    "fault",
+    "limited_share",
+    "roughness_Nm_s",
+    "largest_desired_Nm",
+    "rms_normalised",
+)
+ENDED = ("unstable", "tripped", "fault")
 MOST_PANELS = 4  # more cases than this are drawn as bars
 # The thesis weighs the impedance experiment otherwise than the torque experiments.
 PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
@@ -70,6 +89,7 @@ STEPS_NM = (0.5, 1.0, 2.0)
 SWEEP = Sweep(0.05, 10.0, 60.0, start_s=1.0)
 MOTION = Sweep(0.1, 5.0, 100.0, start_s=1.0)
 SWEEP_NM, SWEEP_RAD = 0.5, 0.1
+FIT_HZ = (0.5, 4.0)
 SWEEP_MIDDLE_RAD = 0.8
 OFF, TORQUE, IMPEDANCE = 0, 1, 2
 # The controller is off at first and armed meanwhile, as after a start of the firmware; a slow
@@ -255,6 +275,13 @@ def controller_device(controller: str) -> Device:
         raise UserError(
             f"{device.origin}: the device has no drive to be simulated.",
             'Write extends = "elbow_drive" in it.',
+        )
+    rate = device.file.timing.sense_rate_Hz.value
+    if rate != RATE_HZ:
+        raise UserError(
+            f"{device.origin}: timing.sense_rate_Hz = {rate:g} Hz; the experiments' signals have a "
+            f"sample every {1000 / RATE_HZ:g} ms and would be played at another speed.",
+            f"Simulate a device with {RATE_HZ:g} Hz.",
         )
     return device
 
@@ -626,11 +653,16 @@ class Simulation:
                 entry |= dict.fromkeys(("rms_true_Nm", "rms_model_Nm", "max_true_Nm"))
                 entry |= {"unstable": True, "failure": r.failure}
             else:
-                entry |= r.values
-                entry |= {k: bool(r.values[k]) for k in ("unstable", "tripped", "fault")}
+                # In one order, whether it was run now or comes out of a journal.
+                entry |= {k: r.values[k] for k in FIGURES if k in r.values}
+                entry |= {k: bool(r.values[k]) for k in ENDED}
             entry["thesis_rms_Nm"] = THESIS_NM.get((self.setting.controller, self.experiment))
             entries.append(entry)
         return entries
+
+    def ended(self) -> list[dict[str, Any]]:
+        """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
+        return [e for e in self.cases() if any(e.get(k) for k in ENDED)]
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content: ``cases``, percentiles by case, and what the experiment is for."""
@@ -645,6 +677,7 @@ class Simulation:
             "content_hash": self.monte_carlo.configuration.parts["controller_hash"],
             "seeds": list(self.seeds),
             "cases": self.cases(),
+            "ended_runs": len(self.ended()),
         }
         if len(self.seeds) > 1:
             content["percentiles"] = {
@@ -659,7 +692,7 @@ class Simulation:
             content["margins"] = dataclasses.asdict(self.response.open_loop().margins())
         if self.port is not None:
             content["output_impedance"] = self.port.to_dict()
-            content["impedance_fit"] = dataclasses.asdict(self.port.fit(0.5, 4.0))
+            content["impedance_fit"] = dataclasses.asdict(self.port.fit(*FIT_HZ))
         return content
 
     def table(self) -> list[str]:
@@ -670,7 +703,10 @@ class Simulation:
             f"{EXPERIMENTS[self.experiment].title}: {s.controller}, plant {s.plant}, person "
             f"{person}, {len(self.seeds)} run{'s' if len(self.seeds) > 1 else ''} a case"
         ]
-        heads = ("RMS true", "RMS model", "max true", "thesis", "limited")
+        heads: tuple[str, ...] = ("RMS true", "RMS model", "max true", "thesis", "limited")
+        normalised = self.experiment == "impedance"
+        if normalised:
+            heads = (*heads, "of largest")
         lines.append(f"{'case':32}" + "".join(f"{h:>11}" for h in heads))
         by_name: dict[str, list[dict[str, Any]]] = {}
         for entry in self.cases():
@@ -684,6 +720,10 @@ class Simulation:
             row += f"{thesis:>11.3f}" if thesis else f"{'-':>11}"
             share = float(np.median([e["limited_share"] for e in good])) if good else math.nan
             row += f"{100 * share:>10.1f}%"
+            if normalised:
+                # The thesis' measure: RMS over the largest desired torque.
+                shares = [e["rms_normalised"] for e in good if "rms_normalised" in e]
+                row += f"{100 * float(np.median(shares)):>10.1f}%" if shares else f"{'-':>11}"
             words = [
                 f"{sum(bool(e.get(k)) for e in entries)} {text}"
                 for k, text in (
@@ -694,7 +734,16 @@ class Simulation:
                 if any(e.get(k) for e in entries)
             ]
             lines.append(f"{name:32}{row}  {', '.join(words)}".rstrip())
-        if len(self.seeds) > 1:
+            reasons = dict.fromkeys(e["failure"] for e in entries if e.get("failure"))
+            lines += [f"  failed: {reason}" for reason in reasons]
+        runs, ended = len(self.monte_carlo.results), len(self.ended())
+        if ended:
+            lines.append(
+                f"{ended} of {runs} runs were unstable, tripped, latched or failed; what is given "
+                "of their errors includes the time after that"
+            )
+        done = [r for r in self.monte_carlo.results if r.values is not None]
+        if len(self.seeds) > 1 and done:
             every = self.monte_carlo.values("rms_true_Nm")
             low, middle, high = np.percentile(every, [5, 50, 95])
             lines.append(
@@ -714,7 +763,7 @@ class Simulation:
                 )
             lines += self.response.table()
         if self.port is not None:
-            lines += self.port.table()
+            lines += self.port.table(12, *FIT_HZ)
         return lines
 
     def csv(self) -> str:
@@ -742,7 +791,10 @@ class Simulation:
             return plots.output_impedance([(label, self.port)])
         if len(self.seeds) > 1:
             names = list(dict.fromkeys(r.case["case"] for r in self.monte_carlo.results))
-            rows = [(n, self.monte_carlo.summary({"case": n})["rms_true_Nm"]) for n in names]
+            found = ((n, self.monte_carlo.summary({"case": n}).get("rms_true_Nm")) for n in names)
+            rows = [(n, p) for n, p in found if p is not None]
+            if not rows:
+                raise UserError("No run finished: there is nothing to draw.", "See the table.")
             return plots.percentile_bars(rows)
         panels = [self._panel(case, run) for case, run in self.first]
         if len(panels) == 1 or self.experiment == "step":
@@ -835,7 +887,7 @@ def simulate(
         "tunables": {k: dict(v) for k, v in s.tunables.items()},
     }
     # Compile once, before the workers would each do it.
-    _loop(device, s.plant != "ideal", s.real)
+    loop = _loop(device, s.plant != "ideal", s.real)
     monte_carlo = run_cases(
         simulate_case,
         [
@@ -847,8 +899,10 @@ def simulate(
             {
                 "controller": s.controller,
                 "controller_hash": device_hash(device),
+                "c": files_digest(loop.files),
                 "plants": file_digest(Path(__file__).parent / "plants.toml"),
-                "experiments": file_digest(Path(__file__)),
+                # What the numbers depend on beside the C that runs.
+                **{p.stem: file_digest(p) for p in sorted(Path(__file__).parent.glob("*.py"))},
             }
         ),
         folder=folder,

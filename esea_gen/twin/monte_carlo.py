@@ -61,6 +61,22 @@ def canonical(content: Any) -> str:
         ) from None
 
 
+def files_digest(files: Mapping[str, str]) -> str:
+    """SHA-256 of generated files, for a configuration.
+
+    Parameters
+    ----------
+    files : mapping of str to str
+        Text by name.
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+    """
+    return hashlib.sha256(json.dumps(sorted(files.items())).encode()).hexdigest()
+
+
 def file_digest(path: Path | str) -> str:
     """SHA-256 of a file, for a configuration.
 

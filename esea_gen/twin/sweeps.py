@@ -334,6 +334,9 @@ def _local(
 # -- output impedance -----------------------------------------------------------------------------
 
 
+GOOD_FIT = 0.2
+
+
 @dataclass(frozen=True)
 class ImpedanceFit:
     """Inertia, damping and stiffness that a port shows in a band.
@@ -456,26 +459,34 @@ class Impedance:
             "rate_phase_deg": plain(np.degrees(np.angle(rate))),
         }
 
-    def table(self, rows: int = 12) -> list[str]:
-        """Some frequencies as lines of text, and the fit over all of them.
+    def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
+        """Some frequencies as lines of text, and the fit in a band.
 
         Parameters
         ----------
         rows : int
             How many frequencies.
+        low_Hz, high_Hz : float
+            Band of the fit.
 
         Returns
         -------
         list of str
-            Torque per angle, then the fit.
+            Torque per angle, then the fit; a warning where the port behaves as no such mass.
         """
-        fit = self.fit()
+        fit = self.fit(low_Hz, high_Hz)
+        poor = (
+            f", above {GOOD_FIT:g}: not one mass, damper and spring"
+            if fit.misfit > GOOD_FIT
+            else ""
+        )
         return [
             *self.angle.table(rows),
+            f"fit from {fit.low_Hz:.3g} to {fit.high_Hz:.3g} Hz, torque that the moving needs:",
             f"inertia {fit.inertia_kgm2:.4g} +- {fit.inertia_std:.2g} kg m2",
             f"damping {fit.damping_Nms_rad:.4g} +- {fit.damping_std:.2g} Nms/rad",
             f"stiffness {fit.stiffness_Nm_rad:.4g} +- {fit.stiffness_std:.2g} Nm/rad",
-            f"relative misfit {fit.misfit:.2g}",
+            f"relative misfit {fit.misfit:.2g}{poor}",
         ]
 
 
