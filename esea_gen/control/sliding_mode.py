@@ -15,6 +15,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.block import Block, Flag, Guard, Labels, Port, Tunable, clip, flag_word, threshold
+from esea_gen.control.linear_loop import check_loop
 from esea_gen.control.reference import ACCELERATION_ROOM
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
@@ -137,7 +138,8 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
     Raises
     ------
     UserError
-        When the device has no drive, or its slope lambda is outside what can be followed.
+        When the device has no drive, its slope lambda is outside what can be followed, or the loop
+        inside the layer is not damped.
 
     Notes
     -----
@@ -178,6 +180,8 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
             ),
             f"Give a value inside{f', or raise the rate to {need} Hz or more' if by_rate else ''}.",
         )
+    lead_here = (LEAD if model_acceleration else 1.0) if lead is None else lead
+    check_loop(device, lead_here)
     error_lim = 2 * delta_lim
     error_rate_lim = rate_lim + 2 * omega_lim
     integral_lim = threshold(error_rate_lim + 2 * lambda_high * error_lim)
@@ -393,7 +397,7 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
             ),
             Tunable(
                 "lead",
-                (LEAD if model_acceleration else 1.0) if lead is None else lead,
+                lead_here,
                 1.0,
                 LEAD_HIGH,
                 "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c",
