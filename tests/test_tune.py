@@ -167,6 +167,15 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
     assert two.rms_Nm < one.rms_Nm
 
 
+def test_the_bound_that_a_message_names_may_be_tried():
+    """0.221 Nm is the motor's torque, and a little above the float32 number that bounds it."""
+    require_tool("gcc")
+    found = tune("smc", "ideal", parameter="limits.u_max_Nm", values=(0.01, 0.221))
+    weak, full = found.sweeps[0].trials
+    assert [weak.value, full.value] == [0.01, 0.221]
+    assert full.rms_Nm < weak.rms_Nm
+
+
 # -- what is refused ------------------------------------------------------------------------------
 
 

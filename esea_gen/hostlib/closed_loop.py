@@ -269,7 +269,7 @@ class ClosedLoop:
                     raise UserError(
                         f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
                     )
-                setattr(getattr(params, instance), key, float(value))
+                setattr(getattr(params, instance), key, known[instance, key].taken(float(value)))
         refused = int(getattr(self._lib, f"{prefix}_prepare")(params, coeffs))
         if refused:
             instance, tunable = system.tunables[refused - 1]

@@ -433,7 +433,8 @@ def _values(device: Device, name: str, tunable: Tunable, values: Sequence[float]
             f"{name}: values {', '.join(f'{v:g}' for v in values) or 'none'}.",
             f"Give {FEWEST} or more different finite numbers.",
         )
-    outside = array[(array < tunable.low) | (array > tunable.high)]
+    taken = np.array([tunable.taken(float(v)) for v in array])
+    outside = array[(taken < tunable.low) | (taken > tunable.high)]
     if len(outside):
         raise UserError(
             f"{name} = {outside[0]:g} is outside {tunable.low:g} to {tunable.high:g}, what "
