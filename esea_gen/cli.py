@@ -962,6 +962,8 @@ def tune(
         )
     _show(result, json_file)
     _picture(figure, result.figure)
+    if not all(sweep.ran for sweep in result.sweeps):
+        raise typer.Exit(1)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
@@ -94,7 +95,7 @@ def test_a_smaller_error_does_not_pay_for_overshoot():
     assert chosen is trials[2]
     assert "within 10 %" in reason
     assert "at 25: unstable" in reason
-    assert choose_error([trials[-1]]) == (None, "no value is usable")
+    assert choose_error([trials[-1]]) == (None, "no value is usable, unstable")
 
 
 def test_what_is_not_there_is_null_in_json_and_a_dash_in_the_table():
@@ -106,6 +107,42 @@ def test_what_is_not_there_is_null_in_json_and_a_dash_in_the_table():
     assert lines[2].split().count("-") == 2
     assert lines[3].endswith("<")
     assert lines[-1] == "chosen: 2; why"
+
+
+FAILING = 2.0
+
+
+def half_run(value, **_) -> dict[str, float]:
+    """As run_trial, at once; one value raises, and one has a figure that is not finite."""
+    if value == FAILING:
+        raise UserError("The compiler is gone.", "Install it.")
+    figures = asdict(trial(value, rms_Nm=math.inf if value > FAILING else 0.1 / value))
+    del figures["unusable"]
+    return figures | {"unstable": 0.0, "tripped": 0.0, "fault": 0.0}
+
+
+def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("esea_gen.twin.tune.run_trial", half_run)
+    path, picture = tmp_path / "a.json", tmp_path / "a.png"
+    lambdas = ["tune", "--parameter", "lambda_1_s", "--json", path, "--figure", picture, "--values"]
+    code, shown, error = command(monkeypatch, capsys, *lambdas, "1,1.5,2,3")
+    assert (code, error) == (0, "")
+    rows = [line.split() for line in shown.splitlines()]
+    (failed,) = [r for r in rows if r[:1] == ["2"]]
+    assert failed[1:8] == ["-"] * 7
+    assert " ".join(failed[8:]) == "FAILED: The compiler is gone. Install it."
+    (infinite,) = [r for r in rows if r[:1] == ["3"]]
+    assert " ".join(infinite[8:]) == "FAILED: rms_Nm is inf"
+    (sweep,) = json.loads(path.read_text())["sweeps"]
+    assert sweep["chosen"] == 1.5
+    assert [t["unusable"] for t in sweep["trials"]][:2] == ["", ""]
+    assert sweep["trials"][2]["unusable"].startswith("failed: The compiler")
+    assert sweep["trials"][2]["rms_Nm"] is None
+    assert picture.stat().st_size > 10_000
+    # None ran: the table says why, and the command fails.
+    code, shown, error = command(monkeypatch, capsys, *lambdas, "3,4")
+    assert (code, error) == (1, "")
+    assert "chosen: none; no value is usable, failed: rms_Nm is inf" in shown
 
 
 # -- against the twin -----------------------------------------------------------------------------
@@ -186,10 +223,14 @@ def test_the_bound_that_a_message_names_may_be_tried():
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
         (["--parameter", "gain", "--values", "1,2"], ["no tunable 'gain'", "smc.lambda_1_s"]),
         (["--parameter", "cutoff_Hz", "--values", "20,30"], ["motor_rate.cutoff_Hz or"]),
-        (["--parameter", "phi_rad_s", "--values", "1"], ["values 1.", "2 or more"]),
-        (["--parameter", "phi_rad_s", "--values", "1,nan"], ["values 1, nan", "finite"]),
+        (
+            ["--parameter", "phi_rad_s", "--values", "1"],
+            ["values 1: 2 or more are", "0.001 to 100"],
+        ),
+        (["--parameter", "phi_rad_s", "--values", "1,nan"], ["values 1, nan: not all finite"]),
         (["--parameter", "phi_rad_s", "--values", "1,b"], ["not a list of numbers"]),
         (["--parameter", "lambda_1_s", "--values", "9,90"], ["= 90 is outside 1 to 25"]),
+        (["--parameter", "u_max_Nm", "--values", "1e9,2"], ["= 2, 1e+09 is outside 0.00221 to 0"]),
         (["--controller", "mpc"], ["mpc has no smc.phi_rad_s", "--parameter", "predictive."]),
         (
             ["--controller", "mpc", "--parameter", "lambda_1_s", "--values", "9,15"],

@@ -559,7 +559,7 @@ def tuning_trade(
     values : array_like
         The parameter, rising, shape (n,).
     error_Nm, overshoot_percent, roughness : array_like
-        Shape (n,); NaN where the loop was unstable.
+        Shape (n,); NaN where the value is unusable: the loop unstable, or the trial failed.
     parameter : str
         Its name and unit.
     roughness_label : str
@@ -572,7 +572,7 @@ def tuning_trade(
     Returns
     -------
     Figure
-        Three panels over the parameter; unstable values are shaded.
+        Three panels over the parameter; unusable values are shaded.
     """
     x = np.asarray(values, dtype=float)
     with mpl.rc_context(STYLE):
@@ -609,7 +609,7 @@ def tuning_trade(
                     color="#efc9b0",
                     lw=0,
                     zorder=0,
-                    label="unstable"
+                    label="unusable"
                     if k == np.flatnonzero(broken)[0] and axes is grid[0]
                     else None,
                 )
