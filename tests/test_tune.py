@@ -315,3 +315,76 @@ def test_simulate_refuses(monkeypatch, capsys, arguments, words):
     assert "Traceback" not in error
     for word in words:
         assert word in error
+
+
+# -- outputs --------------------------------------------------------------------------------------
+
+LONG_RUNS = (
+    ["simulate", "tuning"],
+    ["tune"],
+    ["passivity"],
+    ["uncertainty", "elbow"],
+    ["reproduce", "chapter3"],
+    ["reproduce", "chapter4"],
+    ["reproduce", "discretisation"],
+    ["reproduce", "bandwidth", "--data", "."],
+    ["verify", "elbow"],
+    ["torque-check", "elbow", "--mass", "1", "--arm", "0.1"],
+    ["report", "elbow"],
+)
+
+
+@pytest.mark.parametrize("run", LONG_RUNS, ids=lambda run: "-".join(run[:2]))
+def test_an_output_that_cannot_be_written_is_refused_before_the_run(
+    monkeypatch, capsys, tmp_path, run
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a-file").write_text("precious")
+    (tmp_path / "folder.png").mkdir()
+    options = ["--json"]
+    if not {"verify", "torque-check", "report", "discretisation"} & set(run):
+        options += ["--figure"]
+    if run[0] == "simulate":
+        options += ["--csv"]
+    for option in options:
+        for name, words in (
+            ("a-file/x.png", "Not a directory"),
+            ("folder.png", "is a folder"),
+            ("/proc/nothing/x.png", "/proc/nothing/x.png: cannot be written"),
+            (f"new/{'x' * 300}.png", "a name has more than 255 bytes"),
+        ):
+            # The table is printed before anything is written: that it is not there shows that
+            # nothing was run.
+            code, shown, error = command(monkeypatch, capsys, *run, option, name)
+            assert (code, shown) == (2, "")
+            assert words in error
+            assert "Traceback" not in error
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a-file", "folder.png"]
+    assert (tmp_path / "a-file").read_text() == "precious"
+
+
+def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_path):
+    def full(path, text):
+        raise UserError(f"{path}: cannot be written (No space left on device).", "Give another.")
+
+    monkeypatch.setattr("esea_gen.twin.tune.run_trial", half_run)
+    monkeypatch.setattr(cli, "write_text", full)
+    code, shown, error = command(
+        *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
+        *("--json", tmp_path / "a.json"),
+    )
+    assert code == 2
+    assert "chosen: 1.5" in shown
+    assert "No space left" in error
+
+
+def test_outputs_may_be_in_new_folders_and_a_picture_in_capitals(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("esea_gen.twin.tune.run_trial", half_run)
+    path, picture = tmp_path / "new" / "a.json", tmp_path / "other" / "new" / "A.PNG"
+    code, _, error = command(
+        *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
+        *("--json", path, "--figure", picture),
+    )
+    assert (code, error) == (0, "")
+    assert json.loads(path.read_text())["sweeps"]
+    assert picture.read_bytes()[:4] == b"\x89PNG"
