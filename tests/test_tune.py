@@ -14,7 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen import cli
+from esea_gen.control.sliding_mode import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
 from esea_gen.device import parse_device
+from esea_gen.devices.fields import SlidingMode
 from esea_gen.errors import UserError
 from esea_gen.twin.experiments import EXPERIMENTS
 from esea_gen.twin.tune import Sweep, Trial, choose_error, choose_layer, extremes, tune
@@ -251,7 +253,7 @@ def test_tune_refuses(monkeypatch, capsys, arguments, words):
 @pytest.mark.parametrize(
     ("section", "key", "value", "words"),
     [
-        ("sliding_mode", "lambda_1_s", 30, ["= 30 1/s", "1 to 25", "lag", "Give a value inside."]),
+        ("sliding_mode", "lambda_1_s", 30, ["= 30", "limit 25", "Give a value from 1 to 25"]),
         ("sliding_mode", "phi_rad_s", -1, ["phi_rad_s = -1", "limit 0.001", "0.001 to 100"]),
         ("actuator", "coulomb_width_rad_s", -0.05, ["coulomb_width_rad_s = -0.05", "limit 0.001"]),
         ("timing", "control_rate_Hz", 300, ["300 Hz does not divide", "1000 Hz", "Give 250 Hz"]),
@@ -275,6 +277,16 @@ def test_a_device_that_cannot_work_is_refused(
         assert "Traceback" not in error
         for word in ["mine.toml", *words]:
             assert word in error
+
+
+def test_the_slope_s_first_refusal_names_what_the_law_takes():
+    """A value from the range that the file's reader names is not refused by the law in turn."""
+    key = SlidingMode.model_fields["lambda_1_s"].json_schema_extra
+    assert (key["low"], key["high"]) == (LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S)
+    for value in (key["low"], key["high"]):
+        number = f'{{ value = {value}, status = "assumed", source = "test" }}'
+        text = f"{EXTENDED}[sliding_mode]\nlambda_1_s = {number}\n"
+        assert "smc" in parse_device(text, "mine.toml").system.blocks
 
 
 def test_the_fixes_that_are_named_are_accepted():
