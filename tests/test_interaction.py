@@ -261,7 +261,7 @@ def test_a_layer_that_was_never_left_says_so():
         (["--push", "nan"], ["push of nan"]),
         (["--push", 5], ["push of 5 rad/s", "range of motion"]),
         (["--figure", "a.txt"], [".png, .svg or .pdf"]),
-        (["--jobs", 0, "--no-sliding", "--points", 2], ["workers: 0", "-1"]),
+        (["--jobs", 0, "--no-sliding", "--points", 2], ["--jobs 0", "-1"]),
     ],
 )
 def test_passivity_refuses(monkeypatch, capsys, arguments, words):
