@@ -28,7 +28,10 @@ API_PAGES = {
     "models": ("Models", ("model", "observe", "control")),
     "c": ("Rendering and loading C", ("emit", "hostlib")),
     "verify": ("Verification", ("verify", "bench")),
-    "identify": ("Identification, reports, twin", ("identify", "lab", "report", "twin")),
+    "identify": (
+        "Identification, reports, twin",
+        ("identify", "lab", "report", "twin", "plotting"),
+    ),
 }
 NOT_AN_API = ("cli", "__main__")  # the command line has its own page
 SECTIONS = (
@@ -267,11 +270,11 @@ def _bounds(number: dict[str, Any]) -> str:
 
 
 def _section_rows(
-    name: str, node: dict[str, Any], required: bool
-) -> tuple[list[str], list[tuple[str, dict[str, Any], bool]]]:
+    name: str, node: dict[str, Any], required: dict[str, Any]
+) -> tuple[list[str], list[tuple[str, dict[str, Any], dict[str, Any], bool]]]:
     rows, inner = [], []
     for key, about in node["properties"].items():
-        needed = key in node["required"]
+        needed = key in required.get("required", ())
         properties = about.get("properties", {})
         if "value" in properties:
             number = properties["value"]
@@ -288,11 +291,12 @@ def _section_rows(
                 sizes + _bounds(row["items"]),
             )
         elif properties:
-            inner.append((f"{name}.{key}" if name else key, about, needed))
+            below = required.get("properties", {}).get(key, {})
+            inner.append((f"{name}.{key}" if name else key, about, below, needed))
             continue
         else:
             kind = "list of text" if about["type"] == "array" else str(about["type"])
-            limit = about.get("const", about.get("pattern", ""))
+            limit = about.get("const", about.get("pattern", ", ".join(about.get("enum", ()))))
             if about["type"] == "array":
                 limit = f"up to {about['maxItems']}, each `{about['items']['pattern']}`"
             elif "minLength" in about:
@@ -339,8 +343,8 @@ def device_file_page() -> str:
         "|---|---|---|---|---|---|",
     ]
 
-    def section(name: str, node: dict[str, Any], needed: bool) -> None:
-        rows, inner = _section_rows(name, node, needed)
+    def section(name: str, node: dict[str, Any], required: dict[str, Any], needed: bool) -> None:
+        rows, inner = _section_rows(name, node, required)
         title = f"`[{name}]`" if name else "Top level"
         lines.extend(["", f"## {title}", ""])
         if name:
@@ -351,7 +355,8 @@ def device_file_page() -> str:
         for entry in inner:
             section(*entry)
 
-    section("", schema, True)
+    # What must be there stands apart: only a file that extends no shipped device must have it.
+    section("", schema, next(n for n in schema["anyOf"] if "properties" in n), True)
     example = load_device("elbow").toml()
     lines += ["", "## The whole elbow", "", "```toml", example.rstrip(), "```", ""]
     return "\n".join(lines)

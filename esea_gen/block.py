@@ -199,7 +199,8 @@ class Tunable:
     name : str
         Name with its unit as suffix.
     default, low, high : float
-        Default and the bounds outside which a change is refused.
+        Default and the bounds outside which a change is refused; bounds are snapped inwards to
+        float32 numbers, and a default as near as rounding is the bound (:meth:`taken`).
     meaning : str
         One sentence, with the effect of turning it up.
     source : str
@@ -220,10 +221,32 @@ class Tunable:
         low, high = f32_inside(self.low, self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
+        object.__setattr__(self, "default", self.taken(self.default))
         if not self.low <= self.default <= self.high:
             raise ValueError(
                 f"tunable {self.name}: default {self.default} outside [{self.low}, {self.high}]"
             )
+
+    def taken(self, value: float) -> float:
+        """A value as it is set: the bound, for one that only float32's rounding puts beyond it.
+
+        Bounds are snapped inwards, so the number that a device file or a message names as the bound
+        lies beyond by up to one rounding.
+
+        Parameters
+        ----------
+        value : float
+            A value somebody gave.
+
+        Returns
+        -------
+        float
+            The bound within one float32 rounding of it, else ``value``, inside the bounds or not.
+        """
+        for bound, beyond in ((self.low, value < self.low), (self.high, value > self.high)):
+            if beyond and abs(value - bound) <= float(np.spacing(np.float32(abs(bound)))):
+                return bound
+        return value
 
     @property
     def unit(self) -> str:
@@ -690,9 +713,10 @@ class Simulator:
             tunable = next((t for t in block.tunables if t.name == key), None)
             if tunable is None:
                 raise ValueError(f"block {block.name} has no tunable {key}; it has {list(values)}")
-            if not tunable.low <= value <= tunable.high:
+            taken = tunable.taken(float(value))
+            if not tunable.low <= taken <= tunable.high:
                 raise ValueError(f"{key} = {value} is outside [{tunable.low}, {tunable.high}]")
-            values[key] = float(value)
+            values[key] = taken
         prepared = block.prepare.call([ca.DM(v) for v in values.values()]) if values else []
         self._c = [np.asarray(c, dtype=float).ravel() for c in prepared]
         self._s = [np.zeros(p.size) for p in block.state]

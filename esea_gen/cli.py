@@ -39,8 +39,41 @@ err = Console(stderr=True, highlight=False)
 DeviceArgument = Annotated[
     str, typer.Argument(metavar="DEVICE", help="Shipped device (elbow) or path of a device file.")
 ]
+
+
+def _writable(path: Path | None) -> Path | None:
+    """An output file that can be written, tried before the run whose result it is to hold.
+
+    Nothing is left behind: folders that are missing are made when there is something to write.
+    """
+    if path is None:
+        return None
+    fix = "Give another file."
+    try:
+        if path.is_dir():
+            raise UserError(f"{path}: is a folder.", "Name a file in it.")
+        folder = path.absolute().parent
+        while not folder.exists() and folder != folder.parent:
+            folder = folder.parent
+        longest = os.pathconf(folder, "PC_NAME_MAX")
+        for part in path.parts:
+            if len(os.fsencode(part)) > longest:
+                raise UserError(f"{path}: a name has more than {longest} bytes.", fix)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        # Pictures are written in place, text is put in the old file's.
+        if path.exists() and not os.access(path, os.W_OK):
+            raise UserError(f"{path}: cannot be written (it is write-protected).", fix)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror or error}).", fix) from error
+    return path
+
+
 JsonOption = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
+    Path | None,
+    typer.Option(
+        "--json", metavar="FILE", callback=_writable, help="Also write the result as JSON."
+    ),
 ]
 BlockOption = Annotated[
     list[str] | None,
@@ -218,8 +251,8 @@ def verify(
     recorded = _recorded(loaded, recording, data)
     with progress_line() as say:
         result = run(loaded, _formats(real), recorded, progress=say, blocks=block)
-    write_json(json_file, result.to_dict())
     _print_verification(loaded, result)
+    write_json(json_file, result.to_dict())
     if not result.passed:
         raise typer.Exit(1)
 
@@ -327,11 +360,11 @@ def identify(
         raise UserError(f"{page} is a folder.", "Give another --out folder.")
     path = result.write(target)
     write_text(page, text)
-    write_json(json_file, content)
     for line in [*result.summary(), *(refit.summary() if refit else [])]:
         out.print(line)
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
+    write_json(json_file, content)
 
 
 @app.command()
@@ -348,8 +381,8 @@ def firmware(
 
     loaded = load_device(device)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name)
-    write_json(json_file, image.to_dict())
     out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
+    write_json(json_file, image.to_dict())
 
 
 @app.command()
@@ -390,7 +423,6 @@ def emulate(
 
         deflections = {"chirp in the domain": domain_chirp(loaded)}
     results = emulate_deflections(loaded, board, deflections)
-    write_json(json_file, {"device": loaded.name, "streams": results})
     for name, r in results.items():
         same = (
             "same bits as the host's f32" if r["identical"] else f"DIFFERS {r['first_difference']}"
@@ -400,6 +432,7 @@ def emulate(
             f"{name}: {r['steps']} steps, {same}; instructions per step "
             f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
         )
+    write_json(json_file, {"device": loaded.name, "streams": results})
     if not all(r["identical"] for r in results.values()):
         raise typer.Exit(1)
 
@@ -455,7 +488,6 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
         )
     results = emulate_tasks(loaded, board, round(seconds / loaded.period_s))
     content = {t: r.to_dict() for t, r in results.items()}
-    write_json(json_file, {"device": loaded.name, "case": "tuning", "tasks": content})
     table = Table("task", "runs", "bits", "instructions a run", "stack, B")
     for name, r in results.items():
         same = "the host's" if r.identical else "DIFFER"
@@ -473,6 +505,7 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
     for r in results.values():
         if r.first_difference is not None:
             out.print(f"{r.task}: {r.first_difference}")
+    write_json(json_file, {"device": loaded.name, "case": "tuning", "tasks": content})
     if not all(r.identical for r in results.values()):
         raise typer.Exit(1)
 
@@ -522,7 +555,8 @@ def report(
     ] = None,
     board: BoardOption = "netduinoplus2",
     page: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The page; <device>.html.")
+        Path | None,
+        typer.Option("--out", metavar="FILE", callback=_writable, help="The page; <device>.html."),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -544,11 +578,11 @@ def report(
             else gather(loaded, recording, data, board, progress=say)
         )
     target = page or Path(f"{loaded.name}.html")
-    write_text(target, findings.html())
-    write_json(json_file, findings.to_dict())
     for line in findings.summary():
         out.print(line)
+    write_text(target, findings.html())
     out.print(f"report: {target}")
+    write_json(json_file, findings.to_dict())
     if not findings.passed:
         raise typer.Exit(1)
 
@@ -630,7 +664,6 @@ def coverage(
         for b in chosen_blocks(loaded, block)
         if b.name not in programs
     }
-    write_json(json_file, {name: c.to_dict() for name, c in found.items()})
     for name, c in found.items():
         out.print(
             f"{name}: {100 * c.ratio:.1f} % of the sides, {len(c.excluded)} proven impossible"
@@ -641,6 +674,7 @@ def coverage(
             out.print(f"  only by a fault of the arithmetic, not proven: {side}")
     for name in programs:
         out.print(f"{name}: not measured: a program of loops; see docs/verification.md")
+    write_json(json_file, {name: c.to_dict() for name, c in found.items()})
     if any(c.uncovered for c in found.values()):
         raise typer.Exit(1)
 
@@ -661,12 +695,12 @@ def gates(
         if name not in TARGETS:
             raise UserError(f"Unknown target '{name}'.", f"Choose from {', '.join(TARGETS)}.")
     found = {name: check_objects(loaded, name) for name in target or TARGETS}
-    write_json(json_file, {name: r.to_dict() for name, r in found.items()})
     for name, r in found.items():
         stacks = ", ".join(f"{task} {n} B" for task, n in r.stack_bytes.items())
         out.print(f"{name}: {'passed' if r.passed else 'FAILED'}; stack {stacks}")
         for problem in r.problems:
             out.print(f"  {problem}")
+    write_json(json_file, {name: r.to_dict() for name, r in found.items()})
     if not all(r.passed for r in found.values()):
         raise typer.Exit(1)
 
@@ -691,9 +725,9 @@ def mutate(
     with progress_line() as say:
         for name in _formats(real):
             reports[name] = run_mutation(loaded, name, sample, seed, say, block)
-    write_json(json_file, {name: r.to_dict() for name, r in reports.items()})
     for name, r in reports.items():
         out.print(f"{name}: {100 * r.score:.1f} % of the mutants caught")
+    write_json(json_file, {name: r.to_dict() for name, r in reports.items()})
     if any(r.score < REQUIRED_SCORE for r in reports.values()):
         raise typer.Exit(1)
 
@@ -711,15 +745,30 @@ def _jobs(value: int) -> int:
 JobsOption = Annotated[
     int, typer.Option("--jobs", callback=_jobs, help="Processes; -1 for one a core.")
 ]
+
+
+def _picture_file(figure: Path | None) -> Path | None:
+    if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
+    return _writable(figure)
+
+
 FigureOption = Annotated[
-    Path | None, typer.Option("--figure", metavar="FILE", help="Also a plot: .png, .svg or .pdf.")
+    Path | None,
+    typer.Option(
+        "--figure",
+        metavar="FILE",
+        callback=_picture_file,
+        help="Also a plot: .png, .svg or .pdf.",
+    ),
 ]
 
 
 def _show(result: Any, json_file: Path | None) -> None:
-    write_json(json_file, result.to_dict())
+    # The table first: it is there whatever becomes of the file.
     for line in result.table():
         out.print(line)
+    write_json(json_file, result.to_dict())
 
 
 def _picture(figure: Path | None, draw: Callable[[], Any]) -> None:
@@ -736,17 +785,11 @@ def _picture(figure: Path | None, draw: Callable[[], Any]) -> None:
     save(draw(), figure)
 
 
-def _check_picture(figure: Path | None) -> None:
-    if figure is not None and figure.suffix not in (".png", ".svg", ".pdf"):
-        raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
-
-
 @reproduce.command("chapter3")
 def reproduce_forward(json_file: JsonOption = None, figure: FigureOption = None) -> None:
     """The forward model's published behaviour: torque range, loops, relaxation."""
     from esea_gen.twin.chapter3 import reproduce_chapter3
 
-    _check_picture(figure)
     with progress_line() as say:
         result = reproduce_chapter3(say)
     _show(result, json_file)
@@ -759,13 +802,12 @@ def reproduce_tables(json_file: JsonOption = None, figure: FigureOption = None) 
     from esea_gen.twin.chapter3 import reproduce_chapter3
     from esea_gen.twin.chapter4 import reproduce_chapter4
 
-    _check_picture(figure)
     with progress_line() as say:
         result = reproduce_chapter4(say)
         forward = reproduce_chapter3(say)
-    write_json(json_file, result.to_dict() | {"chapter_3": forward.to_dict()})
     for line in [*result.table(), "", *forward.table()]:
         out.print(line)
+    write_json(json_file, result.to_dict() | {"chapter_3": forward.to_dict()})
     _picture(figure, result.figure)
 
 
@@ -801,7 +843,6 @@ def uncertainty(
     """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
     from esea_gen.twin.uncertainty import identified_spread, torque_uncertainty
 
-    _check_picture(figure)
     loaded = load_device(device)
     with progress_line() as say:
         say("covariance of the identification")
@@ -822,7 +863,6 @@ def reproduce_bandwidth(
     """Published bandwidths and steps of a metal series elastic actuator, from its recordings."""
     from esea_gen.twin.spring_rig import check_on_data
 
-    _check_picture(figure)
     with progress_line() as say:
         result = check_on_data(data, say)
     _show(result, json_file)
@@ -872,7 +912,8 @@ def simulate(
         typer.Option("--resume", metavar="DIR", help="Journal: go on where a run was cut off."),
     ] = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Also every run as CSV.")
+        Path | None,
+        typer.Option("--csv", metavar="FILE", callback=_writable, help="Also every run as CSV."),
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -882,7 +923,6 @@ def simulate(
     from esea_gen.twin.experiments import EXPERIMENTS, Setting, default_person
     from esea_gen.twin.experiments import simulate as run
 
-    _check_picture(figure)
     if experiment not in EXPERIMENTS:
         raise UserError(
             f"Unknown experiment '{experiment}'.", f"Choose from {', '.join(EXPERIMENTS)}."
@@ -938,7 +978,6 @@ def passivity(
     """Passivity of the rendered impedance over its gains, with pushed hands; sliding condition."""
     from esea_gen.twin.interaction import study_interaction
 
-    _check_picture(figure)
     with _counted(f"passivity, {controller}") as tell:
         result = study_interaction(
             controller,
@@ -983,7 +1022,6 @@ def tune(
     """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
     from esea_gen.twin.tune import tune as run
 
-    _check_picture(figure)
     try:
         row = [float(v) for v in values.split(",")] if values.strip() else []
     except ValueError:
@@ -1002,6 +1040,8 @@ def tune(
         )
     _show(result, json_file)
     _picture(figure, result.figure)
+    if not all(sweep.ran for sweep in result.sweeps):
+        raise typer.Exit(1)
 
 
 @contextmanager
@@ -1052,7 +1092,6 @@ def ranges(
     """Fixed point: range, format, headroom and proven error of every value, and what to do."""
     from esea_gen.emit.fixed.report import range_report
 
-    _check_picture(figure)
     loaded = load_device(device)
     _no_programs(loaded, "fixed point")
     with progress_line() as say:
@@ -1163,9 +1202,9 @@ def torque_check(
         if check is not None:
             write_json(json_file, check.to_dict())
         return
-    write_json(json_file, check.to_dict())
     for line in check.report():
         out.print(line)
+    write_json(json_file, check.to_dict())
     if check.verdict != "pass":
         raise typer.Exit(1)
 

@@ -86,7 +86,31 @@ def test_content_can_be_written_and_shown(chapter4):
     lines = chapter4.table()
     assert sum("thesis" in x for x in lines) == 6
     assert max(map(len, lines)) <= 100
-    assert len(chapter4.figure().axes) == 7
+
+
+def test_the_figure_compares_like_with_like(chapter4):
+    """Bars are of whole signals; what the exact inverse has inside is a marker that says so."""
+    figure = chapter4.figure()
+    axes = figure.axes
+    assert len(axes) == 7
+    content = chapter4.to_dict()
+    for ax, name in zip(axes[5:], ("table_4_4", "table_4_5"), strict=True):
+        bars = {c.get_label(): [b.get_height() for b in c] for c in ax.containers}
+        assert bars["exact inverse, ours"] == content[name]["exact"]["whole"]
+        for row, label in (("no_dob", "play operators"), ("filter_b", "observer, filter B")):
+            (ours,) = [h for k, h in bars.items() if k.startswith(label) and k.endswith("ours")]
+            assert ours == content[name][row]["rounding"]
+        (marker,) = ax.lines
+        assert list(marker.get_ydata()) == content[name]["exact"]["interior"]
+        assert marker.get_label() == "exact inverse, without the first and the last 1 s"
+        (last,) = [c for c in ax.containers if c.get_label() == "exact inverse, ours"]
+        centres = [b.get_x() + b.get_width() / 2 for b in last]
+        assert list(marker.get_xdata()) == pytest.approx(centres)
+    (legend,) = figure.legends
+    assert marker.get_label() in [t.get_text() for t in legend.get_texts()]
+    # The time panels' legend lies above S1's, not on its peaks.
+    figure.canvas.draw()
+    assert axes[0].get_legend().get_window_extent().y0 >= axes[0].get_window_extent().y1
 
 
 def test_signals():

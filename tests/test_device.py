@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from esea_gen.block import unit_of
+from esea_gen.block import Tunable, unit_of
 from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import json_schema, shipped_devices
 from esea_gen.errors import UserError
@@ -150,3 +152,43 @@ def test_unit_of_a_name(name: str, unit: str):
 def test_any_text_gives_a_clear_error(text: str):
     with pytest.raises(UserError, match=r"any\.toml"):
         parse_device(text, "any.toml")  # no text this short is a whole device file
+
+
+# -- tunables at their bounds ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bound", [0.001, 0.1, 0.221, 0.7, math.pi, 100.0, 1e-6, 1e5 / 3])
+def test_the_named_bound_is_inside_and_two_roundings_beyond_is_not(bound: float):
+    rounding = bound * 2.0**-23
+    for sign in (1, -1):
+        ends = sorted((sign * bound, sign * bound / 2))
+        t = Tunable("x", sign * bound, *ends, "x")
+        assert t.low <= t.default <= t.high
+        # A float32 number, as far from the named bound as one rounding at most.
+        assert float(np.float32(t.default)) == t.default == pytest.approx(sign * bound, rel=2**-23)
+        # What float32 makes of the bound may lie beyond it, and is the bound too.
+        assert t.low <= t.taken(float(np.float32(sign * bound))) <= t.high
+        for beyond in (sign * (bound + 2.1 * rounding), math.nan, sign * math.inf):
+            assert not t.low <= t.taken(beyond) <= t.high
+            with pytest.raises(ValueError, match="outside"):
+                Tunable("x", beyond, *ends, "x")
+    inside = bound * 0.9
+    assert Tunable("x", inside, 0.0, bound, "x").taken(inside) == inside
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value", "tunable"),
+    [
+        ("sliding_mode", "phi_rad_s", 0.001, "smc.phi_rad_s"),
+        ("encoder.motor", "zero_rad", math.pi, "encoder_motor.zero_rad"),
+        ("encoder.motor", "zero_rad", -math.pi, "encoder_motor.zero_rad"),
+        ("actuator", "coulomb_width_rad_s", 0.001, None),
+    ],
+)
+def test_a_device_file_may_hold_the_bound_that_messages_name(section, key, value, tunable):
+    number = f'{{ value = {value!r}, status = "assumed", source = "test" }}'
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
+    system = parse_device(f"{head}[{section}]\n{key} = {number}\n", "mine.toml").system
+    if tunable is not None:
+        known = {f"{i}.{t.name}": t.default for i, t in system.tunables}
+        assert known[tunable] == pytest.approx(value, rel=2**-23)

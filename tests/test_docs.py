@@ -288,6 +288,19 @@ def test_every_device_key_is_on_the_site(site):
     assert missing == []
 
 
+def test_the_site_says_which_keys_a_file_needs(site):
+    rows = re.findall(
+        r"<tr>\s*<td><code>(\w+)</code></td>(.*?)</tr>",
+        (site / "device-file.html").read_text(encoding="utf-8"),
+        re.DOTALL,
+    )
+    needed = {key: re.findall(r"<td>(yes|no)</td>", cells) for key, cells in rows}
+    for key in ("schema", "name", "k1_Nm_rad", "sense_rate_Hz", "eps2", "lambda_1_s"):
+        assert needed[key] == ["yes"], key
+    for key in ("extends", "axes", "dead_zone_rad", "setpoint_filter_Hz", "zero_rad"):
+        assert needed[key] == ["no"], key
+
+
 def test_every_command_and_option_is_on_the_site(site):
     page = text_of(site / "command-line.html")
     names = hooks.commands()

@@ -40,6 +40,7 @@ SOUND = ["joint", "stamp", "set_rate"]
 # By which rule f32 is judged.
 RULE = dict.fromkeys(FAULTS, LASTING) | {
     "sliding_mode": ONE_STEP,
+    "reference": ONE_STEP,
     "limits": ONE_STEP,
     "inverse": RESIDUAL,
 }

@@ -509,7 +509,16 @@ def test_figures_say_what_the_numbers_are(tmp_path, swept):
     with pytest.raises(UserError, match="for 2 cases"):
         rms_by_case(["a", "b"], {"MPC": [0.1]})
     r = sweep_response(*swept)
-    assert "−3.01 dB at 11 Hz" in legend(bode([("x", r)], [("x", r.bandwidth(reference_gain=1.0))]))
+    # What the drop is from: the dot stands that far below it, not below 0 dB.
+    figure = bode([("x", r)], [("x", r.bandwidth(reference_gain=1.0))])
+    assert "−3.01 dB at 11 Hz, from the\ngiven gain, 0 dB" in legend(figure)
+    for gain, says in ((1.05, "+0.42 dB"), (0.5, "−6.02 dB")):
+        scaled = dataclasses.replace(r, response=gain * r.response / r.response[0])
+        figure = bode([("x", scaled)], [("x", scaled.bandwidth())])
+        (label,) = [t for t in legend(figure) if "from the" in t]
+        assert label.endswith(f"\ngain at {r.frequency_Hz[0]:.3g} Hz, {says}")
+        (dot,) = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+        assert dot.get_ydata()[0] == pytest.approx(20 * math.log10(gain / math.sqrt(2)))
     z = impedance(
         FrequencyResponse(r.frequency_Hz, 2 + 0.5j * r.frequency_Hz, None, None, ""), sign=1.0
     )
@@ -518,4 +527,4 @@ def test_figures_say_what_the_numbers_are(tmp_path, swept):
     trade = tuning_trade(
         [1, 2, 4], [0.3, 0.2, np.nan], [0, 5, np.nan], [1, 2, np.nan], parameter="Q", chosen=2
     )
-    assert legend(trade) == ["chosen: 2", "unstable"]
+    assert legend(trade) == ["chosen: 2", "unusable"]

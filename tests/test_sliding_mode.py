@@ -160,8 +160,17 @@ def test_printed_law_knows_no_acceleration_lag_or_person(printed):
 def test_a_slope_that_cannot_be_followed_is_refused():
     for value in (0.5, 40.0):
         text = PUBLISHED.replace("value = 9.0", f"value = {value}")
+        with pytest.raises(UserError, match=rf"lambda_1_s = {value:g} .*from 1 to 25"):
+            parse_device(text, "steep.toml")
+        # The law does not rely on the file's reader.
+        device = parse_device(PUBLISHED, "steep.toml")
+        own = device.file.sliding_mode
+        assert own is not None
+        slope = own.lambda_1_s.model_copy(update={"value": value})
+        steep = own.model_copy(update={"lambda_1_s": slope})
+        file = device.file.model_copy(update={"sliding_mode": steep})
         with pytest.raises(UserError, match=rf"lambda_1_s = {value:g} 1/s is outside 1 to 25"):
-            sliding_mode(parse_device(text, "steep.toml"))
+            sliding_mode(Device(file, "steep.toml"))
     with pytest.raises(UserError, match="the device has no drive"):
         sliding_mode(esea_gen.load_device("elbow"))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen import cli
+from esea_gen.control.sliding_mode import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
 from esea_gen.device import parse_device
+from esea_gen.devices.fields import SlidingMode
 from esea_gen.errors import UserError
 from esea_gen.twin.experiments import EXPERIMENTS
 from esea_gen.twin.tune import Sweep, Trial, choose_error, choose_layer, extremes, tune
@@ -94,7 +97,7 @@ def test_a_smaller_error_does_not_pay_for_overshoot():
     assert chosen is trials[2]
     assert "within 10 %" in reason
     assert "at 25: unstable" in reason
-    assert choose_error([trials[-1]]) == (None, "no value is usable")
+    assert choose_error([trials[-1]]) == (None, "no value is usable, unstable")
 
 
 def test_what_is_not_there_is_null_in_json_and_a_dash_in_the_table():
@@ -106,6 +109,42 @@ def test_what_is_not_there_is_null_in_json_and_a_dash_in_the_table():
     assert lines[2].split().count("-") == 2
     assert lines[3].endswith("<")
     assert lines[-1] == "chosen: 2; why"
+
+
+FAILING = 2.0
+
+
+def half_run(value, **_) -> dict[str, float]:
+    """As run_trial, at once; one value raises, and one has a figure that is not finite."""
+    if value == FAILING:
+        raise UserError("The compiler is gone.", "Install it.")
+    figures = asdict(trial(value, rms_Nm=math.inf if value > FAILING else 0.1 / value))
+    del figures["unusable"]
+    return figures | {"unstable": 0.0, "tripped": 0.0, "fault": 0.0}
+
+
+def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("esea_gen.twin.tune.run_trial", half_run)
+    path, picture = tmp_path / "a.json", tmp_path / "a.png"
+    lambdas = ["tune", "--parameter", "lambda_1_s", "--json", path, "--figure", picture, "--values"]
+    code, shown, error = command(monkeypatch, capsys, *lambdas, "1,1.5,2,3")
+    assert (code, error) == (0, "")
+    rows = [line.split() for line in shown.splitlines()]
+    (failed,) = [r for r in rows if r[:1] == ["2"]]
+    assert failed[1:8] == ["-"] * 7
+    assert " ".join(failed[8:]) == "FAILED: The compiler is gone. Install it."
+    (infinite,) = [r for r in rows if r[:1] == ["3"]]
+    assert " ".join(infinite[8:]) == "FAILED: rms_Nm is inf"
+    (sweep,) = json.loads(path.read_text())["sweeps"]
+    assert sweep["chosen"] == 1.5
+    assert [t["unusable"] for t in sweep["trials"]][:2] == ["", ""]
+    assert sweep["trials"][2]["unusable"].startswith("failed: The compiler")
+    assert sweep["trials"][2]["rms_Nm"] is None
+    assert picture.stat().st_size > 10_000
+    # None ran: the table says why, and the command fails.
+    code, shown, error = command(monkeypatch, capsys, *lambdas, "3,4")
+    assert (code, error) == (1, "")
+    assert "chosen: none; no value is usable, failed: rms_Nm is inf" in shown
 
 
 # -- against the twin -----------------------------------------------------------------------------
@@ -167,6 +206,15 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
     assert two.rms_Nm < one.rms_Nm
 
 
+def test_the_bound_that_a_message_names_may_be_tried():
+    """0.221 Nm is the motor's torque, and a little above the float32 number that bounds it."""
+    require_tool("gcc")
+    found = tune("smc", "ideal", parameter="limits.u_max_Nm", values=(0.01, 0.221))
+    weak, full = found.sweeps[0].trials
+    assert [weak.value, full.value] == [0.01, 0.221]
+    assert full.rms_Nm < weak.rms_Nm
+
+
 # -- what is refused ------------------------------------------------------------------------------
 
 
@@ -177,10 +225,14 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
         (["--parameter", "gain", "--values", "1,2"], ["no tunable 'gain'", "smc.lambda_1_s"]),
         (["--parameter", "cutoff_Hz", "--values", "20,30"], ["motor_rate.cutoff_Hz or"]),
-        (["--parameter", "phi_rad_s", "--values", "1"], ["values 1.", "2 or more"]),
-        (["--parameter", "phi_rad_s", "--values", "1,nan"], ["values 1, nan", "finite"]),
+        (
+            ["--parameter", "phi_rad_s", "--values", "1"],
+            ["values 1: 2 or more are", "0.001 to 100"],
+        ),
+        (["--parameter", "phi_rad_s", "--values", "1,nan"], ["values 1, nan: not all finite"]),
         (["--parameter", "phi_rad_s", "--values", "1,b"], ["not a list of numbers"]),
         (["--parameter", "lambda_1_s", "--values", "9,90"], ["= 90 is outside 1 to 25"]),
+        (["--parameter", "u_max_Nm", "--values", "1e9,2"], ["= 2, 1e+09 is outside 0.00221 to 0"]),
         (["--controller", "mpc"], ["mpc has no smc.phi_rad_s", "--parameter", "predictive."]),
         (
             ["--controller", "mpc", "--parameter", "lambda_1_s", "--values", "9,15"],
@@ -201,7 +253,7 @@ def test_tune_refuses(monkeypatch, capsys, arguments, words):
 @pytest.mark.parametrize(
     ("section", "key", "value", "words"),
     [
-        ("sliding_mode", "lambda_1_s", 30, ["= 30 1/s", "1 to 25", "lag", "Give a value inside."]),
+        ("sliding_mode", "lambda_1_s", 30, ["= 30", "limit 25", "Give a value from 1 to 25"]),
         ("sliding_mode", "phi_rad_s", -1, ["phi_rad_s = -1", "limit 0.001", "0.001 to 100"]),
         ("actuator", "coulomb_width_rad_s", -0.05, ["coulomb_width_rad_s = -0.05", "limit 0.001"]),
         ("timing", "control_rate_Hz", 300, ["300 Hz does not divide", "1000 Hz", "Give 250 Hz"]),
@@ -225,6 +277,16 @@ def test_a_device_that_cannot_work_is_refused(
         assert "Traceback" not in error
         for word in ["mine.toml", *words]:
             assert word in error
+
+
+def test_the_slope_s_first_refusal_names_what_the_law_takes():
+    """A value from the range that the file's reader names is not refused by the law in turn."""
+    key = SlidingMode.model_fields["lambda_1_s"].json_schema_extra
+    assert (key["low"], key["high"]) == (LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S)
+    for value in (key["low"], key["high"]):
+        number = f'{{ value = {value}, status = "assumed", source = "test" }}'
+        text = f"{EXTENDED}[sliding_mode]\nlambda_1_s = {number}\n"
+        assert "smc" in parse_device(text, "mine.toml").system.blocks
 
 
 def test_the_fixes_that_are_named_are_accepted():
@@ -265,3 +327,76 @@ def test_simulate_refuses(monkeypatch, capsys, arguments, words):
     assert "Traceback" not in error
     for word in words:
         assert word in error
+
+
+# -- outputs --------------------------------------------------------------------------------------
+
+LONG_RUNS = (
+    ["simulate", "tuning"],
+    ["tune"],
+    ["passivity"],
+    ["uncertainty", "elbow"],
+    ["reproduce", "chapter3"],
+    ["reproduce", "chapter4"],
+    ["reproduce", "discretisation"],
+    ["reproduce", "bandwidth", "--data", "."],
+    ["verify", "elbow"],
+    ["torque-check", "elbow", "--mass", "1", "--arm", "0.1"],
+    ["report", "elbow"],
+)
+
+
+@pytest.mark.parametrize("run", LONG_RUNS, ids=lambda run: "-".join(run[:2]))
+def test_an_output_that_cannot_be_written_is_refused_before_the_run(
+    monkeypatch, capsys, tmp_path, run
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a-file").write_text("precious")
+    (tmp_path / "folder.png").mkdir()
+    options = ["--json"]
+    if not {"verify", "torque-check", "report", "discretisation"} & set(run):
+        options += ["--figure"]
+    if run[0] == "simulate":
+        options += ["--csv"]
+    for option in options:
+        for name, words in (
+            ("a-file/x.png", "Not a directory"),
+            ("folder.png", "is a folder"),
+            ("/proc/nothing/x.png", "/proc/nothing/x.png: cannot be written"),
+            (f"new/{'x' * 300}.png", "a name has more than 255 bytes"),
+        ):
+            # The table is printed before anything is written: that it is not there shows that
+            # nothing was run.
+            code, shown, error = command(monkeypatch, capsys, *run, option, name)
+            assert (code, shown) == (2, "")
+            assert words in error
+            assert "Traceback" not in error
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a-file", "folder.png"]
+    assert (tmp_path / "a-file").read_text() == "precious"
+
+
+def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_path):
+    def full(path, text):
+        raise UserError(f"{path}: cannot be written (No space left on device).", "Give another.")
+
+    monkeypatch.setattr("esea_gen.twin.tune.run_trial", half_run)
+    monkeypatch.setattr(cli, "write_text", full)
+    code, shown, error = command(
+        *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
+        *("--json", tmp_path / "a.json"),
+    )
+    assert code == 2
+    assert "chosen: 1.5" in shown
+    assert "No space left" in error
+
+
+def test_outputs_may_be_in_new_folders_and_a_picture_in_capitals(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("esea_gen.twin.tune.run_trial", half_run)
+    path, picture = tmp_path / "new" / "a.json", tmp_path / "other" / "new" / "A.PNG"
+    code, _, error = command(
+        *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
+        *("--json", path, "--figure", picture),
+    )
+    assert (code, error) == (0, "")
+    assert json.loads(path.read_text())["sweeps"]
+    assert picture.read_bytes()[:4] == b"\x89PNG"

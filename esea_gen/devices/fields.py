@@ -266,7 +266,12 @@ class Disturbance(Section):
 class SlidingMode(Section):
     """Sliding mode torque control, equations 5.12 to 5.22."""
 
-    lambda_1_s: Quantity = _number(0.1, 100, "Slope lambda of the sliding surface, eq. 5.12.")
+    lambda_1_s: Quantity = _number(
+        1,
+        25,
+        "Slope lambda of the sliding surface, eq. 5.12; beyond, the motor's lag makes the loop "
+        "swing, or it does not follow.",
+    )
     phi_rad_s: Quantity = _number(1e-3, 100, "Width phi of the boundary layer, 5.22.")
     fv_share: Quantity = _number(0, 1, "Uncertain share of the viscous friction, eq. 5.20.")
     fc_share: Quantity = _number(0, 1, "Uncertain share of the Coulomb friction, eq. 5.20.")

@@ -288,7 +288,7 @@ class ClosedLoop:
                     raise UserError(
                         f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
                     )
-                field, number = key, float(value)
+                field, number = key, known[instance, key].taken(float(value))
                 if system is self.controller and self.real == "q31":
                     field, number = raw_tunable(system.blocks[instance], key, number)
                 setattr(getattr(params, instance), field, number)

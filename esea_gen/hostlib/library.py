@@ -334,9 +334,11 @@ class CBoard:
         if library.system.tunables:
             params, coeffs = self._new("params"), self._new("coeffs")
             self._call("default_params", params)
+            known = {(i, t.name): t for i, t in library.system.tunables}
             for instance, values in (tunables or {}).items():
                 for key, value in values.items():
-                    setattr(getattr(params, instance), key, value)
+                    taken = known[instance, key].taken(value) if (instance, key) in known else value
+                    setattr(getattr(params, instance), key, taken)
             refused = int(self._call("prepare", params, coeffs))
             if refused:
                 instance, tunable = library.system.tunables[refused - 1]

@@ -108,13 +108,13 @@ class Chapter3:
         for name, (theta, torque) in self.loops.items():
             left.plot(np.degrees(theta), torque, linewidth=0.8, label=name)
         left.set_xlabel("deflection / deg")
-        left.set_ylabel("torque / Nm")
+        left.set_ylabel("torque / N·m")
         left.legend(fontsize="small")
         for name, (time_s, torque) in self.relaxation.items():
             right.plot(time_s, torque, label=name)
         right.set_xscale("symlog", linthresh=0.1)
         right.set_xlabel("time since the deflection was held / s")
-        right.set_ylabel("torque / Nm")
+        right.set_ylabel("torque / N·m")
         right.legend(fontsize="small")
         for ax in (left, right):
             ax.grid(alpha=0.3)

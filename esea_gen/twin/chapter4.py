@@ -328,7 +328,9 @@ class Chapter4:
         """Error in time for each signal, and both tables as bars beside the thesis."""
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(11, 13), layout="constrained")
+        from esea_gen.plotting import INK
+
+        figure = Figure(figsize=(11, 13.5), layout="constrained")
         axes = figure.subplots(SIGNAL_COUNT + 2, 1)
         shown = {
             "no_dob": "rounding",
@@ -344,7 +346,15 @@ class Chapter4:
                 ax.plot(t, series, linewidth=0.7, label=ROWS[row])
             ax.set_ylabel(f"S{i + 1} error / %")
             ax.grid(alpha=0.3)
-        axes[0].legend(ncols=len(shown), fontsize="small", loc="upper right")
+        # Above the panel: inside it would lie on S1's peaks.
+        axes[0].legend(
+            ncols=len(shown),
+            fontsize="small",
+            loc="lower left",
+            bbox_to_anchor=(0, 1),
+            borderaxespad=0.2,
+            frameon=False,
+        )
         axes[SIGNAL_COUNT - 1].set_xlabel("time / s")
         content = self.to_dict()
         width = 0.8 / (2 * 3 + 1)
@@ -354,16 +364,34 @@ class Chapter4:
                 for c, row in enumerate(("no_dob", "filter_a", "filter_b"))
                 for key, label, hatch in (("thesis", "thesis", "///"), ("rounding", "ours", ""))
             ]
-            bars.append((ROWS["exact"], content[name]["exact"]["interior"], 3, ""))
+            exact = content[name]["exact"]
+            bars.append((f"{ROWS['exact']}, ours", exact["whole"], 3, ""))
+            places = np.arange(1, SIGNAL_COUNT + 1)
             for k, (label, heights, colour, hatch) in enumerate(bars):
-                x = np.arange(1, SIGNAL_COUNT + 1) + (k - 3) * width
+                x = places + (k - 3) * width
                 ax.bar(x, heights, width, label=label, color=f"C{colour}", hatch=hatch)
+            ax.plot(
+                places + (len(bars) - 4) * width,
+                exact["interior"],
+                linestyle="none",
+                marker="D",
+                markersize=4.5,
+                color=INK,
+                label=f"{ROWS['exact']}, without the first and the last {END_S:g} s",
+            )
             ax.set_yscale("log")
             ax.set_title(title, fontsize="medium")
-            ax.set_xticks(range(1, SIGNAL_COUNT + 1), [f"S{i + 1}" for i in range(SIGNAL_COUNT)])
+            ax.set_xticks(places, [f"S{i + 1}" for i in places - 1])
             ax.grid(axis="y", alpha=0.3)
-        handles, labels = axes[-1].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
+        # Matplotlib names the markers first.
+        (first, *handles), (name, *labels) = axes[-1].get_legend_handles_labels()
+        figure.legend(
+            [*handles, first],
+            [*labels, name],
+            loc="outside lower center",
+            ncols=3,
+            fontsize="small",
+        )
         return figure
 
 

@@ -319,7 +319,8 @@ def bode(
                 ms=6,
                 mfc="white",
                 mew=1.5,
-                label=f"−{b.drop_dB:.3g} dB at {b.bandwidth_Hz:.3g} Hz",
+                label=f"−{b.drop_dB:.3g} dB at {b.bandwidth_Hz:.3g} Hz, from the\n{b.reference}, "
+                f"{_signed_dB(b.reference_gain)} dB",
             )
         grid[0].set_ylabel("gain, dB")
         grid[1].set_ylabel("phase, deg")
@@ -334,6 +335,11 @@ def bode(
         figure.align_ylabels(list(grid))
         figure.legend(loc="outside upper right", ncols=4)
         return _finish(figure)
+
+
+def _signed_dB(gain: float) -> str:
+    text = f"{20 * np.log10(gain):.2f}"
+    return "0" if float(text) == 0 else text.replace("-", "−") if gain < 1 else f"+{text}"
 
 
 def _phase(values: npt.NDArray[np.complex128]) -> Array:
@@ -559,7 +565,7 @@ def tuning_trade(
     values : array_like
         The parameter, rising, shape (n,).
     error_Nm, overshoot_percent, roughness : array_like
-        Shape (n,); NaN where the loop was unstable.
+        Shape (n,); NaN where the value is unusable: the loop unstable, or the trial failed.
     parameter : str
         Its name and unit.
     roughness_label : str
@@ -572,7 +578,7 @@ def tuning_trade(
     Returns
     -------
     Figure
-        Three panels over the parameter; unstable values are shaded.
+        Three panels over the parameter; unusable values are shaded.
     """
     x = np.asarray(values, dtype=float)
     with mpl.rc_context(STYLE):
@@ -609,7 +615,7 @@ def tuning_trade(
                     color="#efc9b0",
                     lw=0,
                     zorder=0,
-                    label="unstable"
+                    label="unusable"
                     if k == np.flatnonzero(broken)[0] and axes is grid[0]
                     else None,
                 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,7 +31,7 @@ from esea_gen.twin.experiments import (
     judge,
     run_case,
 )
-from esea_gen.twin.monte_carlo import Configuration, file_digest, run_cases
+from esea_gen.twin.monte_carlo import Configuration, Result, file_digest, run_cases
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +84,8 @@ class Trial:
     limited_share : float
         Share of the samples with the command at the motor's limit.
     unusable : str
-        Why the value cannot be taken, else empty: unstable, drive tripped, fault latched.
+        Why the value cannot be taken, else empty: unstable, drive tripped, fault latched, or
+        ``failed: `` and the reason, with every figure NaN.
     """
 
     value: float
@@ -191,13 +192,25 @@ def _tunables(controller: str) -> dict[str, Tunable]:
 
 
 _WORDS = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
+_FAILED = "failed: "
+_FIGURES = tuple(f.name for f in fields(Trial) if f.name not in ("value", "unusable"))
 
 
-def _trial(values: Mapping[str, float]) -> Trial:
-    figures = {k: v for k, v in values.items() if k not in _WORDS}
-    why = ", ".join(text for key, text in _WORDS.items() if values[key])
-    nothing = dict.fromkeys(("surface_rad_s", "outside_share"), math.nan)
+def _trial(result: Result) -> Trial:
+    nothing = dict.fromkeys(_FIGURES, math.nan)
+    if result.values is None:
+        # The class of the error says nothing to who reads the table.
+        reason = " ".join(result.failure.removeprefix("esea_gen.errors.UserError: ").split())
+        return Trial(result.case["value"], **nothing, unusable=_FAILED + reason)
+    figures = {k: v for k, v in result.values.items() if k not in _WORDS}
+    why = ", ".join(text for key, text in _WORDS.items() if result.values[key])
     return Trial(**(nothing | figures), unusable=why)
+
+
+def _nothing(trials: Sequence[Trial]) -> str:
+    """Why no trial is usable; the reason where there is but one."""
+    reasons = {t.unusable for t in trials}
+    return "no value is usable" + (f", {reasons.pop()}" if len(reasons) == 1 else "")
 
 
 # -- choosing -------------------------------------------------------------------------------------
@@ -218,7 +231,10 @@ def choose_layer(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
     str
         The reason.
     """
-    good = [t for t in trials if not t.unusable and t.surface_rad_s <= t.value]
+    usable = [t for t in trials if not t.unusable]
+    if not usable:
+        return None, _nothing(trials)
+    good = [t for t in usable if t.surface_rad_s <= t.value]
     if not good:
         return None, "the surface leaves every layer that was tried: try wider ones"
     best = min(good, key=lambda t: t.value)
@@ -248,7 +264,7 @@ def choose_error(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
     """
     usable = [t for t in trials if not t.unusable]
     if not usable:
-        return None, "no value is usable"
+        return None, _nothing(trials)
     least = min(t.rms_Nm for t in usable)
     follow = [t for t in usable if t.rms_Nm <= FOLLOWS * least]
     room = min(t.overshoot_percent for t in follow) + OVERSHOOT_ROOM
@@ -296,6 +312,11 @@ class Sweep:
     chosen: Trial | None
     reason: str
 
+    @property
+    def ran(self) -> bool:
+        """Whether any trial ran to its end."""
+        return any(not t.unusable.startswith(_FAILED) for t in self.trials)
+
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content; what there is not is null."""
         return {
@@ -316,19 +337,24 @@ class Sweep:
         ]
         for t in self.trials:
             cells = (
-                f"{t.rms_Nm:.4f}",
-                f"{t.overshoot_percent:.1f} %",
-                f"{t.reach_percent:.1f} %",
-                f"{t.roughness_Nm_s:.2f}",
-                "-" if math.isnan(t.surface_rad_s) else f"{t.surface_rad_s:.3f}",
-                "-" if math.isnan(t.outside_share) else f"{100 * t.outside_share:.2f} %",
-                f"{100 * t.limited_share:.1f} %",
+                _cell(t.rms_Nm, ".4f"),
+                _cell(t.overshoot_percent, ".1f", " %"),
+                _cell(t.reach_percent, ".1f", " %"),
+                _cell(t.roughness_Nm_s, ".2f"),
+                _cell(t.surface_rad_s, ".3f"),
+                _cell(100 * t.outside_share, ".2f", " %"),
+                _cell(100 * t.limited_share, ".1f", " %"),
             )
             mark = " <" if t is self.chosen else ""
             line = f"{t.value:>10g}" + "".join(f"{c:>11}" for c in cells)
-            lines.append(f"{line}{mark}  {t.unusable.upper()}".rstrip())
+            word, colon, reason = t.unusable.partition(": ")
+            lines.append(f"{line}{mark}  {word.upper()}{colon}{reason}".rstrip())
         value = "none" if self.chosen is None else f"{self.chosen.value:g}"
         return [*lines, f"chosen: {value}; {self.reason}"]
+
+
+def _cell(value: float, spec: str, unit: str = "") -> str:
+    return "-" if math.isnan(value) else f"{value:{spec}}{unit}"
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -429,15 +455,20 @@ class Tuning:
 def _values(device: Device, name: str, tunable: Tunable, values: Sequence[float]) -> Array:
     array = np.unique(np.asarray(values, dtype=float))
     if not np.all(np.isfinite(array)) or len(array) < FEWEST:
+        shown = ", ".join(f"{v:g}" for v in values) or "none"
+        enough = len(array) >= FEWEST
         raise UserError(
-            f"{name}: values {', '.join(f'{v:g}' for v in values) or 'none'}.",
-            f"Give {FEWEST} or more different finite numbers.",
+            f"{name}: values {shown}"
+            + (": not all finite." if enough else f": {FEWEST} or more are needed to compare."),
+            f"Give {FEWEST} or more different finite numbers from {tunable.low:g} to "
+            f"{tunable.high:g}.",
         )
-    outside = array[(array < tunable.low) | (array > tunable.high)]
+    taken = np.array([tunable.taken(float(v)) for v in array])
+    outside = array[(taken < tunable.low) | (taken > tunable.high)]
     if len(outside):
         raise UserError(
-            f"{name} = {outside[0]:g} is outside {tunable.low:g} to {tunable.high:g}, what "
-            f"{device.origin} allows ({tunable.meaning}).",
+            f"{name} = {', '.join(f'{v:g}' for v in outside)} is outside {tunable.low:g} to "
+            f"{tunable.high:g}, what {device.origin} allows ({tunable.meaning}).",
             "Give values inside.",
         )
     return array
@@ -519,9 +550,7 @@ def tune(
         done = run_cases(
             run_trial, cases, configuration=configuration, workers=workers, progress=progress
         )
-        for r in done.failures:
-            raise RuntimeError(f"{name} = {r.case['value']:g}: {r.failure}")
-        trials = tuple(_trial(r.values) for r in done.results if r.values is not None)
+        trials = tuple(_trial(r) for r in done.results)
         chosen, reason = (choose_layer if name == PHI else choose_error)(trials)
         return Sweep(name, held, trials, chosen, reason)
 
