@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from esea_gen.block import Block
@@ -71,7 +71,7 @@ def torque_control_system(
     UserError
         When the device lacks a section that torque control needs.
     """
-    parts = torque_control_parts(device, velocity, sensor, inverse, sliding_mode(device))
+    parts = torque_control_parts(device, velocity, sensor, inverse, sliding_mode)
     return System(
         device.name,
         device.period_s,
@@ -84,7 +84,11 @@ def torque_control_system(
 
 
 def torque_control_parts(
-    device: DeviceData, velocity: Block, sensor: Block, inverse: Block, law: Block | None
+    device: DeviceData,
+    velocity: Block,
+    sensor: Block,
+    inverse: Block,
+    law: Callable[[DeviceData], Block] | None,
 ) -> Parts:
     """What :func:`torque_control_system` is wired from.
 
@@ -92,8 +96,8 @@ def torque_control_parts(
     ----------
     device, velocity, sensor, inverse
         As there.
-    law : Block or None
-        The sliding mode; None for another law, which then feeds the stamp itself.
+    law : callable or None
+        Makes the sliding mode; None for another law, which then feeds the stamp itself.
 
     Returns
     -------
@@ -128,7 +132,8 @@ def torque_control_parts(
     if cutoff is not None:
         blocks["set_rate"] = butterworth_rate(device, "set_rate", cutoff)
     sense = tuple(blocks)
-    blocks |= ({"smc": law} if law else {}) | {"stamp": command_stamp(device)}
+    # Last: what an observer refuses by itself is clearer than a loop that swings because of it.
+    blocks |= ({"smc": law(device)} if law else {}) | {"stamp": command_stamp(device)}
 
     angle = {"motor": "encoder_motor.theta_rad", "load": "encoder_load.theta_rad"}
     rate = {"motor": "motor_rate.omega_rad_s", "load": "load_rate.omega_rad_s"}
