@@ -17,6 +17,7 @@ import pytest
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.identify import Identification, identify
+from esea_gen.report import contents
 from esea_gen.report import device as report
 from esea_gen.report.identification import identification_page
 from esea_gen.report.page import finite, for_people, number, plain
@@ -321,7 +322,7 @@ def test_missing_tools_do_not_stop_the_report(
     def missing(*_: object) -> None:
         raise UserError("The compiler 'arm-none-eabi-gcc' is not installed.", "Install it.")
 
-    monkeypatch.setattr(report, "build_firmware", missing)
+    monkeypatch.setattr(contents, "build_firmware", missing)
     monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
     board = report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
     assert "arm-none-eabi-gcc" in board.skipped
@@ -341,7 +342,7 @@ def test_a_build_that_breaks_is_a_finding(elbow: Device, monkeypatch: pytest.Mon
     def broken(*_: object) -> None:
         raise RuntimeError("the control code is not float-only")
 
-    monkeypatch.setattr(report, "build_firmware", broken)
+    monkeypatch.setattr(contents, "build_firmware", broken)
     board = report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
     assert not board.passed
     assert "float-only" in board.failed

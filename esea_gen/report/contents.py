@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from esea_gen.block import unit_of
@@ -12,9 +15,10 @@ from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import Bundle
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import block_kernels
+from esea_gen.errors import UserError
 from esea_gen.verify.emulator import EmulatorResult
 from esea_gen.verify.equivalence import Verification
-from esea_gen.verify.firmware import FirmwareImage
+from esea_gen.verify.firmware import BOARDS, FirmwareImage, build_firmware
 
 REALS = ("f64", "f32")
 REAL_NAMES = {"f64": "float64", "f32": "float32"}
@@ -63,6 +67,53 @@ class BoardRun:
         return not self.failed and all(
             r.identical and r.hash_matches for r in (self.results or {}).values()
         )
+
+
+def on_board(
+    device: Device,
+    board: str,
+    say: Callable[[str], None],
+    emulate: Callable[[FirmwareImage, dict[str, EmulatorResult]], None],
+) -> BoardRun:
+    """Build firmware and run it, whatever comes of it.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    board : str
+        Board.
+    say : callable
+        Told in words what is being done.
+    emulate : callable
+        Given the image; puts each result into the dictionary as it has it.
+
+    Returns
+    -------
+    BoardRun
+        Skipped when a tool is missing, failed when the firmware does not build or answer.
+
+    Raises
+    ------
+    UserError
+        For an unknown board; for a missing tool when ``ESEA_REQUIRE_TOOLS=1``.
+    """
+    title = BOARDS[board].title if board in BOARDS else ""
+    image = None
+    results: dict[str, EmulatorResult] = {}
+    try:
+        with tempfile.TemporaryDirectory(prefix="esea-report-") as scratch:
+            say(f"building firmware for {board}")
+            image = build_firmware(device, board, Path(scratch))
+            emulate(image, results)
+    except UserError as error:
+        if board not in BOARDS or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
+            raise
+        return BoardRun(board, title, image, results, skipped=str(error))
+    except RuntimeError as error:
+        # A board that does not build or answer is a finding: the page says so and fails.
+        return BoardRun(board, title, image, results, failed=str(error))
+    return BoardRun(board, title, image, results)
 
 
 def verification_problems(verification: Verification) -> list[str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,11 +37,12 @@ from esea_gen.report.contents import (
     board_problems,
     by_section,
     generated_code,
+    on_board,
     quantities,
     verification_problems,
 )
 from esea_gen.report.page import count_text, finite, render
-from esea_gen.verify.emulator import run_in_emulator
+from esea_gen.verify.emulator import EmulatorResult, run_in_emulator
 from esea_gen.verify.equivalence import (
     F64_TOLERANCE,
     Verification,
@@ -51,7 +50,7 @@ from esea_gen.verify.equivalence import (
     operating_ranges,
     verify,
 )
-from esea_gen.verify.firmware import BOARDS, build_firmware
+from esea_gen.verify.firmware import BOARDS, FirmwareImage
 from esea_gen.verify.streams import deflection_inputs, first_axis, single
 
 Array = npt.NDArray[Any]
@@ -747,7 +746,7 @@ def gather(
         runs = [_run(device, CHIRP, domain_chirp(device), None, say)]
     deflections = {r.label: r.theta_rad for r in runs if r.recording is not None}
     verification = verify(device, REALS, deflections, progress=say)
-    on_board = run_board(device, board, {r.label: r.theta_rad for r in runs}, say)
+    board_run = run_board(device, board, {r.label: r.theta_rad for r in runs}, say)
     shipped = device.name in shipped_devices() and device.origin == f"{device.name}.toml"
     words = ["esea-gen report", device.name if shipped else device.origin]
     if recording is not None:
@@ -756,7 +755,7 @@ def gather(
         words.append("--data DIR")
     if board != "netduinoplus2":
         words.append(f"--board {board}")
-    return Findings(device, verification, bundles, tuple(runs), on_board, source, " ".join(words))
+    return Findings(device, verification, bundles, tuple(runs), board_run, source, " ".join(words))
 
 
 def _run(
@@ -796,29 +795,18 @@ def run_board(device: Device, board: str, deflections: Mapping[str, Array], say:
     UserError
         For an unknown board; for a missing tool when ``ESEA_REQUIRE_TOOLS=1``.
     """
-    title = BOARDS[board].title if board in BOARDS else ""
-    image = None
-    results = {}
-    try:
-        with tempfile.TemporaryDirectory(prefix="esea-report-") as scratch:
-            say(f"building firmware for {board}")
-            image = build_firmware(device, board, Path(scratch))
-            for label, theta in deflections.items():
 
-                def told(done: int, steps: int, label: str = label) -> None:
-                    say(f"emulating {label}: {100 * done // steps} %")
+    def emulate(image: FirmwareImage, results: dict[str, EmulatorResult]) -> None:
+        for label, theta in deflections.items():
 
-                results[label] = run_in_emulator(
-                    device, image, deflection_inputs(device.system, theta), progress=told
-                )
-    except UserError as error:
-        if board not in BOARDS or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
-            raise
-        return BoardRun(board, title, image, results, skipped=str(error))
-    except RuntimeError as error:
-        # A board that does not build or answer is a finding: the page says so and fails.
-        return BoardRun(board, title, image, results, failed=str(error))
-    return BoardRun(board, title, image, results)
+            def told(done: int, steps: int, label: str = label) -> None:
+                say(f"emulating {label}: {100 * done // steps} %")
+
+            results[label] = run_in_emulator(
+                device, image, deflection_inputs(device.system, theta), progress=told
+            )
+
+    return on_board(device, board, say, emulate)
 
 
 __all__ = ["BoardRun", "Findings", "Run", "gather", "run_board"]

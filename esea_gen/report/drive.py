@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,6 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.render import versions
-from esea_gen.errors import UserError
 from esea_gen.plotting import svg
 from esea_gen.report.contents import (
     REAL_NAMES,
@@ -28,6 +24,7 @@ from esea_gen.report.contents import (
     board_problems,
     by_section,
     generated_code,
+    on_board,
     quantities,
     verification_problems,
 )
@@ -40,9 +37,9 @@ from esea_gen.twin.experiments import (
     default_person,
     simulate,
 )
-from esea_gen.verify.emulator import run_tasks_in_emulator
+from esea_gen.verify.emulator import EmulatorResult, run_tasks_in_emulator
 from esea_gen.verify.equivalence import Comparison, Verification, verify
-from esea_gen.verify.firmware import BOARDS, build_firmware
+from esea_gen.verify.firmware import FirmwareImage
 
 Say = Callable[[str], None]
 
@@ -380,12 +377,12 @@ def gather_drive(
     simulations = {name: run(name, controller) for name in (*COMPARED, *ALONE)}
     yardsticks = {name: run(name, YARDSTICK) for name in COMPARED}
     verification = verify(device, REALS, progress=say)
-    on_board = run_tasks_on_board(device, board, TICKS, say)
+    board_run = run_tasks_on_board(device, board, TICKS, say)
     words = ["esea-gen report", device.name if shipped else device.origin]
     if board != "netduinoplus2":
         words.append(f"--board {board}")
     return DriveFindings(
-        device, verification, bundles, simulations, yardsticks, on_board, " ".join(words)
+        device, verification, bundles, simulations, yardsticks, board_run, " ".join(words)
     )
 
 
@@ -413,27 +410,17 @@ def run_tasks_on_board(device: Device, board: str, ticks: int, say: Say) -> Boar
     UserError
         For an unknown board; for a missing tool when ``ESEA_REQUIRE_TOOLS=1``.
     """
-    title = BOARDS[board].title if board in BOARDS else ""
-    image = None
-    try:
-        with tempfile.TemporaryDirectory(prefix="esea-report-") as scratch:
-            say(f"building firmware for {board}")
-            image = build_firmware(device, board, Path(scratch))
-            inputs = record_drive(device, ticks).inputs
-            results = run_tasks_in_emulator(
-                device,
-                image,
-                inputs,
-                progress=lambda done, runs: say(f"emulating: {100 * done // runs} %"),
-            )
-    except UserError as error:
-        if board not in BOARDS or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
-            raise
-        return BoardRun(board, title, image, skipped=str(error))
-    except RuntimeError as error:
-        # A board that does not build or answer is a finding: the page says so and fails.
-        return BoardRun(board, title, image, failed=str(error))
-    return BoardRun(board, title, image, results)
+
+    def emulate(image: FirmwareImage, results: dict[str, EmulatorResult]) -> None:
+        inputs = record_drive(device, ticks).inputs
+        results |= run_tasks_in_emulator(
+            device,
+            image,
+            inputs,
+            progress=lambda done, runs: say(f"emulating: {100 * done // runs} %"),
+        )
+
+    return on_board(device, board, say, emulate)
 
 
 __all__ = ["DriveFindings", "gather_drive", "run_tasks_on_board"]
