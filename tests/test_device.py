@@ -179,7 +179,6 @@ def test_the_named_bound_is_inside_and_two_roundings_beyond_is_not(bound: float)
 @pytest.mark.parametrize(
     ("section", "key", "value", "tunable"),
     [
-        ("sliding_mode", "phi_rad_s", 0.001, "smc.phi_rad_s"),
         ("encoder.motor", "zero_rad", math.pi, "encoder_motor.zero_rad"),
         ("encoder.motor", "zero_rad", -math.pi, "encoder_motor.zero_rad"),
         ("actuator", "coulomb_width_rad_s", 0.001, None),
