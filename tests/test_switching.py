@@ -7,7 +7,9 @@ import pytest
 
 import esea_gen
 from esea_gen.control.limits import Fault
+from esea_gen.control.predictive_system import device_horizon
 from esea_gen.hostlib.closed_loop import ClosedLoop
+from esea_gen.twin.experiments import controller_device
 from esea_gen.twin.people import PEOPLE, real_plant
 
 from .conftest import require_tool
@@ -102,3 +104,40 @@ def test_it_goes_on_only_off_and_rearmed(run):
     assert np.all(got["u_Nm"][3000:3700] == 0)
     assert np.any(got["u_Nm"][3700:4000] != 0)
     assert np.all(got["fault"][3600:] == 0)
+
+
+@pytest.mark.parametrize("name", ["tau_preview_Nm", "theta_preview_rad", "omega_preview_rad_s"])
+def test_an_invalid_future_stops_predictive_control_for_good(foreseen, name):
+    loop, signals, plant = foreseen
+    broken = np.array(signals[name])
+    # As long as a control period: what falls between two of its runs is never read.
+    broken[1200:1206, 3] = np.nan
+    got = loop.run(signals | {name: broken}, plant.values, seed=0).controller
+    assert np.any(got["u_Nm"][1190:1200] != 0)
+    assert np.all(got["u_Nm"][1207:] == 0)
+    assert np.all(got["fault"][1207:] == Fault.CONTROL_STALE)
+
+
+@pytest.fixture(scope="module")
+def foreseen():
+    require_tool("gcc")
+    device = controller_device("mpc")
+    plant = real_plant(device, seed=0).having(PEOPLE["none"], clamped=1.0)
+    loop = ClosedLoop(device.system, plant, "f32")
+    n = 2000
+    t = np.arange(n)
+    wanted = 2.0 * np.sin(2 * np.pi * 0.6 * t / 1000)
+    ends = np.rint(np.array(device_horizon(device).ends_s) * 1000).astype(int)
+    zero = np.zeros(n)
+    signals = dict.fromkeys(loop.signals, zero) | {
+        "theta_p_rad": zero,
+        "omega_p_rad_s": zero,
+        "alpha_p_rad_s2": zero,
+        "tau_desired_Nm": wanted,
+        "mode": np.where(t < 60, 0.0, 1.0),
+        "rearm": (t >= 30).astype(float),
+        "tau_preview_Nm": wanted[np.minimum(t[:, None] + ends, n - 1)],
+        "theta_preview_rad": np.zeros((n, len(ends))),
+        "omega_preview_rad_s": np.zeros((n, len(ends))),
+    }
+    return loop, signals, plant

@@ -127,6 +127,7 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
             "mode": label(
                 "mode_taken", ca.if_else(guard.inputs_ok, u.mode, 0), "off when not sound"
             ),
+            "request_ok": guard.inputs_ok,
             "status": flag_word([ca.logic_not(guard.inputs_ok)]),
         }
         return {}, outputs
@@ -171,6 +172,7 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
         inputs.append(Port("tau_set_Nm", -full_scale, full_scale, "set torque, impedance mode"))
     outputs += [
         Port("mode", 0.0, 2.0, "mode that holds; 0 with an invalid input"),
+        Port("request_ok", 0, 1, "1 while every input is sound; else the limits latch"),
         Port("status", 0, 1, "what is known of it", flags=flags),
     ]
     tau_d, o, t, blend = sp.symbols("tau_d o t T_b")

@@ -184,7 +184,7 @@ def _command_range(device: DeviceData) -> float:
     return threshold(COMMAND_RANGE * max(safety.u_max_Nm.value, actuator.u_max_Nm.value))
 
 
-def command_stamp(device: DeviceData) -> Block:
+def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
     """The last Block of the control task: stamps the command, so that a dead task shows.
 
     The stamp goes through the same latch release as the command and changes with every run.  A
@@ -195,6 +195,9 @@ def command_stamp(device: DeviceData) -> Block:
     ----------
     device : DeviceData
         Needs ``[safety]``, ``[actuator]``, ``[joint]`` and ``timing.control_rate_Hz``.
+    checked : bool
+        Whether an input ``request_ok`` says that what the control task itself was asked for is
+        sound: anything but 1 is stamped 0 as well.
 
     Returns
     -------
@@ -214,10 +217,11 @@ def command_stamp(device: DeviceData) -> Block:
         _c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         beat = label("beat_next", ca.if_else(s.beats >= BEATS, 1.0, s.beats + 1), "1 to 255")
-        bad = [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
+        sound = ca.logic_and(guard.inputs_ok, u.request_ok == 1) if checked else guard.inputs_ok
+        bad = [ca.logic_not(sound), ca.logic_not(guard.state_ok)]
         return {"beats": beat}, {
-            "u_command_Nm": u.u_command_Nm,
-            "control_beat": ca.if_else(guard.inputs_ok, beat, 0.0),
+            "u_command_Nm": ca.if_else(sound, u.u_command_Nm, 0.0) if checked else u.u_command_Nm,
+            "control_beat": ca.if_else(sound, beat, 0.0),
             "status": flag_word(bad),
         }
 
@@ -230,7 +234,10 @@ def command_stamp(device: DeviceData) -> Block:
         "Command stamp: shows the limits that the control task is alive",
         period_s=every * device.period_s,
         state=(Port("beats", 0, BEATS, "last stamp"),),
-        inputs=(Port("u_command_Nm", -reach, reach, "the controller's motor torque"),),
+        inputs=(
+            Port("u_command_Nm", -reach, reach, "the controller's motor torque"),
+            *((Port("request_ok", 0, 1, "1 while what is wanted is sound"),) if checked else ()),
+        ),
         outputs=(
             Port("u_command_Nm", -reach, reach, "the same, 0 where it was invalid"),
             Port("control_beat", 0, BEATS, "changes with every run; 0 with an invalid command"),

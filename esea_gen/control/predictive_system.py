@@ -11,6 +11,7 @@ import casadi as ca
 from esea_gen.block import Block, Port
 from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
+from esea_gen.control.limits import command_stamp
 from esea_gen.control.predictive_drive import Q_BEST, R_BEST, Person, predictive_controller
 from esea_gen.control.system import torque_control_parts
 from esea_gen.observe import drive_of
@@ -251,6 +252,8 @@ def predictive_system(
     if preview or one_layer:
         blocks["reference"] = _shown_reference(blocks["reference"])
         blocks["ahead"] = ahead(device, grid, given=preview, one_layer=one_layer)
+        # A future that is no number stops for good, as a wish of now does.
+        blocks["stamp"] = command_stamp(device, checked=True)
         control_order.insert(0, "ahead")
     if printed:
         blocks["parabola"] = parabola(device)
@@ -283,6 +286,8 @@ def predictive_system(
             if sink not in fed_outside:
                 wires[sink] = sources[name][p.name]
     wires["stamp.u_command_Nm"] = "predictive.u_Nm"
+    if "ahead" in blocks:
+        wires["stamp.request_ok"] = "ahead.request_ok"
     inputs = {n: tuple(s for s in sinks if stays(s)) for n, sinks in base.inputs.items()}
     inputs = {n: sinks for n, sinks in inputs.items() if sinks} | from_outside
     outputs = {
