@@ -8,6 +8,7 @@ import pytest
 from esea_gen.bench.bound import BoundError, blocks_of, disassemble
 from esea_gen.bench.predictive import (
     AIM_BOUND,
+    AIM_TYPICAL,
     CORES,
     FLAGS,
     _build,
@@ -16,6 +17,7 @@ from esea_gen.bench.predictive import (
     seen_on_m4f,
     stress_rows,
 )
+from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import flat_residuals
 from esea_gen.control.box_qp import box_qp, packed
 from esea_gen.control.horizon import Horizon
@@ -74,6 +76,17 @@ def test_the_bound_holds_and_meets_its_aim(program):
     assert np.array_equal(y["u_Nm"], command)
     assert cost.bound.stack_bytes < 1024
     assert cost.state_bytes < 4096
+
+
+def test_a_typical_step_meets_its_aim(program):
+    require_tool("arm-none-eabi-gcc")
+    require_tool("qemu-system-arm")
+    seen = []
+    for experiment in ("tuning", "backdriven", "bread"):
+        case = EXPERIMENTS[experiment].cases()[0]
+        free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
+        seen.append(seen_on_m4f(program, recorded_rows("mpc", case, 60), free)[0])
+    assert np.median(seen) <= AIM_TYPICAL
 
 
 @pytest.mark.parametrize("core", list(CORES))

@@ -333,6 +333,8 @@ class Linearised:
         ``before(x, u, p, w) -> named values, deflection``;
         ``after(x, u, p, w, named, tau, slope) -> next x, coefficients``, with the stiffness of the
         free stop operators.
+    onward : casadi.Function
+        ``after`` without the coefficients, for what is not differentiated.
     column, newest : casadi.Function
         ``column(dx, coefficients, offset) -> next dx, d deflection`` for the inputs of earlier
         intervals and, with the input's own seed, for the present one's; the sensitivity of the stop
@@ -345,6 +347,7 @@ class Linearised:
 
     before: ca.Function
     after: ca.Function
+    onward: ca.Function
     column: ca.Function
     newest: ca.Function
     named: int
@@ -414,21 +417,11 @@ def linearise(model: Model, h: float, u_scale: float) -> Linearised:
     nothing = ca.SX(0)
     deflection = tape.entries[cut - 1].value if tape.memory_at is not None else nothing
 
-    first = [e.symbol for e in tape.entries[:cut]]
-    named = ca.SX.sym("named", len(first)) if first else ca.SX(0, 1)
-
     def resolve(expressions: list[ca.SX], entries: list[Entry]) -> list[ca.SX]:
         if not entries:
             return expressions
         symbols, values = [e.symbol for e in entries], [e.value for e in entries]
         return list(ca.substitute_inplace(symbols, values, expressions)[1])
-
-    before_values = resolve([*first, deflection], tape.entries[:cut])
-    before = ca.Function(
-        "before",
-        [x_all, u, p_all, w_all],
-        [ca.densify(ca.vertcat(*before_values[:-1])), ca.densify(before_values[-1])],
-    )
 
     held = _Coefficients()
     d = {n: ca.SX.sym(f"d_{n}") for n in model.states}
@@ -467,28 +460,37 @@ def linearise(model: Model, h: float, u_scale: float) -> Linearised:
     d_all = ca.vertcat(*[d[n] for n in model.states])
 
     values = resolve([ca.SX(result[n]) for n in model.states] + held.values, tape.entries[cut:])
-    # What was named before the memory comes from where the first half has put it.
+    # What was named before the memory comes from where the first half has put it, if it is read.
+    read = {s.name() for v in values for s in ca.symvar(v)}
+    first = [e.symbol for e in tape.entries[:cut] if e.symbol.name() in read]
+    named = ca.SX.sym("named", len(first)) if first else ca.SX(0, 1)
+    before_values = resolve([*first, deflection], tape.entries[:cut])
+    before = ca.Function(
+        "before",
+        [x_all, u, p_all, w_all],
+        [ca.densify(ca.vertcat(*before_values[:-1])), ca.densify(before_values[-1])],
+    )
     values = [ca.substitute(v, ca.vertcat(*first), named) for v in values] if first else values
     n = len(model.states)
-    after = ca.Function(
-        "after",
-        [x_all, u, p_all, w_all, named, tau, slope],
-        ca.cse(
-            [ca.densify(ca.vertcat(*values[:n])), ca.densify(ca.vertcat(*values[n:], ca.SX(0, 1)))]
-        ),
-    )
+    following = ca.densify(ca.vertcat(*values[:n]))
+    derivatives = ca.densify(ca.vertcat(*values[n:], ca.SX(0, 1)))
+    arguments = [x_all, u, p_all, w_all, named, tau]
+    after = ca.Function("after", [*arguments, slope], ca.cse([following, derivatives]))
+    onward = ca.Function("onward", arguments, ca.cse([following]))
     kernels = []
-    for name, following, d_delta in (
+    for name, d_next, d_delta in (
         ("column", column_next, column_d),
         ("newest", newest_next, newest_d),
     ):
-        outputs = ca.cse([ca.densify(ca.vertcat(*following)), ca.densify(d_delta)])
+        outputs = ca.cse([ca.densify(ca.vertcat(*d_next)), ca.densify(d_delta)])
         kernels.append(ca.Function(name, [d_all, k_all, offset], outputs))
-    return Linearised(before, after, kernels[0], kernels[1], len(first), len(held.values))
+    column, newest = kernels
+    return Linearised(before, after, onward, column, newest, len(first), len(held.values))
 
 
 class _Partials:
-    # Partial derivatives by the links of a tape, through what is only kept.
+    # Partial derivatives by the links of a tape, through what is only kept: from the value back, so
+    # that what several links share is multiplied once.
     def __init__(self, tape: Tape, roots: Sequence[ca.SX]) -> None:
         self.kept: dict[str, dict[str, ca.SX]] = {}
         self.symbols = {s.name(): s for s in roots}
@@ -497,21 +499,25 @@ class _Partials:
             raise ValueError(f"a substep names a value twice: {names}")
         for e in tape.entries:
             if not e.link:
-                self.kept[e.symbol.name()] = self._flat(e.value, e.slopes)
+                self.kept[e.symbol.name()] = self._slopes(e.value, e.slopes)
             self.symbols[e.symbol.name()] = e.symbol
 
     def of(self, value: ca.SX) -> dict[str, ca.SX]:
-        found = self._flat(value, None)
+        found = self._slopes(value, None)
+        for name in reversed(self.kept):
+            if name not in found:
+                continue
+            weight = found.pop(name)
+            for key, partial in self.kept[name].items():
+                found[key] = ca.simplify(found.get(key, ca.SX(0)) + weight * partial)
         return {k: v for k, v in found.items() if not (v.is_constant() and v.is_zero())}
 
-    def _flat(self, value: ca.SX, slopes: list[tuple[ca.SX, ca.SX]] | None) -> dict[str, ca.SX]:
-        if slopes is None:
-            slopes = [(s, ca.jacobian(value, s)) for s in ca.symvar(value)]
-        total: dict[str, ca.SX] = {}
-        for symbol, partial in slopes:
-            name = symbol.name()
-            if name not in self.symbols or partial.nnz() == 0:
-                continue  # parameters and forecasts do not move
-            for key, inner in self.kept.get(name, {name: ca.SX(1)}).items():
-                total[key] = total.get(key, ca.SX(0)) + ca.densify(partial) * inner
-        return {k: ca.simplify(v) for k, v in total.items()}
+    def _slopes(self, value: ca.SX, given: list[tuple[ca.SX, ca.SX]] | None) -> dict[str, ca.SX]:
+        if given is None:
+            given = [(s, ca.jacobian(value, s)) for s in ca.symvar(value)]
+        return {
+            # Parameters and forecasts do not move.
+            s.name(): ca.simplify(ca.densify(partial))
+            for s, partial in given
+            if s.name() in self.symbols and partial.nnz()
+        }

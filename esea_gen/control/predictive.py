@@ -180,6 +180,7 @@ class _Writer:
         b, count = self.b, len(self.m.stops.r)
         tied, first, groups = self.tied.at(0), self.first.at(0), self.groups.at(0)
         turn = b.array("turn", 1, "local")
+        more = b.array("more", 1, "local")
         stop = b.array("stop_here", 1, "local")
         weight = self.weight
         # Each call lets go at most one group, and leaves at most one of them partly tied.
@@ -200,59 +201,48 @@ class _Writer:
                 _take_from,
             )
 
-        def direction(new: Any, old: Any, sense: Any, held: Any) -> tuple[Any, Any]:
-            moved = new - old
-            turned = ca.logic_and(held > 0, sense * moved < 0)
-            return turned, ca.if_else(moved > 0, 1, ca.if_else(moved < 0, -1, sense))
-
+        # Both are rare: what nearly every call needs stands alone in "roll".
         with b.part(
-            "roll",
-            "t",
-            comment="Stop operators, exactly, from one deflection to the next, with sensitivities.",
+            "let_go", "t", comment="Let go all that are tied, where the deflection was: one group."
         ) as (t,):
-            was = b.array("was", 1, "local")
-            b.call("was", [self.sense[0]], [was[0]], _same)
-            b.call(
-                "direction",
-                [self.ahead[0], self.delta[0], self.sense[0], self.tied[0]],
-                [turn[0], self.sense[0]],
-                direction,
-            )
-            with b.when(turn[0]):
-                # Turned back: the tied ones are let go where the deflection was, as one group.
-                with b.loop(0, tied, most=count) as i:
-                    b.call(
-                        "let_go",
-                        [self.delta[0], was[0], self.t_r[i], self.t_p[i], self.base[0]],
-                        [self.play[i], self.base[0]],
-                        _let_go,
-                    )
+            with b.loop(0, tied, most=count) as i:
                 b.call(
-                    "push",
-                    [
-                        *(self.t_let[tied], self.tied[0], self.substep_number[t]),
-                        self.groups[0],
-                    ],
-                    [
-                        *(weight[0], self.group_end[groups], self.group_since[groups]),
-                        *(self.groups[0], self.tied[0]),
-                    ],
-                    lambda weight, tied, now, count: (weight, tied, now, count + 1, 0),
+                    "let_go",
+                    [self.delta[0], self.sense[0], self.t_r[i], self.t_p[i], self.base[0]],
+                    [self.play[i], self.base[0]],
+                    _let_go,
                 )
-                with b.loop(0, self.columns.at(t), most=self.n) as j:
-                    b.call(
-                        "gain",
-                        [self.back[j], weight[0], self.history[t * self.n + j]],
-                        [self.back[j]],
-                        _mac,
-                    )
+            b.call(
+                "push",
+                [
+                    *(self.t_let[tied], self.tied[0], self.substep_number[t]),
+                    *(self.groups[0], self.sense[0]),
+                ],
+                [
+                    *(weight[0], self.group_end[groups], self.group_since[groups]),
+                    *(self.groups[0], self.tied[0], self.sense[0]),
+                ],
+                lambda weight, tied, now, count, sense: (weight, tied, now, count + 1, 0, -sense),
+            )
+            with b.loop(0, self.columns.at(t), most=self.n) as j:
+                b.call(
+                    "gain",
+                    [self.back[j], weight[0], self.history[t * self.n + j]],
+                    [self.back[j]],
+                    _mac,
+                )
+
+        def beyond(new: Any, sense: Any, play: Any, r: Any) -> Any:
+            return sense * (new - play) > r
+
+        with b.part("tie", comment="Tie those that the deflection has moved beyond their stops."):
             b.call("first", [self.tied[0]], [self.first[0]], _same)
             with b.loop(tied, count, most=count) as i:
                 b.call(
                     "stays",
                     [self.ahead[0], self.sense[0], self.play[i], self.t_r[i]],
                     [stop[0]],
-                    lambda new, sense, play, r: ca.logic_not(sense * (new - play) > r),
+                    lambda *known: ca.logic_not(beyond(*known)),
                 )
                 b.leave(stop[0])
                 b.call(
@@ -263,6 +253,36 @@ class _Writer:
                 )
             with b.when((first, "<", tied)):
                 self._take_histories(count, rolls)
+        with b.part(
+            "roll",
+            "t",
+            comment="Stop operators, exactly, from one deflection to the next, with sensitivities.",
+        ) as (t,):
+            with b.when((0, "<", tied)):
+                b.call(
+                    "turned",
+                    [self.ahead[0], self.delta[0], self.sense[0]],
+                    [turn[0]],
+                    lambda new, old, sense: sense * (new - old) < 0,
+                )
+                with b.when(turn[0]):
+                    b.invoke("let_go", t)
+            with b.otherwise():
+                b.call(
+                    "direction",
+                    [self.ahead[0], self.delta[0]],
+                    [self.sense[0]],
+                    lambda new, old: ca.if_else(new < old, -1, 1),
+                )
+            with b.when((tied, "<", count)):
+                b.call(
+                    "beyond",
+                    [self.ahead[0], self.sense[0], self.play[tied], self.t_r[tied]],
+                    [more[0]],
+                    beyond,
+                )
+                with b.when(more[0]):
+                    b.invoke("tie")
             b.call(
                 "torque",
                 [self.t_tied[tied], self.t_free[tied], self.base[0], self.sense[0], self.ahead[0]],
@@ -381,7 +401,7 @@ class _Writer:
             return self.unused[0]
         return self.history[(t + 1) * self.n + j]
 
-    def _nominal(self, lin: Linearised, t: Ix, k: Any) -> None:
+    def _nominal(self, lin: Linearised, t: Ix, k: Any = None) -> None:
         b = self.b
         p = self.p[0 : len(self.m.parameters)]
         w = self.w[0 : len(self.m.forecasts)]
@@ -394,9 +414,13 @@ class _Writer:
         )
         if self.m.stops:
             b.invoke("roll", t)
+        known = [self.x[:], self.u[0], p, w, named, self.tau[0]]
+        if k is None:
+            b.run(lin.onward, known, [self.x[:]], "From there to the new state.")
+            return
         b.run(
             lin.after,
-            [self.x[:], self.u[0], p, w, named, self.tau[0], self.slope[0]],
+            [*known, self.slope[0]],
             [self.x[:], k],
             "From there to the new state, with the derivatives.",
         )
@@ -441,13 +465,11 @@ class _Writer:
                 # Through the computing delay, with the command that is in force.
                 b.call("in_force", [self.guarded[m.in_force][0]], [self.u[0]], _same)
                 self._forecast(Ix(n))
-                late_k = b.array("late_k", max(1, self.late.coefficients), meaning="not used")
-                late = late_k[0 : self.late.coefficients]
                 if z.delay_substeps == 1:
-                    self._nominal(self.late, Ix(0), late)
+                    self._nominal(self.late, Ix(0))
                 else:
                     with b.loop(0, z.delay_substeps, name="late"):
-                        self._nominal(self.late, Ix(0), late)
+                        self._nominal(self.late, Ix(0))
             with b.loop(0, n, name="interval") as k:
                 self._interval(k)
             b.invoke("gram")

@@ -123,8 +123,16 @@ def drive_model(
         sig = t.keep(
             "sig", ca.tanh(omega_1 * (1 / width)), {omega_1: lambda y: (1 - y * y) * (1 / width)}
         )
-        slope = 1 + half / inertia * (fv + fc / width * (1 - sig * sig))
-        omega_2 = t.let("omega_2", omega_1 - h / inertia * (fv * omega_1 + fc * sig) / slope)
+        damping = 1 + half / inertia * (fv + fc / width * (1 - sig * sig))
+        eased = t.keep("eased", 1 / damping)
+        loss = h / inertia
+
+        def lost_by(lost: Any) -> Any:
+            by_sig = loss * (fc + lost * (fc / width) * sig)
+            return eased * (loss * fv + by_sig * ((1 - sig * sig) * (1 / width)))
+
+        lost = t.keep("lost", loss * (fv * omega_1 + fc * sig) * eased, {omega_1: lost_by})
+        omega_2 = t.let("omega_2", omega_1 - lost)
         moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
         delta = t.let("delta_next", x.delta + moved)
         stretch = t.let("stretch", beyond(delta)) if dead else delta
@@ -133,9 +141,9 @@ def drive_model(
         if e.maxwell:
             m = {c.name: c.value for c in device.constants("elastomer.maxwell")}
             last = beyond(x.delta) if dead else x.delta
-            change = stretch - last if dead else moved
+            change = t.keep("change", stretch - last) if dead else moved
             rate = change * (1 / h)
-            middle = last + 0.5 * change
+            middle = t.keep("middle", last + 0.5 * change)
             by_angle = t.power("by_angle", middle**2 + SMOOTH_RAD**2, m["m"] / 2)
             by_rate = t.power("by_rate", rate**2 + SMOOTH_RAD_S**2, m["n"] / 2)
             gain = m["A_Nms_rad"] * by_angle + m["eps1_Nms_rad"]
@@ -144,7 +152,15 @@ def drive_model(
             series = t.keep("series", 1 + ratio * (0.5 + ratio * (1 / 6)))
             decay = t.keep("decay", 1 / (1 + ratio * series))
             share = t.keep("share", m["kv_Nm_rad"] * series * decay)
-            tau_r = t.let("tau_r_next", x.tau_r * decay + change * share)
+
+            def relaxed_by(_: Any) -> Any:
+                by_series = 0.5 + ratio * (1 / 3)
+                gained = m["kv_Nm_rad"] * change * (by_series - series * series)
+                return decay * decay * (gained - x.tau_r * (series + ratio * by_series))
+
+            slopes = {x.tau_r: lambda _: decay, change: lambda _: share, ratio: relaxed_by}
+            relaxed = t.keep("relaxed", x.tau_r * decay + change * share, slopes)
+            tau_r = t.let("tau_r_next", relaxed)
         tau_e = t.let("tau_e_next", spring(stretch) + tau_r + tau_memory)
         angle = {"theta_l": x.theta_l + h * load_1} if impedance else {}
         return angle | {
