@@ -796,9 +796,11 @@ class _Prover:
         reached, front = set[int](), [found[0]]
         while front:
             at = front.pop()
-            if any(at in r for r in self.kernel.results):
+            uses = self._uses(at)
+            # Without a use here the value was fused away: what is printed uses it otherwise.
+            if not uses or any(at in r for r in self.kernel.results):
                 return ""
-            for k, place in self._uses(at):
+            for k, place in uses:
                 n = self.fused[k]
                 if n.op in ("lt", "le"):
                     other = self._choices(n.args[1 - place])
@@ -825,9 +827,11 @@ class _Prover:
         reached, front = {found[0]}, [found[0]]
         while front:
             at = front.pop()
-            if any(at in r for r in self.kernel.results):
+            uses = self._uses(at)
+            # Without a use here the value was fused away: what is printed uses it otherwise.
+            if not uses or any(at in r for r in self.kernel.results):
                 return ""
-            for k, place in self._uses(at):
+            for k, place in uses:
                 n = self.fused[k]
                 if n.op in ("lt", "le") and n.args[1 - place] in self.whole:
                     continue
@@ -846,9 +850,11 @@ class _Prover:
         reached, front = {found[0]}, [(found[0], False)]
         while front:
             at, product = front.pop()
-            if any(at in r for r in self.kernel.results):
+            uses = self._uses(at)
+            # Without a use here the value was fused away: what is printed uses it otherwise.
+            if not uses or any(at in r for r in self.kernel.results):
                 return ""
-            for k, place in self._uses(at):
+            for k, place in uses:
                 n = self.fused[k]
                 others = [a for p, a in enumerate(n.args) if p != place]
                 if n.op in ("eq", "ne", "lt", "le"):
