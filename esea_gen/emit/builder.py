@@ -38,6 +38,7 @@ class Builder:
         self.parts: dict[str, Part] = {}
         self._body: list[list[Statement]] = []
         self._kernels: dict[tuple[Any, ...], ca.Function] = {}
+        self._functions: list[object] = []
         self._fresh = 0
 
     def array(
@@ -156,8 +157,8 @@ class Builder:
             got = function(*symbols)
             got = list(got) if isinstance(got, (tuple, list)) else [got]
             self._kernels[key] = ca.Function(name, symbols, [ca.densify(ca.SX(g)) for g in got])
-            # The function's id must stay its own: it is kept with the kernel.
-            self._kernels[(*key, "kept")] = function  # type: ignore[assignment]
+            # The function's id must stay its own: it is kept as long as the kernel.
+            self._functions.append(function)
         self.run(self._kernels[key], args, results, note)
 
     def run(
