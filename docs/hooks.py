@@ -24,13 +24,13 @@ from esea_gen.devices.file import json_schema
 
 # Page of the API reference: title and the modules on it, by prefix.
 API_PAGES = {
-    "core": ("Blocks, Systems, devices", ("block", "system", "device", "devices", "errors")),
+    "core": ("Blocks, Systems, devices", ("language", "device", "devices", "errors")),
     "models": ("Models", ("model", "observe", "control")),
     "c": ("Rendering and loading C", ("emit", "hostlib")),
     "verify": ("Verification", ("verify", "bench")),
     "identify": (
         "Identification, reports, twin",
-        ("identify", "lab", "report", "twin", "plotting"),
+        ("identify", "twin", "analysis", "studies", "report", "plotting"),
     ),
 }
 NOT_AN_API = ("cli", "__main__")  # the command line has its own page

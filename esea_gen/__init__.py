@@ -1,9 +1,9 @@
 """esea-gen: from a model of an elastomeric series elastic actuator to verified firmware."""
 
-from esea_gen.block import Block, Port, Tunable
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
-from esea_gen.system import System, Task
+from esea_gen.language.block import Block, Port, Tunable
+from esea_gen.language.system import System, Task
 
 __version__ = "0.1.0"
 

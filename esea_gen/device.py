@@ -5,13 +5,14 @@ from __future__ import annotations
 from functools import cached_property
 from pathlib import Path
 
-from esea_gen.block import Block
 from esea_gen.control.system import torque_control_system
 from esea_gen.devices.file import DeviceData, copied_file, parse_file, read_file
+from esea_gen.language.block import Block
+from esea_gen.language.system import System
 from esea_gen.model.elastomer import torque_sensor
 from esea_gen.model.filters import tracking_observer
 from esea_gen.model.inverse import chosen_inverse
-from esea_gen.system import System, sensing_system
+from esea_gen.model.sensing import sensing_system
 
 
 class Device(DeviceData):

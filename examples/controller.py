@@ -22,11 +22,11 @@ import numpy as np
 import sympy as sp
 
 import esea_gen
-from esea_gen.block import Block, Flag, Guard, Labels, Port, Tunable, clip, flag_word
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
+from esea_gen.language.block import Block, Flag, Guard, Labels, Port, Tunable, clip, flag_word
+from esea_gen.language.system import System, Task
 from esea_gen.model.symbolic import equation
-from esea_gen.system import System, Task
 
 # --8<-- [end:imports]
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from esea_gen.block import Block
 from esea_gen.control.limits import Fault, limits
 from esea_gen.device import Device, parse_device
 from esea_gen.hostlib.library import CRunner, compile_system
-from esea_gen.system import System, Task
+from esea_gen.language.block import Block
+from esea_gen.language.system import System, Task
 from esea_gen.verify.streams import SPECIAL, single
 
 from .conftest import require_tool

@@ -41,7 +41,7 @@ from esea_gen.bench.twin_peers import PlantEquations
 from esea_gen.device import load_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
-from esea_gen.twin.experiments import plant_variant
+from esea_gen.studies.experiments import plant_variant
 from esea_gen.twin.parameters import plant_tunables
 
 from .conftest import require_tool

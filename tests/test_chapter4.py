@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.twin.chapter4 import SIGNALS, evaluate, evaluation_filter, reproduce_chapter4
-from esea_gen.twin.discretisation import (
+from esea_gen.studies.chapter4 import SIGNALS, evaluate, evaluation_filter, reproduce_chapter4
+from esea_gen.studies.discretisation import (
     OURS,
     REFINE_HZ,
     SCHEMES,

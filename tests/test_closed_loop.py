@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.block import Block, Port, Tunable, clip
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.closed_loop import ClosedLoop
 from esea_gen.hostlib.library import compile_system
-from esea_gen.system import System, Task
+from esea_gen.language.block import Block, Port, Tunable, clip
+from esea_gen.language.system import System, Task
+from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant
 from esea_gen.twin.plant import start_state
 from esea_gen.twin.trajectories import backdriven, bread, fixed_sinusoid, impedance

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.block import Block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.library import compile_device
+from esea_gen.language.block import Block
 from esea_gen.verify.coverage import SIDES, _masks, branch_coverage
 from esea_gen.verify.equivalence import (
     AS_WRITTEN,

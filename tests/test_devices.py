@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import esea_gen
-from esea_gen.block import unit_of
 from esea_gen.cli import app
 from esea_gen.device import copy_device, parse_device
 from esea_gen.devices.fields import SCHEMA_FILE
@@ -25,6 +24,7 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
+from esea_gen.language.block import unit_of
 from esea_gen.verify.equivalence import (
     CasadiReference,
     compare,

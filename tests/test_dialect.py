@@ -12,14 +12,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from esea_gen.block import Block, Port
 from esea_gen.device import load_device
 from esea_gen.emit import dialect
 from esea_gen.emit.build import MANIFEST
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.system import System, Task
+from esea_gen.language.block import Block, Port
+from esea_gen.language.system import System, Task
 
 STANDARD = ("HEARTBEAT", "COMMAND_LONG", "COMMAND_ACK")
 CFLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror"]

@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import esea_gen
-from esea_gen.block import Block
 from esea_gen.device import Device, copy_device, parse_device
 from esea_gen.devices.file import json_schema
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, compile_system
+from esea_gen.language.block import Block
+from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import FrameError, encoder, step_max_counts
 from esea_gen.model.joint import deflection
-from esea_gen.system import System, Task
 from esea_gen.verify.equivalence import CasadiReference, compare, derive_bounds
 from esea_gen.verify.streams import at_the_limits, streams
 

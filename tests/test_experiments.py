@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.twin import experiments as room
-from esea_gen.twin.experiments import (
+from esea_gen.studies import experiments as room
+from esea_gen.studies.experiments import (
     EXPERIMENTS,
     IMPEDANCE,
     Case,

@@ -13,7 +13,6 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import esea_gen
-from esea_gen.block import Block, Port, clip
 from esea_gen.emit.build import differences, render_device, write_bundles
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import block_bound
@@ -28,7 +27,8 @@ from esea_gen.emit.fixed.table import (
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.system import System, Task
+from esea_gen.language.block import Block, Port, clip
+from esea_gen.language.system import System, Task
 from esea_gen.verify.equivalence import domain_chirp, recorded_stream, run_symbolic
 from esea_gen.verify.fixed import Executor, bounds_of, compare_fixed, raw_stream, run_raw
 from esea_gen.verify.streams import Stream, streams

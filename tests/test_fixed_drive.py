@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 import esea_gen
 from esea_gen.bench.fixed import PROGRAMS, run_filter
 from esea_gen.bench.recorded import record_drive
-from esea_gen.block import Block, Port, clip
 from esea_gen.cli import app
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import any_bound, block_bound
@@ -26,8 +25,9 @@ from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.fixed import FixedBoard
 from esea_gen.hostlib.library import run_schedule
 from esea_gen.identify import recorded_deflections
-from esea_gen.system import System, Task
-from esea_gen.twin.experiments import EXPERIMENTS, Setting, controller_device, run_case
+from esea_gen.language.block import Block, Port, clip
+from esea_gen.language.system import System, Task
+from esea_gen.studies.experiments import EXPERIMENTS, Setting, controller_device, run_case
 from esea_gen.verify.bare import run_bare_system
 from esea_gen.verify.equivalence import domain_chirp
 from esea_gen.verify.fixed import (

@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from esea_gen.analysis.passivity import Hand
 from esea_gen.errors import UserError
-from esea_gen.twin.experiments import (
+from esea_gen.studies.experiments import (
     EXPERIMENTS,
     OFF,
     Setting,
@@ -21,7 +22,7 @@ from esea_gen.twin.experiments import (
     plant_variant,
     run_case,
 )
-from esea_gen.twin.interaction import (
+from esea_gen.studies.interaction import (
     HANDS,
     HandRun,
     gain_axis,
@@ -31,8 +32,7 @@ from esea_gen.twin.interaction import (
     run_push,
     study_interaction,
 )
-from esea_gen.twin.passivity import Hand
-from esea_gen.twin.sliding import SlidingCheck, check_sliding, sliding_condition
+from esea_gen.studies.sliding import SlidingCheck, check_sliding, sliding_condition
 
 from .conftest import require_tool
 from .test_tune import command
@@ -281,7 +281,7 @@ def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
         raise RuntimeError("the plant left its ranges before 1 s and was started afresh")
 
     hand = dataclasses.asdict(HANDS[0])
-    monkeypatch.setattr("esea_gen.twin.interaction.run_case", leave)
+    monkeypatch.setattr("esea_gen.studies.interaction.run_case", leave)
     found = HandRun(**run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0))
     assert found.ran_away == 1
     assert found.swings_up(1.0)
@@ -289,7 +289,7 @@ def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
     def break_(*_):
         raise RuntimeError("anything else")
 
-    monkeypatch.setattr("esea_gen.twin.interaction.run_case", break_)
+    monkeypatch.setattr("esea_gen.studies.interaction.run_case", break_)
     with pytest.raises(RuntimeError, match="anything else"):
         run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0)
 

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from esea_gen.block import Block, threshold
 from esea_gen.device import Device, parse_device
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system
+from esea_gen.language.block import Block, threshold
 from esea_gen.model.inverse import (
     FILTER_B,
     cubic_root,
@@ -21,8 +21,8 @@ from esea_gen.model.inverse import (
     inverse_system,
     published_inverse,
 )
-from esea_gen.twin.chapter4 import SIGNALS
-from esea_gen.twin.discretisation import at_rate
+from esea_gen.studies.chapter4 import SIGNALS
+from esea_gen.studies.discretisation import at_rate
 from esea_gen.verify.equivalence import CasadiReference, compare, run_c, run_symbolic
 from esea_gen.verify.streams import SPECIAL, Stream, single, streams
 

@@ -28,7 +28,7 @@ from esea_gen.model.inverse import (
     play_parameters,
     published_inverse,
 )
-from esea_gen.twin.chapter4 import sensed_torque
+from esea_gen.studies.chapter4 import sensed_torque
 from esea_gen.verify.equivalence import (
     compare,
     derive_bounds,

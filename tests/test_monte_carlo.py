@@ -16,8 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.errors import UserError
-from esea_gen.twin.monte_carlo import (
+from esea_gen.analysis.monte_carlo import (
     Configuration,
     Journal,
     file_digest,
@@ -25,7 +24,8 @@ from esea_gen.twin.monte_carlo import (
     run_cases,
     seeded,
 )
-from esea_gen.twin.plots import percentile_bars
+from esea_gen.analysis.plots import percentile_bars
+from esea_gen.errors import UserError
 
 CONFIG = Configuration({"controller": "abc", "plant": "def"})
 
@@ -164,7 +164,7 @@ SCRIPT = """
 import sys, time
 from pathlib import Path
 import numpy as np
-from esea_gen.twin.monte_carlo import Configuration, run_cases, seeded
+from esea_gen.analysis.monte_carlo import Configuration, run_cases, seeded
 folder = Path(sys.argv[1])
 def case(seed):
     (folder / "started" / f"{seed}-{time.monotonic_ns()}").touch()

@@ -12,16 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from esea_gen.errors import UserError
-from esea_gen.twin.passivity import (
-    Hand,
-    PortRun,
-    energy_balance,
-    hand_family,
-    passivity_map,
-)
-from esea_gen.twin.plots import gain_map
-from esea_gen.twin.port import (
+from esea_gen.analysis.gain_region import (
     Controller,
     Plant,
     close_loop,
@@ -29,6 +20,15 @@ from esea_gen.twin.port import (
     linearise,
     required_damping,
 )
+from esea_gen.analysis.passivity import (
+    Hand,
+    PortRun,
+    energy_balance,
+    hand_family,
+    passivity_map,
+)
+from esea_gen.analysis.plots import gain_map
+from esea_gen.errors import UserError
 
 T = 1e-3
 NONE = np.zeros((0, 0))

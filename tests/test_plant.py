@@ -28,7 +28,7 @@ from esea_gen.twin.people import (
     real_plant,
 )
 from esea_gen.twin.plant import WORKS, plant_block, plant_system, start_state
-from esea_gen.twin.reference import parse_plants
+from esea_gen.twin.published import parse_plants
 
 from .conftest import require_tool
 

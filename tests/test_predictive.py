@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from esea_gen.block import Port, Tunable
 from esea_gen.control.box_qp import packed
 from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import FLAGS, predictive_program
@@ -20,6 +19,7 @@ from esea_gen.device import load_device, parse_device
 from esea_gen.emit.program_c import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary
+from esea_gen.language.block import Port, Tunable
 
 from .conftest import require_tool
 

@@ -26,7 +26,7 @@ from esea_gen.control.predictive_system import with_state_as_output
 from esea_gen.device import load_device
 from esea_gen.emit.program_c import render_program
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.twin.experiments import (
+from esea_gen.studies.experiments import (
     EXPERIMENTS,
     Setting,
     controller_device,

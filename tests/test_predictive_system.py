@@ -15,11 +15,11 @@ from esea_gen.control.horizon import Horizon
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.program import Builder, Program, ProgramError, declare_ports
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.language.program import Builder, Program, ProgramError, declare_ports
 from esea_gen.observe.extrapolation import parabola, parabola_weights
-from esea_gen.twin.experiments import (
+from esea_gen.studies.experiments import (
     EXPERIMENTS,
     Case,
     Setting,
@@ -192,7 +192,7 @@ def test_switching_on_is_bumpless_though_the_future_is_known(monkeypatch):
     # 2 Nm are wanted all along; switched on at 0.5 s, the torque rises as the offset fades, by the
     # reference's time constant of 0.2 s.
     require_tool("gcc")
-    monkeypatch.setattr("esea_gen.twin.experiments.ON_S", 0.5)
+    monkeypatch.setattr("esea_gen.studies.experiments.ON_S", 0.5)
     n = 1500
     rest = np.zeros(n)
     path = Trajectory("on", rest, rest, rest, rest + 2.0, 1000, n, True)
@@ -462,7 +462,7 @@ def test_the_shipped_controllers_pass_verification(controller):
 @given(st.integers(0, 6), st.integers(0, 6))
 def test_a_loop_that_breaks_its_stated_total_is_found(passes, total):
     b = Builder()
-    from esea_gen.block import Port
+    from esea_gen.language.block import Port
 
     outputs = (Port("y_Nm", -10.0, 10.0, "out"),)
     inputs = (Port("x_Nm", -10.0, 10.0, "in"),)

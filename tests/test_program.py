@@ -8,10 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.block import Flag, Port, Tunable, flag_word
-from esea_gen.emit.program import Builder, Ix, Program, ProgramError, declare_ports, guard_inputs
 from esea_gen.emit.program_c import loop_lines, loop_totals, render_program
 from esea_gen.hostlib.library import HostLibrary
+from esea_gen.language.block import Flag, Port, Tunable, flag_word
+from esea_gen.language.program import (
+    Builder,
+    Ix,
+    Program,
+    ProgramError,
+    declare_ports,
+    guard_inputs,
+)
 
 from .conftest import require_tool
 

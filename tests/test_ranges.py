@@ -9,10 +9,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import esea_gen
-from esea_gen.block import Block, Port
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import RangeError, Value, analyse, block_bound
 from esea_gen.emit.walker import walk
+from esea_gen.language.block import Block, Port
 
 F32 = FORMATS["f32"]
 

@@ -12,9 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from esea_gen.errors import UserError
-from esea_gen.twin.frequency import FrequencyResponse
-from esea_gen.twin.plots import (
+from esea_gen.analysis.frequency import FrequencyResponse
+from esea_gen.analysis.plots import (
     bode,
     output_impedance,
     rms_by_case,
@@ -23,15 +22,16 @@ from esea_gen.twin.plots import (
     torque_tracking,
     tuning_trade,
 )
-from esea_gen.twin.response import resample, step_metrics
-from esea_gen.twin.spring_rig import author_bandwidth, check_on_data
-from esea_gen.twin.sweeps import (
+from esea_gen.analysis.response import resample, step_metrics
+from esea_gen.analysis.sweeps import (
     Sweep,
     impedance,
     periodic_response,
     sweep_response,
     welch_response,
 )
+from esea_gen.errors import UserError
+from esea_gen.studies.spring_rig import author_bandwidth, check_on_data
 
 H = 1e-3
 

@@ -16,10 +16,10 @@ from esea_gen.control.sliding_mode import equivalent_control, sliding_mode, swit
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
+from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.rates import motor_rate
-from esea_gen.system import System, Task
 from esea_gen.verify.equivalence import (
     CasadiReference,
     bounds_or_rule,

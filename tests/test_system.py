@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.block import Block, Flag, Port, Tunable, flag_word
 from esea_gen.hostlib.library import compile_system
-from esea_gen.system import System, Task
+from esea_gen.language.block import Block, Flag, Port, Tunable, flag_word
+from esea_gen.language.system import System, Task
 
 from .conftest import require_tool
 

@@ -13,17 +13,17 @@ import esea_gen
 from esea_gen.cli import main
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.lab.procedure import (
+from esea_gen.model.inverse import inverse_system
+from esea_gen.studies.torque_check.check import TorqueCheck, instructions
+from esea_gen.studies.torque_check.load import Reference
+from esea_gen.studies.torque_check.procedure import (
     LIMITS,
     largest_torque_Nm,
     load_range_Nm,
     procedure,
     static_torque_Nm,
 )
-from esea_gen.lab.reference import Reference
-from esea_gen.lab.torque_check import TorqueCheck, instructions
-from esea_gen.lab.torque_recording import Recording, apply_recording, read_recording
-from esea_gen.model.inverse import inverse_system
+from esea_gen.studies.torque_check.recording import Recording, apply_recording, read_recording
 
 from .conftest import require_tool
 from .test_cli import refused, run

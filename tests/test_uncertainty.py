@@ -21,8 +21,8 @@ from esea_gen.identify.fit import uncertainty as identified
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings
 from esea_gen.model.elastomer import torque_sensor
-from esea_gen.twin import uncertainty as room
-from esea_gen.twin.uncertainty import (
+from esea_gen.studies import uncertainty as room
+from esea_gen.studies.uncertainty import (
     NONLINEARITY,
     PARAMETERS,
     QUANTISATION,
@@ -224,7 +224,7 @@ def test_the_continuous_reference_has_converged(elbow):
     require_tool("gcc")
     from scipy.interpolate import CubicSpline
 
-    from esea_gen.twin.discretisation import at_rate
+    from esea_gen.studies.discretisation import at_rate
 
     t = np.arange(3000) * 1e-3
     path = CubicSpline(t, 0.15 * np.sin(2 * np.pi * 0.8 * t))

@@ -13,7 +13,7 @@ from scipy.signal import butter, freqz, lfilter
 
 from esea_gen.hostlib.library import CRunner
 from esea_gen.model.filters import VelocityProperties, velocity_properties
-from esea_gen.twin.discretisation import at_rate
+from esea_gen.studies.discretisation import at_rate
 from esea_gen.verify.streams import single
 
 from .conftest import ROOT

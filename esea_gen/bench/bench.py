@@ -35,11 +35,11 @@ from esea_gen.bench.peers import (
 from esea_gen.bench.row import Row, compare
 from esea_gen.bench.steps import drive_load, drive_rows, step_cost_rows, step_table
 from esea_gen.bench.twin import twin_rows, twin_table
-from esea_gen.block import Block
 from esea_gen.device import Device, load_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
+from esea_gen.language.block import Block
 from esea_gen.verify.equivalence import domain_chirp, recorded_stream
 from esea_gen.verify.streams import Stream
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from esea_gen.bench.row import Row
-from esea_gen.block import Array
 from esea_gen.device import Device
 from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.fixed.search import plan_block
@@ -22,6 +21,7 @@ from esea_gen.emit.formats import ALL_FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.fixed import from_raw, to_raw
+from esea_gen.language.block import Array
 from esea_gen.verify.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.verify.equivalence import domain_chirp
 

@@ -2,8 +2,8 @@
 
     python -m esea_gen.bench.predictive_loop --seeds 10 --random 200 --resume /tmp/journal
 
-The controllers are the generated f32 C of their device files (``twin/controllers``); plants, people
-and trajectories are the reference ones (``twin/plants.toml``).  Printed is the true error
+The controllers are the generated f32 C of their device files (``devices/controllers``); plants,
+people and trajectories are the reference ones (``twin/plants.toml``).  Printed is the true error
 (coupling's torque less the wanted one), and how many runs were unstable or tripped.  With
 ``--resume`` a run that was cut off goes on where it was.
 """
@@ -16,11 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from esea_gen.block import Array
 from esea_gen.errors import UserError
-from esea_gen.hostlib.closed_loop import ClosedLoop
-from esea_gen.system import Signal, System
-from esea_gen.twin.experiments import (
+from esea_gen.language.block import Array
+from esea_gen.language.system import Signal, System
+from esea_gen.studies.experiments import (
     Case,
     Setting,
     controller_device,
@@ -29,6 +28,7 @@ from esea_gen.twin.experiments import (
     run_on,
     simulate,
 )
+from esea_gen.twin.closed_loop import ClosedLoop
 
 CONTROLLERS = {
     "smc-published": "SMC as printed",

@@ -19,13 +19,13 @@ from esea_gen.bench.boards import BOARDS, checksum, count_step
 from esea_gen.bench.peers import CompiledPeer, Sources, peer_sources
 from esea_gen.bench.recorded import RecordedDrive, block_streams, record_drive, task_rows
 from esea_gen.bench.row import Row, compare
-from esea_gen.block import Array, Block, Port
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
+from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import FilterName, exact_inverse, inverse_system, published_inverse
-from esea_gen.system import System, Task
 from esea_gen.verify.equivalence import domain_chirp, recorded_stream
 from esea_gen.verify.streams import Stream, single
 

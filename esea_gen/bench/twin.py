@@ -22,10 +22,10 @@ from esea_gen.bench.twin_peers import (
     python_peers,
     replay_system,
 )
-from esea_gen.block import Array
 from esea_gen.device import Device
-from esea_gen.hostlib.closed_loop import ClosedLoop
-from esea_gen.twin.experiments import plant_variant
+from esea_gen.language.block import Array
+from esea_gen.studies.experiments import plant_variant
+from esea_gen.twin.closed_loop import ClosedLoop
 
 REAL_TIME_NS = 1e6  # a millisecond
 FAST_MS, SLOW_MS = 20_000, 1000  # how much is simulated in C, and in Python

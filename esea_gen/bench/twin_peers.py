@@ -10,11 +10,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from esea_gen.block import Array, Block, Port
 from esea_gen.device import Device
-from esea_gen.hostlib.closed_loop import ClosedLoop, ClosedLoopRun
+from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import stop_grid
-from esea_gen.system import System, Task
+from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.parameters import SINES
 from esea_gen.twin.people import STEP_S, PlantVariant
 

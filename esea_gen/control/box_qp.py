@@ -29,15 +29,15 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.block import Flag, Port, clip, flag_word
-from esea_gen.emit.program import (
+from esea_gen.errors import UserError
+from esea_gen.language.block import Flag, Port, clip, flag_word
+from esea_gen.language.program import (
     EPSILON,
     Builder,
     Memory,
     Program,
     declare_ports,
 )
-from esea_gen.errors import UserError
 
 UNROLL_MOST = 16  # up to here straight code is faster and still small
 SIZES = (1, 100)

@@ -30,7 +30,9 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.block import (
+from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
+from esea_gen.errors import UserError
+from esea_gen.language.block import (
     Block,
     Constant,
     Flag,
@@ -44,8 +46,6 @@ from esea_gen.block import (
     in_range,
     threshold,
 )
-from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
-from esea_gen.errors import UserError
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:

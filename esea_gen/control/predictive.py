@@ -25,10 +25,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.block import Flag, Port, clip, in_range
 from esea_gen.control.box_qp import UNROLL_MOST, QpMemory, add_box_qp, flags_of
 from esea_gen.control.horizon import Horizon, Linearised, Model, linearise
-from esea_gen.emit.program import Builder, Ix, Memory, Program, declare_ports, guard_inputs
+from esea_gen.language.block import Flag, Port, clip, in_range
+from esea_gen.language.program import Builder, Ix, Memory, Program, declare_ports, guard_inputs
 
 FLAGS = (
     Flag("INPUT_INVALID", "an input was NaN or outside its range; the command is 0", True),

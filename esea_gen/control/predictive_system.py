@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from esea_gen.block import Block, Port
 from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.limits import command_stamp
 from esea_gen.control.predictive_drive import Q_BEST, R_BEST, Person, predictive_controller
 from esea_gen.control.system import torque_control_parts
+from esea_gen.language.block import Block, Port
+from esea_gen.language.system import System, Task
 from esea_gen.observe import drive_of
 from esea_gen.observe.extrapolation import parabola
 from esea_gen.observe.human import extended_state, lag_observer
-from esea_gen.system import System, Task
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData

@@ -14,11 +14,21 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.block import Block, Flag, Guard, Labels, Port, Tunable, clip, flag_word, threshold
 from esea_gen.control.linear_loop import check_loop
 from esea_gen.control.reference import ACCELERATION_ROOM
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
+from esea_gen.language.block import (
+    Block,
+    Flag,
+    Guard,
+    Labels,
+    Port,
+    Tunable,
+    clip,
+    flag_word,
+    threshold,
+)
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import (

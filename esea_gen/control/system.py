@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from esea_gen.block import Block
 from esea_gen.control.limits import command_stamp, limits
 from esea_gen.control.reference import reference, setpoint_rates
 from esea_gen.control.sliding_mode import sliding_mode
 from esea_gen.devices.file import DeviceData
+from esea_gen.language.block import Block
+from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import encoder
 from esea_gen.model.joint import deflection
 from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.observe.rates import butterworth_rate, load_rate, motor_rate
-from esea_gen.system import System, Task
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Parts:
     control : Task
         Period, phase and release of the control task, and its instances.
     wires, inputs, outputs : mapping
-        As in :class:`esea_gen.system.System`.
+        As in :class:`esea_gen.language.system.System`.
     """
 
     blocks: Mapping[str, Block]

@@ -22,7 +22,6 @@ import tomlkit
 import tomlkit.exceptions
 from pydantic import BaseModel, ValidationError
 
-from esea_gen.block import UNIT_SUFFIXES, Constant, unit_of
 from esea_gen.devices.fields import (
     MOST_AXES,
     NAME_PATTERN,
@@ -38,6 +37,7 @@ from esea_gen.devices.fields import (
     series_of,
 )
 from esea_gen.errors import UserError
+from esea_gen.language.block import UNIT_SUFFIXES, Constant, unit_of
 
 SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", source = "where from" }'
 SAME_ORIENTATION_RAD = 0.02  # about 1 deg: an encoder's error moves little within that

@@ -21,13 +21,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from esea_gen.block import Flag, Port
 from esea_gen.device import Device
 from esea_gen.emit.build import Bundle, _manifest, build_command, device_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, port_text
 from esea_gen.errors import UserError
-from esea_gen.system import External, System
+from esea_gen.language.block import Flag, Port
+from esea_gen.language.system import External, System
 
 FOLDER = "dialect"
 FIRST_ID = 42600  # a stretch of the 24-bit range that none of the public dialects uses

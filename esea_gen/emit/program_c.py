@@ -7,10 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from esea_gen.block import Port
 from esea_gen.emit.elementary import source_paths
 from esea_gen.emit.formats import FORMATS, Format, PrintedKernel, print_kernel
-from esea_gen.emit.program import (
+from esea_gen.emit.render import Renderer, comment
+from esea_gen.emit.walker import Kernel, walk
+from esea_gen.errors import UserError
+from esea_gen.language.block import Port
+from esea_gen.language.program import (
     EPSILON,
     Call,
     For,
@@ -27,10 +30,7 @@ from esea_gen.emit.program import (
     When,
     walk_statements,
 )
-from esea_gen.emit.render import Renderer, comment
-from esea_gen.emit.walker import Kernel, walk
-from esea_gen.errors import UserError
-from esea_gen.system import System, Task
+from esea_gen.language.system import System, Task
 
 _POINTERS = ("coeffs", "state", "in", "out")
 

@@ -27,10 +27,10 @@ from itertools import pairwise, product
 import casadi as ca
 import numpy as np
 
-from esea_gen.block import Array, Block, Port
 from esea_gen.emit.elementary import ACCURACY_ULP, EXPONENT_FRACTION_BITS, exponent_q27
 from esea_gen.emit.formats import Format
 from esea_gen.emit.walker import Kernel, Node, fuse_selects, walk
+from esea_gen.language.block import Array, Block, Port
 
 # Largest error of the platform's float64 libm, in units in the last place (glibc documents 1).
 LIBM_ULP = 1.0

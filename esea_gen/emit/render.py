@@ -17,7 +17,6 @@ from typing import Any
 import casadi as ca
 import jinja2
 
-from esea_gen.block import Block, Port
 from esea_gen.emit.elementary import source_paths
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.emit.fixed.naming import Naming
@@ -26,7 +25,8 @@ from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats import FORMATS, Q31, Format, PrintedKernel, print_kernel
 from esea_gen.emit.walker import Kernel, prune, walk
 from esea_gen.errors import UserError
-from esea_gen.system import External, Latch, Signal, System
+from esea_gen.language.block import Block, Port
+from esea_gen.language.system import External, Latch, Signal, System
 
 
 @cache

@@ -20,14 +20,14 @@ import cffi
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.block import Block, Port
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.fixed.search import raw_tunable
 from esea_gen.emit.formats import ALL_FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.system import System, SystemSimulator
+from esea_gen.language.block import Block, Port
+from esea_gen.language.system import System, SystemSimulator
 
 CFLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC")
 Array = npt.NDArray[Any]
@@ -310,7 +310,7 @@ class CRunner:
 class CBoard:
     """A System's compiled C, called as firmware calls it: one state, shared by all tasks.
 
-    It has the face of :class:`esea_gen.system.SystemSimulator`.
+    It has the face of :class:`esea_gen.language.system.SystemSimulator`.
 
     Parameters
     ----------

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.block import unit_of
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.fields import (
     DeviceFile,
@@ -54,8 +53,9 @@ from esea_gen.identify.recording import (
     load_recordings,
     resample,
 )
+from esea_gen.language.block import unit_of
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
-from esea_gen.system import sensing_system
+from esea_gen.model.sensing import sensing_system
 
 Array = npt.NDArray[np.float64]
 

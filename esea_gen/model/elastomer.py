@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.block import (
+from esea_gen.language.block import (
     Block,
     Constant,
     Flag,

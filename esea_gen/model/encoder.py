@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi as ca
 import sympy as sp
 
-from esea_gen.block import (
+from esea_gen.devices.fields import EncoderSide
+from esea_gen.errors import UserError
+from esea_gen.language.block import (
     Block,
     Constant,
     Flag,
@@ -27,8 +29,6 @@ from esea_gen.block import (
     clip,
     flag_word,
 )
-from esea_gen.devices.fields import EncoderSide
-from esea_gen.errors import UserError
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.block import (
+from esea_gen.language.block import (
     Array,
     Block,
     Equation,

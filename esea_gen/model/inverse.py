@@ -26,7 +26,8 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.block import (
+from esea_gen.errors import UserError
+from esea_gen.language.block import (
     Block,
     Constant,
     Flag,
@@ -39,7 +40,7 @@ from esea_gen.block import (
     flag_word,
     threshold,
 )
-from esea_gen.errors import UserError
+from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import (
     BEYOND,
     DEAD_ZONE,
@@ -52,7 +53,6 @@ from esea_gen.model.elastomer import (
 )
 from esea_gen.model.filters import tracking_observer
 from esea_gen.model.symbolic import equation, to_casadi
-from esea_gen.system import System, Task
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData

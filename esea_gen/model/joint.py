@@ -8,9 +8,9 @@ from typing import Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.block import Block, Flag, Guard, Labels, Port, clip, flag_word, threshold
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Flag, Guard, Labels, Port, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 
 

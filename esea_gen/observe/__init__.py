@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from esea_gen.block import f32_inside, threshold
 from esea_gen.errors import UserError
+from esea_gen.language.block import f32_inside, threshold
 
 if TYPE_CHECKING:
     from esea_gen.devices.fields import Actuator, Disturbance, Impedance, Joint, SlidingMode

@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.block import (
+from esea_gen.errors import UserError
+from esea_gen.language.block import (
     Array,
     Block,
     Flag,
@@ -22,7 +23,6 @@ from esea_gen.block import (
     flag_word,
     threshold,
 )
-from esea_gen.errors import UserError
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import bandwidth_tunable, share_of

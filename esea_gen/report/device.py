@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.block import Block, unit_of
 from esea_gen.device import Device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
@@ -27,6 +26,7 @@ from esea_gen.identify import (
     recordings_for,
 )
 from esea_gen.identify.recording import resample
+from esea_gen.language.block import Block, unit_of
 from esea_gen.report import figures
 from esea_gen.report.contents import (
     OPERATION_GROUPS,

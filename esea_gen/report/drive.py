@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from esea_gen.bench.recorded import record_drive
-from esea_gen.block import unit_of
 from esea_gen.device import Device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.render import versions
+from esea_gen.language.block import unit_of
 from esea_gen.plotting import svg
 from esea_gen.report.contents import (
     REAL_NAMES,
@@ -29,7 +29,7 @@ from esea_gen.report.contents import (
     verification_problems,
 )
 from esea_gen.report.page import finite, render
-from esea_gen.twin.experiments import (
+from esea_gen.studies.experiments import (
     CONTROLLERS,
     EXPERIMENTS,
     Setting,

@@ -117,7 +117,7 @@ def unit_text(unit: str) -> str:
     Parameters
     ----------
     unit : str
-        As :func:`esea_gen.block.unit_of` gives it.
+        As :func:`esea_gen.language.block.unit_of` gives it.
 
     Returns
     -------

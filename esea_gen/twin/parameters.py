@@ -8,10 +8,10 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.block import Port, Tunable
 from esea_gen.devices.fields import DeviceFile
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
+from esea_gen.language.block import Port, Tunable
 from esea_gen.twin.people import PEOPLE, PLANTS, person_tunables
 
 SINES = 6

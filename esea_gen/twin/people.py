@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from esea_gen.block import Tunable
 from esea_gen.devices.file import DeviceData
-from esea_gen.twin.reference import PEOPLE, PLANTS, Person
+from esea_gen.language.block import Tunable
+from esea_gen.twin.published import PEOPLE, PLANTS, Person
 
 __all__ = [
     "PEOPLE",

@@ -34,12 +34,12 @@ from typing import Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.block import Block, Flag, Guard, Labels, Port, clip, flag_word
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Flag, Guard, Labels, Port, clip, flag_word
+from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import torque_sensor
 from esea_gen.model.symbolic import equation
-from esea_gen.system import System, Task
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block, sine_of_turns
 from esea_gen.twin.parameters import (
     SINES,

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.block import Block, Port
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.hostlib.library import Array, HostLibrary
+from esea_gen.language.block import Block, Port
 from esea_gen.verify.equivalence import changed, run_c, run_symbolic
 from esea_gen.verify.executor import (
     coefficients_of,

@@ -29,14 +29,14 @@ from typing import TYPE_CHECKING, Any
 import cffi
 import numpy as np
 
-from esea_gen.block import Array, Block, Flag, Port
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import Bound, RangeError, block_bound
 from esea_gen.emit.render import reference_c, template_folder
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_sources
-from esea_gen.system import System
+from esea_gen.language.block import Array, Block, Flag, Port
+from esea_gen.language.system import System
 from esea_gen.verify.streams import Stream, inside, single, streams
 
 if TYPE_CHECKING:
@@ -258,7 +258,7 @@ class CasadiReference:
         Returns
         -------
         outputs, states : dict of str to ndarray
-            As :meth:`esea_gen.block.Simulator.run`.
+            As :meth:`esea_gen.language.block.Simulator.run`.
         """
         ffi, function = self.ffi, getattr(self.lib, f"{self.stem}_{block.name}_step")
         sizes = [ffi.new("int*") for _ in range(4)]

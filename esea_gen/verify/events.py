@@ -15,9 +15,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.block import Array, Block
+from esea_gen.language.block import Array, Block
+from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import NESTING_ROOM_RAD
-from esea_gen.system import System, Task
 from esea_gen.verify.streams import SPECIAL, Stream, single
 
 

@@ -16,11 +16,11 @@ import casadi as ca
 import cffi
 import numpy as np
 
-from esea_gen.block import Block
 from esea_gen.emit.elementary import exponent_q27, source_paths
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node, prune, walk
 from esea_gen.hostlib.library import Array, HostLibrary, compile_sources, declarations
+from esea_gen.language.block import Block
 from esea_gen.verify.equivalence import CasadiReference, run_c
 from esea_gen.verify.streams import Stream
 

@@ -11,7 +11,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.block import Array, Block
 from esea_gen.device import Device
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Propagation, any_bound
@@ -29,6 +28,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.hostlib.fixed import INVALID, FixedRunner, from_raw, to_raw
+from esea_gen.language.block import Array, Block
 from esea_gen.verify.equivalence import full_scales, run_symbolic
 from esea_gen.verify.executor import counter_fields, evaluate, expected_counters
 from esea_gen.verify.streams import Stream

@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.block import Block
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.emit.formats import FORMATS, LOGICAL, SELECTING, Format
@@ -41,7 +40,8 @@ from esea_gen.hostlib.library import (
     compile_device,
     find_compiler,
 )
-from esea_gen.system import System
+from esea_gen.language.block import Block
+from esea_gen.language.system import System
 from esea_gen.verify.coverage import guarded_ranges, imply, recorded_arguments
 from esea_gen.verify.equivalence import (
     AS_WRITTEN,

@@ -18,10 +18,10 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from esea_gen.block import Array, Block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import Bound, node_errors, step_bound
 from esea_gen.emit.walker import Kernel, Node
+from esea_gen.language.block import Array, Block
 from esea_gen.verify.executor import coefficients_of, evaluate, initial_state, step_arguments
 from esea_gen.verify.streams import Stream
 

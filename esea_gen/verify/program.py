@@ -1,6 +1,6 @@
 """A Program's C against its executor: what verification means for a body with loops.
 
-The executor (:class:`esea_gen.emit.program_run.ProgramSimulator`) runs the same statements in
+The executor (:class:`esea_gen.language.program_run.ProgramSimulator`) runs the same statements in
 Python, float64, with CasADi evaluating the kernels.  In float64 the C must give its bits, in every
 output, in what is carried, and in every work array.  In float32 no bound can be derived: a
 comparison inside a loop decides how often it is passed, and one that turns by rounding turns all
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from esea_gen.block import Array
-from esea_gen.emit.program import Program
+from esea_gen.language.block import Array
+from esea_gen.language.program import Program
 from esea_gen.verify.equivalence import (
     EXACT_PROGRAM,
     STATED,

@@ -14,13 +14,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from esea_gen.block import Block
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats import Q31
 from esea_gen.emit.render import Renderer, template_folder
 from esea_gen.errors import UserError
+from esea_gen.language.block import Block
 
 TIMEOUT_S = 600
 EVA = (

@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.block import Block
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import Array, HostLibrary, find_compiler
-from esea_gen.system import System
+from esea_gen.language.block import Block
+from esea_gen.language.system import System
 from esea_gen.verify.equivalence import chosen_blocks, is_program, run_c
 from esea_gen.verify.executor import counter_fields
 from esea_gen.verify.streams import Stream, at_the_limits, other_memories, streams

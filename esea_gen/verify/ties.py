@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.block import Array, Block, Port
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node
+from esea_gen.language.block import Array, Block, Port
 from esea_gen.verify.streams import Stream, single
 
 AIMED = frozenset({"lt", "le", "fmin", "fmax"})

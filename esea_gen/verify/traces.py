@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from esea_gen.block import Array
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
-from esea_gen.system import External
+from esea_gen.language.block import Array
+from esea_gen.language.system import External
 
 MARK = "# esea-gen reference trace"
 EVERY = 20  # steps a row

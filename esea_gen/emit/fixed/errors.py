@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.block import Block
 from esea_gen.emit.fixed.bound import Array, Span, analyse, numeric_nodes, span
 from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
 from esea_gen.emit.ranges import (
@@ -24,6 +23,7 @@ from esea_gen.emit.ranges import (
     pieces,
 )
 from esea_gen.emit.ranges import Value as FloatValue
+from esea_gen.language.block import Block
 
 
 def _exact_coefficients(block: Block) -> list[Array]:

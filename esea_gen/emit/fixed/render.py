@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from esea_gen.block import Port
 from esea_gen.emit.fixed.expression import C_TYPES, Expr, bare_text, c_text
 from esea_gen.emit.fixed.plan import BlockPlan, FieldPlan
 from esea_gen.emit.fixed.values import LoweredKernel
 from esea_gen.emit.formats import PrintedKernel, Statement
+from esea_gen.language.block import Port
 
 
 def _pointers(e: Expr) -> set[str]:

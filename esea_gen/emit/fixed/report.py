@@ -13,7 +13,7 @@ from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.table import NARROW, ROOM, WIDE, RangeRow, draw_headroom, range_rows
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.emit.ranges import Bound, RangeError
-from esea_gen.system import System
+from esea_gen.language.system import System
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from esea_gen.block import Block
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Errors, Propagation, any_bound
 from esea_gen.emit.fixed.plan import (
@@ -28,6 +27,7 @@ from esea_gen.emit.fixed.plan import (
 from esea_gen.emit.fixed.values import LoweringError, best_fraction
 from esea_gen.emit.ranges import BEYOND, RangeError, linear_bound
 from esea_gen.emit.walker import Kernel
+from esea_gen.language.block import Block
 
 AIM = 5e-5
 """Aim of the plan: proven error of an output over the larger end of its port's range."""

@@ -1,0 +1,1 @@
+"""Response, passivity, sweeps and many cases: figures from signals."""

@@ -1,0 +1,403 @@
+"""A frequency response and what is read off it: bandwidth, margins, delay, lag.
+
+`esea_gen.analysis.sweeps` estimates one from recorded signals.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.analysis.response import plain
+from esea_gen.errors import UserError
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+HALF_POWER_DB = 10 * math.log10(2.0)
+
+
+@dataclass(frozen=True)
+class Bandwidth:
+    """Where a gain has fallen, and by which definition.
+
+    Parameters
+    ----------
+    bandwidth_Hz : float or None
+        Lowest frequency at which the gain falls through the level; the lowest of the data when it
+        is below there already, None when it does not fall through within the data.
+    reference_gain : float
+        Gain that the fall counts from.
+    reference : str
+        Where that comes from.
+    drop_dB : float
+        The fall.
+    peak_dB, peak_Hz : float
+        Highest gain relative to the reference, and where.
+    returns : bool
+        Whether the gain comes back above the level at a higher frequency: then the figure hangs
+        on the definition.
+    """
+
+    bandwidth_Hz: float | None
+    reference_gain: float
+    reference: str
+    drop_dB: float
+    peak_dB: float
+    peak_Hz: float
+    returns: bool
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Stability margins of an open loop; None where nothing crosses.
+
+    Parameters
+    ----------
+    gain_margin_dB, gain_margin_Hz : float or None
+        Factor to the limit at the phase crossing nearest to it, and its frequency.
+    phase_margin_deg, phase_margin_Hz : float or None
+        Smallest phase distance to -180 deg over the gain crossings, and its frequency.
+    delay_margin_s : float or None
+        Additional delay to the limit, smallest over the gain crossings with positive margin.
+    modulus_margin : float
+        Smallest distance of the locus from -1.
+    """
+
+    gain_margin_dB: float | None
+    gain_margin_Hz: float | None
+    phase_margin_deg: float | None
+    phase_margin_Hz: float | None
+    delay_margin_s: float | None
+    modulus_margin: float
+
+
+@dataclass(frozen=True)
+class LagFit:
+    """A low-order lag with delay, fitted to a frequency response.
+
+    Parameters
+    ----------
+    order : int
+        0, 1 or 2.
+    gain : float
+        Static gain.
+    natural_Hz : float or None
+        Corner frequency (order 1) or natural frequency (order 2).
+    damping : float or None
+        Damping ratio (order 2).
+    delay_s : float
+        Delay beside it.
+    misfit : float
+        RMS of the relative complex misfit.
+    """
+
+    order: int
+    gain: float
+    natural_Hz: float | None
+    damping: float | None
+    delay_s: float
+    misfit: float
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Ratio of output to input over frequency.
+
+    Parameters
+    ----------
+    frequency_Hz : ndarray
+        Rising, shape (n,).
+    response : ndarray
+        Complex ratio, shape (n,).
+    coherence : ndarray or None
+        Share of the output's power that the input explains, shape (n,).
+    sigma : ndarray or None
+        Standard deviation of the response relative to its gain, shape (n,); from noise alone.
+    method : str
+        How it was found.
+    """
+
+    frequency_Hz: Array
+    response: Complex
+    coherence: Array | None
+    sigma: Array | None
+    method: str
+
+    def __post_init__(self) -> None:
+        f = self.frequency_Hz
+        if not (len(f) and f[0] > 0 and np.all(np.diff(f) > 0) and len(f) == len(self.response)):
+            raise UserError(
+                f"Frequency response: {len(f)} frequencies, {len(self.response)} values.",
+                "Give frequencies above 0 that rise, and one value each.",
+            )
+        if not np.all(np.isfinite(self.response)):
+            raise UserError(
+                f"Frequency response: not finite at {f[~np.isfinite(self.response)][0]:g} Hz.",
+                "Leave out frequencies that were not excited.",
+            )
+
+    @property
+    def gain(self) -> Array:
+        """Magnitude, shape (n,)."""
+        return np.abs(self.response)
+
+    @property
+    def gain_dB(self) -> Array:
+        """Magnitude in dB, shape (n,)."""
+        return np.asarray(20 * np.log10(np.maximum(self.gain, 1e-300)))
+
+    @property
+    def phase_deg(self) -> Array:
+        """Unwrapped phase in degrees, shape (n,)."""
+        return np.asarray(np.degrees(np.unwrap(np.angle(self.response))))
+
+    def band(
+        self, low_Hz: float = 0.0, high_Hz: float = math.inf, min_coherence: float = 0.0
+    ) -> FrequencyResponse:
+        """The part within a band and above a coherence.
+
+        Parameters
+        ----------
+        low_Hz, high_Hz : float
+            Its ends, included.
+        min_coherence : float
+            Points below this are left out.
+
+        Returns
+        -------
+        FrequencyResponse
+            What remains.
+
+        Raises
+        ------
+        UserError
+            When fewer than four points remain.
+        """
+        keep = (self.frequency_Hz >= low_Hz) & (self.frequency_Hz <= high_Hz)
+        if self.coherence is not None:
+            keep &= self.coherence >= min_coherence
+        if np.count_nonzero(keep) < 4:
+            raise UserError(
+                f"{np.count_nonzero(keep)} points between {low_Hz:g} and {high_Hz:g} Hz with "
+                f"coherence above {min_coherence:g}; four are needed.",
+                "Widen the band, lower min_coherence or excite it harder.",
+            )
+        return replace(
+            self,
+            frequency_Hz=self.frequency_Hz[keep],
+            response=self.response[keep],
+            coherence=None if self.coherence is None else self.coherence[keep],
+            sigma=None if self.sigma is None else self.sigma[keep],
+        )
+
+    def bandwidth(
+        self,
+        *,
+        drop_dB: float = HALF_POWER_DB,
+        reference_gain: float | None = None,
+        min_coherence: float = 0.0,
+    ) -> Bandwidth:
+        """Lowest frequency at which the gain has fallen by some dB.
+
+        Parameters
+        ----------
+        drop_dB : float
+            The fall, above 0; half of the power (3.01 dB) by default.
+        reference_gain : float, optional
+            Gain to count from: 1 for "of the command", a static gain from a step for "of DC".  The
+            gain at the lowest frequency when not given.
+        min_coherence : float
+            Points below this are left out.
+
+        Returns
+        -------
+        Bandwidth
+            Interpolated in dB over the logarithm of frequency.
+
+        Raises
+        ------
+        UserError
+            On a drop or reference that is not above 0, or too few points.
+        """
+        used = self.band(0.0, math.inf, min_coherence)
+        start = float(used.gain[0]) if reference_gain is None else reference_gain
+        if not (start > 0 and drop_dB > 0 and math.isfinite(start) and math.isfinite(drop_dB)):
+            raise UserError(
+                f"bandwidth: reference gain {start}, drop {drop_dB} dB.", "Both must be above 0."
+            )
+        words = f"gain at {used.frequency_Hz[0]:.3g} Hz" if reference_gain is None else "given gain"
+        relative = used.gain_dB - 20 * math.log10(start)
+        below = relative < -drop_dB
+        peak = int(np.argmax(relative))
+        found: float | None = None
+        returns = False
+        if below.any():
+            k = int(np.argmax(below))
+            returns = bool((~below[k:]).any())
+            found = float(used.frequency_Hz[k])
+            if k > 0:
+                found = _between(used.frequency_Hz, relative + drop_dB, k - 1)
+        return Bandwidth(
+            found,
+            start,
+            words,
+            drop_dB,
+            float(relative[peak]),
+            float(used.frequency_Hz[peak]),
+            returns,
+        )
+
+    def open_loop(self) -> FrequencyResponse:
+        """Open loop L = T / (1 - T) of a closed loop with unit feedback.
+
+        Returns
+        -------
+        FrequencyResponse
+            Of the loop.  Errors of T grow by 1/|1 - T| where tracking is good; where the noise
+            enters inside the loop, `welch_response` with an instrument is the better estimate.
+        """
+        sigma = None if self.sigma is None else self.sigma / np.abs(1 - self.response)
+        return replace(self, response=self.response / (1 - self.response), sigma=sigma)
+
+    def margins(self) -> Margins:
+        """Margins, with this response taken as an open loop under negative unit feedback.
+
+        Returns
+        -------
+        Margins
+            Crossings are interpolated over the logarithm of frequency.
+        """
+        f, gain, phase = self.frequency_Hz, self.gain_dB, self.phase_deg
+        level = np.log10(f)
+        phases: list[tuple[float, float]] = []
+        for k in np.flatnonzero(np.diff(np.signbit(gain))):
+            crossing = _between(f, gain, int(k))
+            angle = float(np.interp(math.log10(crossing), level, phase))
+            phases.append(((angle + 360.0) % 360.0 - 180.0, crossing))
+        gains: list[tuple[float, float]] = []
+        turns = np.floor((phase + 180.0) / 360.0)
+        for k in np.flatnonzero(np.diff(turns)):
+            line = 360.0 * max(turns[k], turns[k + 1]) - 180.0
+            crossing = _between(f, phase - line, int(k))
+            gains.append((-float(np.interp(math.log10(crossing), level, gain)), crossing))
+        worst_phase = min(phases, key=lambda p: abs(p[0]), default=None)
+        worst_gain = min(gains, key=lambda g: abs(g[0]), default=None)
+        delays = [p / 360.0 / at for p, at in phases if p > 0]
+        return Margins(
+            worst_gain[0] if worst_gain else None,
+            worst_gain[1] if worst_gain else None,
+            worst_phase[0] if worst_phase else None,
+            worst_phase[1] if worst_phase else None,
+            min(delays, default=None),
+            float(np.min(np.abs(1 + self.response))),
+        )
+
+    def lag(self, order: int = 0, *, low_Hz: float = 0.0, high_Hz: float = math.inf) -> LagFit:
+        """Fit gain, delay and a lag of order 0, 1 or 2.
+
+        Parameters
+        ----------
+        order : int
+            0 gives the equivalent delay (slope of the phase, dynamics included), 1 and 2 part the
+            delay from a first- or second-order lag.
+        low_Hz, high_Hz : float
+            Band of the fit.
+
+        Returns
+        -------
+        LagFit
+            Least squares of the relative complex misfit, weighted by ``sigma`` where it is known.
+
+        Raises
+        ------
+        UserError
+            On another order or too few points.
+        """
+        from scipy.optimize import least_squares
+
+        if order not in (0, 1, 2):
+            raise UserError(f"order: {order}.", "Choose 0, 1 or 2.")
+        used = self.band(low_Hz, high_Hz)
+        s = 2j * np.pi * used.frequency_Hz
+        weight = np.ones(len(s))
+        if used.sigma is not None:
+            weight = 1 / np.maximum(used.sigma, 1e-3)
+            weight /= np.sqrt(np.mean(weight**2))
+
+        def model(p: Array) -> Complex:
+            value: Complex = p[0] * np.exp(-s * p[1])
+            if order == 1:
+                value = value / (1 + s * math.exp(-p[2]))
+            elif order == 2:
+                w = math.exp(p[2])
+                value = value / (1 + 2 * p[3] * s / w + (s / w) ** 2)
+            return value
+
+        def miss(p: Array) -> Array:
+            e = weight * (model(p) / used.response - 1)
+            return np.concatenate([e.real, e.imag])
+
+        phase = np.unwrap(np.angle(used.response))
+        slope = float(np.polyfit(used.frequency_Hz, phase, 1)[0]) / (2 * np.pi)
+        span = np.geomspace(used.frequency_Hz[0], used.frequency_Hz[-1], 6)[1:-1]
+        starts = [
+            np.array([float(used.gain[0]), delay, math.log(2 * np.pi * f), damping][: 2 + order])
+            for f in (span if order else span[:1])
+            for delay in (max(-slope, 0.0), 0.0)
+            for damping in ((0.3, 1.0) if order == 2 else (0.0,))
+        ]
+        best = min((least_squares(miss, p, x_scale="jac") for p in starts), key=lambda r: r.cost)
+        p = best.x
+        unweighted = np.abs(model(p) / used.response - 1)
+        return LagFit(
+            order,
+            float(p[0]),
+            math.exp(p[2]) / (2 * np.pi) if order else None,
+            abs(float(p[3])) if order == 2 else None,
+            float(p[1]),
+            float(np.sqrt(np.mean(unweighted**2))),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content: frequency, gain, phase, coherence, sigma, method."""
+        return {
+            "method": self.method,
+            "frequency_Hz": plain(self.frequency_Hz),
+            "gain": plain(self.gain),
+            "phase_deg": plain(self.phase_deg),
+            "coherence": plain(self.coherence),
+            "sigma": plain(self.sigma),
+        }
+
+    def table(self, rows: int = 12) -> list[str]:
+        """Some frequencies as lines of text.
+
+        Parameters
+        ----------
+        rows : int
+            How many, spread evenly over the logarithm of frequency.
+
+        Returns
+        -------
+        list of str
+            A head and the rows.
+        """
+        wanted = np.geomspace(max(self.frequency_Hz[0], 1e-9), self.frequency_Hz[-1], rows)
+        picked = sorted({int(np.argmin(np.abs(self.frequency_Hz - w))) for w in wanted})
+        lines = [f"{self.method}", f"{'Hz':>10}{'gain dB':>10}{'phase deg':>11}{'coherence':>11}"]
+        for k in picked:
+            c = "" if self.coherence is None else f"{self.coherence[k]:11.3f}"
+            gain, phase = self.gain_dB[k], self.phase_deg[k]
+            lines.append(f"{self.frequency_Hz[k]:10.3g}{gain:10.2f}{phase:11.1f}{c}")
+        return lines
+
+
+def _between(f: Array, value: Array, k: int) -> float:
+    """Frequency of a sign change between points k and k + 1, over the logarithm of frequency."""
+    share = value[k] / (value[k] - value[k + 1]) if value[k] != value[k + 1] else 0.5
+    return float(f[k] * (f[k + 1] / f[k]) ** share)

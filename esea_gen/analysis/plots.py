@@ -1,0 +1,626 @@
+"""Pictures of closed-loop experiments, in the look of the reports.
+
+Each function takes arrays or results and returns a Figure; saving is the caller's.  `save` writes
+one as a picture with that look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
+
+from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
+from esea_gen.analysis.gain_region import GainRegion
+from esea_gen.analysis.monte_carlo import Percentiles
+from esea_gen.analysis.passivity import PassivityMap
+from esea_gen.analysis.response import Array
+from esea_gen.analysis.sweeps import Impedance, ImpedanceFit
+from esea_gen.errors import UserError
+from esea_gen.plotting import (
+    BOUND,
+    HELD_OUT,
+    INK,
+    MEASURED,
+    MODEL,
+    ROUNDING,
+    RULE,
+    STYLE,
+    envelope,
+)
+
+COLOURS = (MODEL, MEASURED, ROUNDING, BOUND, INK)
+MARKERS = ("o", "s", "D", "^", "v")
+POINTS = 4000
+DPI = 130
+
+
+def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(width, height), layout="constrained", dpi=DPI)
+    return figure, figure.subplots(**kwargs)
+
+
+def _finish(figure: Figure) -> Figure:
+    for axes in figure.axes:
+        axes.tick_params(length=3)
+    return figure
+
+
+def save(figure: Figure, path: Path | str) -> None:
+    """Write a figure as .png, .svg or .pdf.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    path : path
+        Where; its ending says which kind.
+
+    Raises
+    ------
+    UserError
+        When it cannot be written.
+    """
+    try:
+        with mpl.rc_context(STYLE):
+            figure.savefig(path)
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"{path}: cannot be written ({error}).", "End it in .png or .svg."
+        ) from None
+
+
+def _drawn(axes: Axes, time: Array, y: Array, **kwargs: Any) -> None:
+    keep = envelope(y, POINTS)
+    axes.plot(time[keep], y[keep], **kwargs)
+
+
+def torque_tracking(
+    time_s: Array,
+    desired_Nm: Array,
+    true_Nm: Array,
+    modelled_Nm: Array | None = None,
+    *,
+    title: str = "",
+) -> Figure:
+    """Torque over time: desired, true and modelled, their errors below.
+
+    Parameters
+    ----------
+    time_s : ndarray
+        Shape (n,).
+    desired_Nm, true_Nm : ndarray
+        Desired torque and torque of the plant's elastomer, shape (n,).
+    modelled_Nm : ndarray, optional
+        Torque that the controller's sensor gives, shape (n,).
+    title : str
+        Case and controller.
+
+    Returns
+    -------
+    Figure
+        Two panels; the legend below gives the RMS errors.
+    """
+    with mpl.rc_context(STYLE):
+        figure, (above, below) = _new(9.6, 4.4, nrows=2, sharex=True, height_ratios=[1.6, 1.0])
+        # The modelled torque carries the encoders' noise: under the others, or it hides them.
+        if modelled_Nm is not None:
+            _drawn(above, time_s, modelled_Nm, color=MODEL, lw=2.6, alpha=0.45, label="modelled")
+        _drawn(above, time_s, true_Nm, color=MEASURED, lw=1.3, label="true")
+        _drawn(above, time_s, desired_Nm, color=INK, lw=0.9, ls=(0, (5, 3)), label="desired")
+        above.set_ylabel("torque, N·m")
+        for name, torque, colour, wide, clear in (
+            ("modelled", modelled_Nm, MODEL, 0.8, 0.55),
+            ("true", true_Nm, MEASURED, 1.4, 1.0),
+        ):
+            if torque is not None:
+                error = torque - desired_Nm
+                rms = float(np.sqrt(np.mean(error**2)))
+                label = f"{name}: RMS {rms:.3g} N·m"
+                _drawn(below, time_s, error, color=colour, lw=wide, alpha=clear, label=label)
+        below.axhline(0, color=RULE, lw=0.8, zorder=0)
+        below.set_ylabel("error, N·m")
+        below.set_xlabel("time, s")
+        for axes in (above, below):
+            axes.margins(x=0.005)
+            axes.yaxis.set_major_locator(MaxNLocator(5))
+            # Outside of the axes, where no curve can run through it.
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
+        if title:
+            above.set_title(title)
+        figure.align_ylabels([above, below])
+        return _finish(figure)
+
+
+def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, title: str) -> Figure:
+    """Torque over time, a panel for every case.
+
+    Parameters
+    ----------
+    panels : sequence of (str, ndarray, ndarray, ndarray, ndarray)
+        Name; time in s; desired torque, torque of the plant's elastomer and torque of the
+        controller's sensor in Nm, of the same shape (n,).
+    title : str
+        Controller and plant; stands before each name.
+
+    Returns
+    -------
+    Figure
+        Panels below each other; each heading gives the RMS of the true error over its time axis.
+    """
+    with mpl.rc_context(STYLE):
+        figure, rows = _new(9.6, 0.6 + 1.7 * len(panels), nrows=len(panels), squeeze=False)
+        for axes, (name, t, desired, true, modelled) in zip(rows[:, 0], panels, strict=True):
+            _drawn(axes, t, modelled, color=MODEL, lw=1.0, alpha=0.5, label="modelled")
+            _drawn(axes, t, true, color=MEASURED, lw=1.3, label="true")
+            _drawn(axes, t, desired, color=INK, lw=0.9, ls=(0, (5, 3)), label="desired")
+            rms = float(np.sqrt(np.mean((true - desired) ** 2)))
+            axes.set_title(f"{title}: {name}: RMS of the true error shown {rms:.3g} N·m")
+            axes.set_ylabel("torque, N·m")
+            axes.margins(x=0.005)
+            axes.yaxis.set_major_locator(MaxNLocator(5))
+        rows[-1, 0].set_xlabel("time, s")
+        handles, labels = rows[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=3)
+        figure.align_ylabels(rows[:, 0])
+        return _finish(figure)
+
+
+def rms_by_case(
+    cases: Sequence[str],
+    ours_Nm: Mapping[str, npt.ArrayLike],
+    thesis_Nm: Mapping[str, npt.ArrayLike] | None = None,
+    *,
+    unit: str = "N·m",
+) -> Figure:
+    """RMS error by case, the thesis' figures beside ours.
+
+    Parameters
+    ----------
+    cases : sequence of str
+        Names, c of them.
+    ours_Nm : dict of str to array_like
+        By controller, shape (c,); NaN where there is none (a trip, a failure): a cross then stands
+        at the foot.
+    thesis_Nm : dict of str to array_like, optional
+        By controller, shape (c,); NaN where nothing is published.
+    unit : str
+        Of the numbers, for the axis.
+
+    Returns
+    -------
+    Figure
+        Filled bars for ours, open ones for the thesis, of the same colour for the same name.
+
+    Raises
+    ------
+    UserError
+        When a row has not one number a case.
+    """
+    published = {k: np.asarray(v, dtype=float) for k, v in (thesis_Nm or {}).items()}
+    ours = {k: np.asarray(v, dtype=float) for k, v in ours_Nm.items()}
+    for name, values in (*ours.items(), *published.items()):
+        if values.shape != (len(cases),):
+            raise UserError(
+                f"{name}: {values.shape} values for {len(cases)} cases.",
+                "Give one a case, NaN for none.",
+            )
+    names = list(dict.fromkeys([*ours, *published]))
+    bars = [
+        (n, kind, table[n])
+        for n in names
+        for kind, table in (("thesis", published), ("ours", ours))
+        if n in table
+    ]
+    with mpl.rc_context(STYLE):
+        figure, axes = _new(max(6.0, min(14.0, 1.5 + 0.28 * len(cases) * (len(bars) + 1))), 3.4)
+        wide = 0.8 / max(len(bars), 1)
+        for k, (name, kind, values) in enumerate(bars):
+            colour = COLOURS[names.index(name) % len(COLOURS)]
+            x = np.arange(len(cases)) + (k - 0.5 * (len(bars) - 1)) * wide
+            gone = np.isnan(values)
+            axes.bar(
+                x[~gone],
+                values[~gone],
+                0.9 * wide,
+                facecolor=colour if kind == "ours" else "white",
+                edgecolor=colour,
+                lw=1.2,
+                label=f"{name}, {kind}",
+            )
+            if kind == "ours" and gone.any():
+                axes.plot(x[gone], np.zeros(gone.sum()), "x", color=colour, ms=6, clip_on=False)
+        axes.set_xticks(range(len(cases)), list(cases))
+        longest = max((len(line) for c in cases for line in c.split("\n")), default=0)
+        if longest > 4 * (len(bars) + 1):
+            axes.tick_params(axis="x", rotation=35)
+            for text in axes.get_xticklabels():
+                text.set(ha="right", rotation_mode="anchor")
+        axes.tick_params(axis="x", length=0)
+        axes.grid(visible=False, axis="x")
+        axes.set_xlim(-0.6, len(cases) - 0.4)
+        axes.set_ylabel(f"RMS error, {unit}")
+        axes.set_ylim(bottom=0)
+        figure.legend(loc="outside upper right", ncols=4)
+        return _finish(figure)
+
+
+def _frequency_axis(axes: Axes, low: float, high: float) -> None:
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    axes.minorticks_off()
+
+
+def bode(
+    responses: Sequence[tuple[str, FrequencyResponse]],
+    bandwidths: Sequence[tuple[str, Bandwidth]] = (),
+) -> Figure:
+    """Gain, phase and coherence over frequency.
+
+    Parameters
+    ----------
+    responses : sequence of (str, FrequencyResponse)
+        Name and response, drawn in one colour each.
+    bandwidths : sequence of (str, Bandwidth)
+        To mark, in the colour of the response of the same name.
+
+    Returns
+    -------
+    Figure
+        Three panels, or two where no response has a coherence; the shade is two standard
+        deviations.
+    """
+    coherent = any(r.coherence is not None for _, r in responses)
+    names = [n for n, _ in responses]
+    with mpl.rc_context(STYLE):
+        figure, grid = _new(
+            9.6,
+            6.2 if coherent else 4.8,
+            nrows=2 + coherent,
+            sharex=True,
+            height_ratios=[1.5, 1.2, 0.7][: 2 + coherent],
+        )
+        for k, (name, r) in enumerate(responses):
+            colour = COLOURS[k % len(COLOURS)]
+            f = r.frequency_Hz
+            grid[0].plot(f, r.gain_dB, color=colour, lw=1.4, label=name)
+            grid[1].plot(f, r.phase_deg, color=colour, lw=1.4)
+            if r.sigma is not None:
+                part = np.minimum(2 * r.sigma, 0.9)
+                low, high = (20 * np.log10(1 + s * part) for s in (-1, 1))
+                shade: dict[str, Any] = {"color": colour, "alpha": 0.2, "lw": 0}
+                grid[0].fill_between(f, r.gain_dB + low, r.gain_dB + high, **shade)
+                turn = np.degrees(part)
+                grid[1].fill_between(f, r.phase_deg - turn, r.phase_deg + turn, **shade)
+            if r.coherence is not None:
+                grid[2].plot(f, r.coherence, color=colour, lw=1.2)
+        for name, b in bandwidths:
+            if b.bandwidth_Hz is None:
+                continue
+            colour = COLOURS[names.index(name) % len(COLOURS)] if name in names else INK
+            level = 20 * np.log10(b.reference_gain) - b.drop_dB
+            # The figure stands in the legend: two loops' marks often fall together.
+            grid[0].plot(
+                [b.bandwidth_Hz],
+                [level],
+                "o",
+                color=colour,
+                ms=6,
+                mfc="white",
+                mew=1.5,
+                label=f"−{b.drop_dB:.3g} dB at {b.bandwidth_Hz:.3g} Hz, from the\n{b.reference}, "
+                f"{_signed_dB(b.reference_gain)} dB",
+            )
+        grid[0].set_ylabel("gain, dB")
+        grid[1].set_ylabel("phase, deg")
+        grid[1].yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.5, 3, 4.5, 9, 10]))
+        if coherent:
+            grid[2].set_ylabel("coherence")
+            grid[2].set_ylim(0, 1.05)
+        low_Hz = min(float(r.frequency_Hz[0]) for _, r in responses)
+        high_Hz = max(float(r.frequency_Hz[-1]) for _, r in responses)
+        _frequency_axis(grid[-1], low_Hz, high_Hz)
+        grid[-1].set_xlabel("frequency, Hz")
+        figure.align_ylabels(list(grid))
+        figure.legend(loc="outside upper right", ncols=4)
+        return _finish(figure)
+
+
+def _signed_dB(gain: float) -> str:
+    text = f"{20 * np.log10(gain):.2f}"
+    return "0" if float(text) == 0 else text.replace("-", "−") if gain < 1 else f"+{text}"
+
+
+def _phase(values: npt.NDArray[np.complex128]) -> Array:
+    """Phase in degrees, cut where it jumps from one end of the turn to the other."""
+    phase = np.degrees(np.angle(values))
+    phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
+    return np.asarray(phase)
+
+
+def output_impedance(
+    impedances: Sequence[tuple[str, Impedance]],
+    fits: Sequence[tuple[str, ImpedanceFit]] = (),
+) -> Figure:
+    """Resisting torque per angle and phase per rate over frequency.
+
+    Parameters
+    ----------
+    impedances : sequence of (str, Impedance)
+        Name and impedance.
+    fits : sequence of (str, ImpedanceFit)
+        Fits to draw over those of the same name, in their band.
+
+    Returns
+    -------
+    Figure
+        Two panels; the grey band of the lower one is what a passive port keeps to.
+    """
+    names = [n for n, _ in impedances]
+    with mpl.rc_context(STYLE):
+        figure, (above, below) = _new(9.6, 4.8, nrows=2, sharex=True, height_ratios=[1.4, 1.0])
+        for k, (name, z) in enumerate(impedances):
+            colour = COLOURS[k % len(COLOURS)]
+            broad: dict[str, Any] = {"color": colour, "lw": 3.5, "alpha": 0.5}
+            above.plot(z.frequency_Hz, np.abs(z.per_angle), label=name, **broad)
+            below.plot(z.frequency_Hz, _phase(z.per_rate), **broad)
+        for name, fit in fits:
+            f = np.geomspace(fit.low_Hz, fit.high_Hz, 200)
+            colour = COLOURS[names.index(name) % len(COLOURS)] if name in names else INK
+            value = fit.per_angle(f)
+            text = (
+                f"{fit.inertia_kgm2:.3g} kg·m², {fit.damping_Nms_rad:.3g} N·m·s/rad, "
+                f"{fit.stiffness_Nm_rad:.3g} N·m/rad"
+            )
+            dashes: dict[str, Any] = {"color": colour, "lw": 1.3, "ls": (0, (4, 2))}
+            above.plot(f, np.abs(value), label=text, **dashes)
+            below.plot(f, _phase(value / (2j * np.pi * f)), **dashes)
+        above.set_yscale("log")
+        above.minorticks_off()
+        above.set_ylabel("torque per angle,\nN·m/rad")
+        below.axhspan(-90, 90, color=HELD_OUT, lw=0, zorder=0)
+        below.set_ylabel("phase per rate,\ndeg")
+        below.set_yticks([-180, -90, 0, 90, 180])
+        below.set_ylim(-185, 185)
+        low_Hz = min(float(z.frequency_Hz[0]) for _, z in impedances)
+        high_Hz = max(float(z.frequency_Hz[-1]) for _, z in impedances)
+        _frequency_axis(below, low_Hz, high_Hz)
+        below.set_xlabel("frequency, Hz (grey: passive)")
+        figure.align_ylabels([above, below])
+        figure.legend(loc="outside upper right", ncols=2)
+        return _finish(figure)
+
+
+def _edges(values: Array) -> Array:
+    if len(values) == 1:
+        return np.array([values[0] - 0.5, values[0] + 0.5])
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate(
+        [[1.5 * values[0] - 0.5 * values[1]], middle, [1.5 * values[-1] - 0.5 * values[-2]]]
+    )
+
+
+def gain_map(
+    region: GainRegion | PassivityMap,
+    marks: Sequence[tuple[str, float, float]] = (),
+    *,
+    title: str = "",
+) -> Figure:
+    """Where over the gains the port is passive, stable with every hand, or unstable with one.
+
+    Parameters
+    ----------
+    region : GainRegion or PassivityMap
+        From the linear loop or from runs.
+    marks : sequence of (str, float, float)
+        Label, Kp and Kd of gains in use.
+    title : str
+        What the map is of.
+
+    Returns
+    -------
+    Figure
+        A cell a pair of gains.
+    """
+    kinds = region.stable.astype(int) + (region.stable & region.passive)
+    colours = ("#efc9b0", "#cfdde8", MODEL)
+    labels = ("unstable with a hand", "stable with every hand", "passive")
+    with mpl.rc_context(STYLE | {"axes.grid": False}):
+        figure, axes = _new(6.4, 4.6)
+        axes.pcolormesh(
+            _edges(region.kd_Nms_rad),
+            _edges(region.kp_Nm_rad),
+            kinds,
+            cmap=ListedColormap(colours),
+            vmin=0,
+            vmax=2,
+            edgecolors="white",
+            linewidth=0.4,
+        )
+        for label, kp, kd in marks:
+            axes.plot([kd], [kp], "o", color=INK, mfc="white", mew=1.5, ms=6, zorder=3)
+            right = kd > 0.5 * (region.kd_Nms_rad[0] + region.kd_Nms_rad[-1])
+            axes.annotate(
+                label,
+                (kd, kp),
+                xytext=(-8 if right else 8, 4),
+                textcoords="offset points",
+                ha="right" if right else "left",
+                bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.8},
+            )
+        axes.set_xlabel("damping Kd, N·m·s/rad")
+        axes.set_ylabel("stiffness Kp, N·m/rad")
+        if title:
+            axes.set_title(title)
+        handles = [Patch(fc=c, label=t) for c, t in zip(colours, labels, strict=True)]
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+        return _finish(figure)
+
+
+def percentile_bars(
+    rows: Sequence[tuple[str, Percentiles]],
+    limits: Mapping[str, float] | None = None,
+    *,
+    xlabel: str = "RMS error, N·m",
+) -> Figure:
+    """Monte-Carlo percentiles, one line a case.
+
+    Parameters
+    ----------
+    rows : sequence of (str, Percentiles)
+        Name and percentiles.
+    limits : dict of str to float, optional
+        A limit to draw on the row of that name.
+    xlabel : str
+        Quantity and unit.
+
+    Returns
+    -------
+    Figure
+        Thick from 25 to 75 %, thin from 5 to 95 %, a dot for the largest; a failed case is said.
+    """
+    with mpl.rc_context(STYLE):
+        figure, axes = _new(9.6, 1.2 + 0.34 * len(rows))
+        y = np.arange(len(rows))[::-1]
+        for k, (name, p) in zip(y, rows, strict=True):
+            v = p.values
+            first = k == y[0]
+            line: dict[str, Any] = {"color": MODEL, "solid_capstyle": "butt"}
+            axes.plot(
+                [v[5.0], v[95.0]], [k, k], lw=1.6, label="5 to 95 %" if first else None, **line
+            )
+            axes.plot(
+                [v[25.0], v[75.0]], [k, k], lw=7, label="25 to 75 %" if first else None, **line
+            )
+            axes.plot(
+                [p.low[95.0], p.high[95.0]],
+                [k - 0.26, k - 0.26],
+                color=ROUNDING,
+                lw=2,
+                solid_capstyle="butt",
+                label="95 % interval of the 95 %" if first else None,
+            )
+            axes.plot([v[50.0]], [k], "|", color="white", ms=7, mew=2, zorder=3)
+            axes.plot(
+                [p.largest],
+                [k],
+                "o",
+                color=MEASURED,
+                ms=5,
+                label="largest" if first else None,
+                zorder=3,
+                ls="",
+            )
+            if limits and name in limits:
+                drawn = any(t.get_label() == "limit" for t in axes.lines)
+                axes.plot(
+                    [limits[name]] * 2,
+                    [k - 0.38, k + 0.38],
+                    color=BOUND,
+                    lw=2,
+                    label=None if drawn else "limit",
+                )
+        labels = [
+            f"{name}\n{p.failed} of {p.count + p.failed} failed" if p.failed else name
+            for name, p in rows
+        ]
+        axes.set_yticks(y, labels)
+        for text, (_, p) in zip(axes.get_yticklabels(), rows, strict=True):
+            if p.failed:
+                text.set_color(BOUND)
+        axes.tick_params(axis="y", length=0)
+        axes.set_ylim(-0.6, len(rows) - 0.4)
+        axes.set_xlim(left=min(0.0, *(p.values[5.0] for _, p in rows)))
+        axes.set_xlabel(xlabel)
+        figure.legend(loc="outside upper right", ncols=5)
+        return _finish(figure)
+
+
+def tuning_trade(
+    values: npt.ArrayLike,
+    error_Nm: npt.ArrayLike,
+    overshoot_percent: npt.ArrayLike,
+    roughness: npt.ArrayLike,
+    *,
+    parameter: str,
+    roughness_label: str = "roughness, N·m/s",
+    chosen: float | None = None,
+    log: bool = True,
+) -> Figure:
+    """What a tuning parameter trades: error, overshoot and roughness of the command.
+
+    Parameters
+    ----------
+    values : array_like
+        The parameter, rising, shape (n,).
+    error_Nm, overshoot_percent, roughness : array_like
+        Shape (n,); NaN where the value is unusable: the loop unstable, or the trial failed.
+    parameter : str
+        Its name and unit.
+    roughness_label : str
+        What roughness is, with unit.
+    chosen : float, optional
+        The value in use.
+    log : bool
+        Logarithmic axis of the parameter.
+
+    Returns
+    -------
+    Figure
+        Three panels over the parameter; unusable values are shaded.
+    """
+    x = np.asarray(values, dtype=float)
+    with mpl.rc_context(STYLE):
+        figure, grid = _new(9.6, 5.0, nrows=3, sharex=True)
+        rows = (
+            (error_Nm, "RMS error,\nN·m", MODEL),
+            (overshoot_percent, "overshoot, %", MEASURED),
+            (roughness, roughness_label.replace(", ", ",\n"), ROUNDING),
+        )
+        broken = np.zeros(len(x), dtype=bool)
+        for axes, (numbers, label, colour) in zip(grid, rows, strict=True):
+            y = np.asarray(numbers, dtype=float)
+            broken |= np.isnan(y)
+            axes.plot(x, y, color=colour, lw=1.4, marker="o", ms=3.5)
+            axes.set_ylabel(label)
+            axes.set_ylim(bottom=0)
+            axes.yaxis.set_major_locator(MaxNLocator(4))
+            if chosen is not None:
+                axes.axvline(
+                    chosen,
+                    color=INK,
+                    lw=1,
+                    ls=(0, (4, 2)),
+                    label=f"chosen: {chosen:g}" if axes is grid[0] else None,
+                )
+        if log:
+            _frequency_axis(grid[-1], float(x[0]), float(x[-1]))
+        edges = np.exp(_edges(np.log(x))) if log else _edges(x)
+        for k in np.flatnonzero(broken):
+            for axes in grid:
+                axes.axvspan(
+                    edges[k],
+                    edges[k + 1],
+                    color="#efc9b0",
+                    lw=0,
+                    zorder=0,
+                    label="unusable"
+                    if k == np.flatnonzero(broken)[0] and axes is grid[0]
+                    else None,
+                )
+        grid[-1].set_xlabel(parameter)
+        figure.align_ylabels(list(grid))
+        if grid[0].get_legend_handles_labels()[0]:
+            figure.legend(loc="outside upper right", ncols=3)
+        return _finish(figure)

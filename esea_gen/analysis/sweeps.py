@@ -1,0 +1,529 @@
+"""Frequency responses and output impedance from recorded signals: noise, periodic, swept sine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.analysis.frequency import FrequencyResponse
+from esea_gen.analysis.response import Array, checked, checked_period, checked_time, plain
+from esea_gen.errors import UserError
+
+# Below this share of the strongest line's amplitude an input does not excite.
+EXCITED = 1e-3
+# Averages below which a coherence says nothing: of one segment it is 1 by construction.
+MIN_SEGMENTS = 4
+
+
+def welch_response(
+    u: npt.ArrayLike,
+    y: npt.ArrayLike,
+    period_s: float,
+    *,
+    segment_s: float,
+    instrument: npt.ArrayLike | None = None,
+) -> FrequencyResponse:
+    """Response from averaged spectra (H1, Hann segments, half overlapping).
+
+    Parameters
+    ----------
+    u, y : array_like
+        Input and output, regular samples, shape (n,).
+    period_s : float
+        Sample period.
+    segment_s : float
+        Length of a segment; the resolution is 1.5 / segment_s.
+    instrument : array_like, optional
+        A signal that excites the loop from outside and that no noise reaches (the reference),
+        shape (n,).
+
+    Returns
+    -------
+    FrequencyResponse
+        At the excited lines, without 0 Hz.
+
+    Raises
+    ------
+    UserError
+        On bad signals, or fewer than four segments.
+
+    Notes
+    -----
+    H1 = S_uy / S_uu is free of bias when the noise is on the output only [1]_.  Inside a feedback
+    loop u holds noise that y holds too; then S_ry / S_ru with the reference r as the instrument is
+    consistent [2]_.  A delay d biases the gain by about (1 - d/segment_s): take segments much
+    longer than the delay.  Relative standard deviation: sqrt((1 - c) / (2 c n)), c the coherence,
+    n the number of segments that count as independent.
+
+    References
+    ----------
+    .. [1] J. S. Bendat, A. G. Piersol, Random Data, 4th ed., Wiley, 2010, sections 6.1 and 9.2.
+    .. [2] R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
+       IEEE Press, 2012, section 2.6.
+    """
+    from scipy.signal import csd
+
+    rate = 1.0 / checked_period(period_s)
+    x, z = checked("u", u), checked("y", y)
+    z = checked("y", z, len(x))
+    r = x if instrument is None else checked("instrument", instrument, len(x))
+    length = round(segment_s * rate)
+    segments = (len(x) - length) // max(length - length // 2, 1) + 1 if length else 0
+    if length < MIN_SAMPLES_A_SEGMENT or segments < MIN_SEGMENTS:
+        raise UserError(
+            f"segment_s: {segment_s:g} s gives {max(segments, 0)} segments of {length} samples in "
+            f"{len(x) / rate:g} s; at least {MIN_SEGMENTS} of {MIN_SAMPLES_A_SEGMENT} are needed.",
+            "Record for longer, or shorten the segments.",
+        )
+
+    def cross(a: Array, b: Array) -> tuple[Array, npt.NDArray[np.complex128]]:
+        f, s = csd(a, b, rate, window="hann", nperseg=length, detrend="constant")
+        return f, np.asarray(s, dtype=np.complex128)
+
+    f, s_ry = cross(r, z)
+    s_ru = cross(r, x)[1]
+    s_rr, s_yy = cross(r, r)[1].real, cross(z, z)[1].real
+    use = (f > 0) & (f < 0.5 * rate) & (np.abs(s_ru) > EXCITED**2 * np.max(np.abs(s_ru[1:])))
+    coherence = np.abs(s_ry[use]) ** 2 / np.maximum(s_rr[use] * s_yy[use], 1e-300)
+    coherence = np.clip(coherence, 0.0, 1.0)
+    independent = segments / (1 + 2 / 36 * (segments - 1) / segments)
+    sigma = np.sqrt((1 - coherence) / np.maximum(2 * coherence * independent, 1e-12))
+    kind = "H1" if instrument is None else "with instrument"
+    return FrequencyResponse(
+        f[use],
+        s_ry[use] / s_ru[use],
+        coherence,
+        sigma,
+        f"Welch {kind}, {segments} Hann segments of {length / rate:g} s",
+    )
+
+
+MIN_SAMPLES_A_SEGMENT = 16
+
+
+def periodic_response(
+    u: npt.ArrayLike, y: npt.ArrayLike, period_s: float, *, samples: int, skip: int = 1
+) -> FrequencyResponse:
+    """Response at the lines of a periodic input (multi-sine): no leakage, noise from the scatter.
+
+    Parameters
+    ----------
+    u, y : array_like
+        Input and output, regular samples, shape (n,).
+    period_s : float
+        Sample period.
+    samples : int
+        Samples of one period of the input.
+    skip : int
+        Periods to leave out while the transient dies.
+
+    Returns
+    -------
+    FrequencyResponse
+        At the excited lines; coherence and sigma from two periods on.
+
+    Raises
+    ------
+    UserError
+        On bad signals, fewer than one period after ``skip``, or an input that is not periodic.
+    """
+    rate = 1.0 / checked_period(period_s)
+    x = checked("u", u)
+    z = checked("y", y, len(x))
+    count = len(x) // samples - skip if samples > 1 else 0
+    if count < 1 or skip < 0:
+        raise UserError(
+            f"samples: {len(x)} samples hold {max(count, 0)} periods of {samples} after {skip}.",
+            "Give the input's period in samples, and record at least one after the transient.",
+        )
+    part = slice(skip * samples, (skip + count) * samples)
+    blocks_u = np.fft.rfft(x[part].reshape(count, samples), axis=1)
+    blocks_y = np.fft.rfft(z[part].reshape(count, samples), axis=1)
+    mean_u, mean_y = blocks_u.mean(axis=0), blocks_y.mean(axis=0)
+    excited = np.abs(mean_u) > EXCITED * np.max(np.abs(mean_u[1:]))
+    excited[0] = False
+    if samples % 2 == 0:
+        excited[-1] = False  # the line at half the rate has no phase
+    scatter = np.abs(blocks_u[:, excited] - mean_u[excited])
+    if count > 1 and np.sqrt(np.mean(scatter**2)) > 0.5 * np.sqrt(
+        np.mean(np.abs(mean_u[excited]) ** 2)
+    ):
+        raise UserError(
+            f"u does not repeat every {samples} samples.", "Give the input's period in samples."
+        )
+    response = mean_y[excited] / mean_u[excited]
+    f = np.flatnonzero(excited) * rate / samples
+    method = f"{count} periods of {samples / rate:g} s"
+    if count < 2:
+        return FrequencyResponse(f, response, None, None, method)
+    a, b = blocks_u[:, excited], blocks_y[:, excited]
+    power = np.sum(np.abs(a) ** 2, axis=0) * np.sum(np.abs(b) ** 2, axis=0)
+    coherence = np.abs(np.sum(np.conj(a) * b, axis=0)) ** 2 / np.maximum(power, 1e-300)
+    rest = np.sum(np.abs(b - response * a) ** 2, axis=0) / (count - 1)
+    # Half of the complex scatter is along the gain, half across: each a real deviation.
+    sigma = np.sqrt(rest / 2 / count) / np.maximum(np.abs(mean_y[excited]), 1e-300)
+    return FrequencyResponse(f, response, np.clip(coherence, 0, 1), sigma, method)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A linear sine sweep.
+
+    Parameters
+    ----------
+    start_Hz, end_Hz : float
+        Frequency at its ends.
+    duration_s : float
+        Its length.
+    start_s : float
+        When it begins.
+    """
+
+    start_Hz: float
+    end_Hz: float
+    duration_s: float
+    start_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.start_Hz, self.end_Hz, self.duration_s, self.start_s)
+        if not (all(map(math.isfinite, values)) and self.duration_s > 0 and self.start_Hz >= 0):
+            raise UserError(f"Sweep {values}.", "Give finite ends from 0 Hz on and a length.")
+        if self.end_Hz <= self.start_Hz:
+            raise UserError(
+                f"Sweep from {self.start_Hz:g} to {self.end_Hz:g} Hz does not rise.",
+                "Use periodic_response for a single frequency.",
+            )
+
+    @property
+    def rate_Hz_s(self) -> float:
+        """Change of frequency."""
+        return (self.end_Hz - self.start_Hz) / self.duration_s
+
+    def phase_rad(self, time_s: Array) -> Array:
+        """Phase, the integral of the frequency.
+
+        Parameters
+        ----------
+        time_s : ndarray
+            Times, shape (n,).
+
+        Returns
+        -------
+        ndarray
+            In rad, shape (n,).
+        """
+        t = time_s - self.start_s
+        return 2 * np.pi * (self.start_Hz + 0.5 * self.rate_Hz_s * t) * t
+
+
+def sweep_response(
+    time_s: npt.ArrayLike,
+    u: npt.ArrayLike,
+    y: npt.ArrayLike,
+    sweep: Sweep,
+    *,
+    resolution_Hz: float = 1.0,
+    cycles: float = 3.0,
+    points: int = 200,
+) -> FrequencyResponse:
+    """Response along a linear sweep, by local least squares on the sweep's own phase.
+
+    Parameters
+    ----------
+    time_s : array_like
+        Sample times in s, rising; no regular grid is needed, shape (n,).
+    u, y : array_like
+        Input (the sweep, of any amplitude) and output, shape (n,).
+    sweep : Sweep
+        The sweep.
+    resolution_Hz : float
+        What a window spans, where that makes ``cycles`` or more.
+    cycles : float
+        Fewest cycles in a window.
+    points : int
+        Frequencies to try, spread over the logarithm; those whose window does not fit into the
+        record are left out.
+
+    Returns
+    -------
+    FrequencyResponse
+        Coherence is the share of the output's local variance that the fit explains: harmonics of
+        a nonlinear loop lower it as noise does.
+
+    Raises
+    ------
+    UserError
+        On bad signals, or where the input is not this sweep.
+
+    Notes
+    -----
+    In a Hann-weighted window round t_c both signals are fitted by (a + b x) cos(phase) +
+    (c + d x) sin(phase) + e + g x, x = t - t_c; the ratio of (a - j c) is the response at the
+    sweep's frequency at t_c.  The sweep's finite rate k adds -j (k / 4 pi) d2H/df2, whatever the
+    window: at 1 Hz/s 2 % at the peak of a second-order lag of 8 Hz and damping 0.4, and inversely
+    with the rate.  It is not corrected, since the curvature is noisier than the response.
+    """
+    time = checked_time(time_s)
+    x, z = checked("u", u, len(time)), checked("y", y, len(time))
+    if not (resolution_Hz > 0 and cycles >= 1 and points >= 4):
+        raise UserError(
+            f"resolution {resolution_Hz} Hz, cycles {cycles}, points {points}.",
+            "Give a resolution above 0, at least 1 cycle and 4 points.",
+        )
+    rate = sweep.rate_Hz_s
+    begin = max(time[0], sweep.start_s)
+    end = min(time[-1], sweep.start_s + sweep.duration_s)
+    lowest = max(sweep.start_Hz, math.sqrt(rate * cycles / 2))
+    both = np.stack([x, z], axis=1)
+    phase = sweep.phase_rad(time)
+    kept: list[tuple[float, complex, float, float]] = []
+    for f in np.geomspace(lowest, sweep.end_Hz, points) if lowest < sweep.end_Hz else ():
+        centre = sweep.start_s + (f - sweep.start_Hz) / rate
+        half = 0.5 * max(resolution_Hz / rate, cycles / f)
+        if centre - half < begin - 1e-9 or centre + half > end + 1e-9:
+            continue
+        a, b = np.searchsorted(time, (centre - half, centre + half))
+        if b - a < MIN_SAMPLES_A_SEGMENT or (b - a) < 4 * 2 * half * f:
+            continue  # fewer than four samples a cycle, or a gap
+        kept.append((float(f), *_local(time[a:b], phase[a:b], both[a:b], centre, half)))
+    if len(kept) < 4:
+        raise UserError(
+            f"{len(kept)} of {points} windows fit into the sweep from {begin:g} to {end:g} s.",
+            "Lower resolution_Hz or cycles, or check the sweep's ends.",
+        )
+    f_kept, response, coherence, sigma = (np.array(c) for c in zip(*kept, strict=True))
+    return FrequencyResponse(
+        f_kept.astype(np.float64),
+        response.astype(np.complex128),
+        coherence.astype(np.float64),
+        sigma.astype(np.float64),
+        f"sweep {sweep.start_Hz:g} to {sweep.end_Hz:g} Hz, local fits over {resolution_Hz:g} Hz",
+    )
+
+
+def _local(
+    time: Array, phase: Array, both: Array, centre: float, half: float
+) -> tuple[complex, float, float]:
+    """Response, explained share and relative deviation of one window."""
+    s = (time - centre) / half
+    window = np.cos(0.5 * np.pi * s) ** 2
+    c, d = np.cos(phase), np.sin(phase)
+    base = np.stack([c, d, s * c, s * d, np.ones_like(s), s], axis=1)
+    root = np.sqrt(window)[:, None]
+    found = np.linalg.lstsq(root * base, root * both, rcond=None)[0]
+    rest = both - base @ found
+    mean = np.sum(window[:, None] * both, axis=0) / np.sum(window)
+    total = np.sum(window[:, None] * (both - mean) ** 2, axis=0)
+    share = 1 - np.sum(window[:, None] * rest**2, axis=0) / np.maximum(total, 1e-300)
+    if not share[0] > 0.9:
+        raise UserError(
+            f"u is not the given sweep near {centre:g} s: it explains {100 * share[0]:.0f} %.",
+            "Check the sweep's ends, length and start.",
+        )
+    pair = found[0] - 1j * found[1]
+    inverse = np.linalg.pinv(base.T @ (window[:, None] * base))
+    noise = inverse @ (base.T @ (window[:, None] ** 2 * rest[:, 1:] ** 2 * base)) @ inverse
+    deviation = math.sqrt(max(0.5 * (noise[0, 0] + noise[1, 1]), 0.0)) / max(abs(pair[1]), 1e-300)
+    return complex(pair[1] / pair[0]), float(np.clip(share[1], 0, 1)), deviation
+
+
+# -- output impedance -----------------------------------------------------------------------------
+
+
+GOOD_FIT = 0.2
+
+
+@dataclass(frozen=True)
+class ImpedanceFit:
+    """Inertia, damping and stiffness that a port shows in a band.
+
+    Parameters
+    ----------
+    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad : float
+        The fit; nothing keeps them above 0: a negative damping is what an active port shows.
+    inertia_std, damping_std, stiffness_std : float
+        Standard deviations, from the misfit.
+    low_Hz, high_Hz : float
+        Band of the fit.
+    misfit : float
+        RMS of the relative complex misfit.
+    """
+
+    inertia_kgm2: float
+    damping_Nms_rad: float
+    stiffness_Nm_rad: float
+    inertia_std: float
+    damping_std: float
+    stiffness_std: float
+    low_Hz: float
+    high_Hz: float
+    misfit: float
+
+    def per_angle(self, frequency_Hz: Array) -> npt.NDArray[np.complex128]:
+        """Torque per angle of the fit.
+
+        Parameters
+        ----------
+        frequency_Hz : ndarray
+            Shape (n,).
+
+        Returns
+        -------
+        ndarray
+            Complex, Nm/rad, shape (n,).
+        """
+        s = 2j * np.pi * frequency_Hz
+        value = self.stiffness_Nm_rad + self.damping_Nms_rad * s + self.inertia_kgm2 * s * s
+        return np.asarray(value, dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class Impedance:
+    """Torque with which a port resists a prescribed motion, over frequency.
+
+    Parameters
+    ----------
+    angle : FrequencyResponse
+        Resisting torque per angle, Nm/rad.
+    """
+
+    angle: FrequencyResponse
+
+    @property
+    def frequency_Hz(self) -> Array:
+        """Frequencies, shape (n,)."""
+        return self.angle.frequency_Hz
+
+    @property
+    def per_angle(self) -> npt.NDArray[np.complex128]:
+        """Torque per angle, Nm/rad, shape (n,)."""
+        return self.angle.response
+
+    @property
+    def per_rate(self) -> npt.NDArray[np.complex128]:
+        """Torque per angular rate, Nms/rad, shape (n,); its real part is the damping."""
+        value = self.angle.response / (2j * np.pi * self.angle.frequency_Hz)
+        return np.asarray(value, dtype=np.complex128)
+
+    def fit(self, low_Hz: float = 0.0, high_Hz: float = math.inf) -> ImpedanceFit:
+        """Equivalent inertia, damping and stiffness: K + j w B - w^2 J.
+
+        Parameters
+        ----------
+        low_Hz, high_Hz : float
+            Band; take one in which the port behaves as one mass.
+
+        Returns
+        -------
+        ImpedanceFit
+            Linear least squares of the relative misfit, so that each frequency counts alike.
+
+        Raises
+        ------
+        UserError
+            When fewer than four frequencies lie in the band.
+        """
+        used = self.angle.band(low_Hz, high_Hz)
+        w = 2 * np.pi * used.frequency_Hz
+        weight = 1 / used.gain
+        zero = np.zeros_like(w)
+        # Scaled by the highest frequency: the columns are then of like size.
+        top = float(w[-1])
+        base = np.concatenate(
+            [
+                np.stack([-((w / top) ** 2), zero, np.ones_like(w)], axis=1) * weight[:, None],
+                np.stack([zero, w / top, zero], axis=1) * weight[:, None],
+            ]
+        )
+        wanted = np.concatenate([used.response.real * weight, used.response.imag * weight])
+        found = np.linalg.lstsq(base, wanted, rcond=None)[0]
+        rest = wanted - base @ found
+        variance = float(rest @ rest) / max(len(wanted) - 3, 1)
+        deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(base.T @ base)) * variance, 0))
+        scale = np.array([1 / top**2, 1 / top, 1.0])
+        j, b, k = (found * scale).tolist()
+        dj, db, dk = (deviation * scale).tolist()
+        misfit = math.sqrt(float(rest @ rest) / len(w))
+        f = used.frequency_Hz
+        return ImpedanceFit(j, b, k, dj, db, dk, float(f[0]), float(f[-1]), misfit)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content: frequency, gain and phase per angle and per rate, coherence."""
+        rate = self.per_rate
+        return self.angle.to_dict() | {
+            "rate_gain": plain(np.abs(rate)),
+            "rate_phase_deg": plain(np.degrees(np.angle(rate))),
+        }
+
+    def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
+        """Some frequencies as lines of text, and the fit in a band.
+
+        Parameters
+        ----------
+        rows : int
+            How many frequencies.
+        low_Hz, high_Hz : float
+            Band of the fit.
+
+        Returns
+        -------
+        list of str
+            Torque per angle, then the fit; a warning where the port behaves as no such mass.
+        """
+        fit = self.fit(low_Hz, high_Hz)
+        poor = (
+            f", above {GOOD_FIT:g}: not one mass, damper and spring"
+            if fit.misfit > GOOD_FIT
+            else ""
+        )
+        return [
+            *self.angle.table(rows),
+            f"fit from {fit.low_Hz:.3g} to {fit.high_Hz:.3g} Hz, torque that the moving needs:",
+            f"inertia {fit.inertia_kgm2:.4g} +- {fit.inertia_std:.2g} kg m2",
+            f"damping {fit.damping_Nms_rad:.4g} +- {fit.damping_std:.2g} Nms/rad",
+            f"stiffness {fit.stiffness_Nm_rad:.4g} +- {fit.stiffness_std:.2g} Nm/rad",
+            f"relative misfit {fit.misfit:.2g}{poor}",
+        ]
+
+
+def impedance(
+    response: FrequencyResponse, *, motion: Literal["angle", "rate"] = "angle", sign: float = -1.0
+) -> Impedance:
+    """Output impedance from the response of a torque to a prescribed motion.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of the torque (Nm) to the motion, by any of the estimators.
+    motion : str
+        ``"angle"`` (rad) or ``"rate"`` (rad/s).
+    sign : float
+        -1 when the torque acts on what is moved (tau_e of the thesis: a spring pulls back), 1 when
+        it is the torque that the moving needs.
+
+    Returns
+    -------
+    Impedance
+        A passive port has a phase per rate between -90 and 90 deg.
+
+    Raises
+    ------
+    ValueError
+        On another motion or sign.
+    """
+    if motion not in ("angle", "rate") or sign not in (-1.0, 1.0):
+        raise ValueError(f"motion {motion!r} must be 'angle' or 'rate', sign {sign} -1 or 1")
+    s = 2j * np.pi * response.frequency_Hz if motion == "rate" else np.ones(1)
+    return Impedance(
+        FrequencyResponse(
+            response.frequency_Hz,
+            np.asarray(sign * response.response * s, dtype=np.complex128),
+            response.coherence,
+            response.sigma,
+            response.method,
+        )
+    )

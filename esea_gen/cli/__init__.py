@@ -1,0 +1,15 @@
+"""``esea-gen``: the command line.  One file a group of commands; each registers itself."""
+
+from esea_gen.cli import boards, evidence, experiments, generate, identification, pages
+from esea_gen.cli.app import app, main
+
+__all__ = [
+    "app",
+    "boards",
+    "evidence",
+    "experiments",
+    "generate",
+    "identification",
+    "main",
+    "pages",
+]

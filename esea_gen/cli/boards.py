@@ -1,0 +1,189 @@
+"""Firmware and emulated boards: ``firmware``, ``emulate``."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from esea_gen.cli.app import app, out
+from esea_gen.cli.options import BoardOption, DeviceArgument, JsonOption, recorded_streams
+from esea_gen.cli.output import progress_bar, write_json
+from esea_gen.device import Device, load_device
+from esea_gen.errors import UserError
+
+
+@app.command()
+def firmware(
+    device: DeviceArgument,
+    board: BoardOption = "netduinoplus2",
+    folder: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output; build/<device>.")
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Compile firmware for a board and say how large it is."""
+    from esea_gen.verify.firmware import build_firmware
+
+    loaded = load_device(device)
+    image = build_firmware(loaded, board, folder or Path("build") / loaded.name)
+    out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
+    write_json(json_file, image.to_dict())
+
+
+@app.command()
+def emulate(
+    device: DeviceArgument,
+    recording: Annotated[
+        Path | None, typer.Option("--recording", metavar="MAPPING", help="A recorded deflection.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    board: BoardOption = "netduinoplus2",
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", help="Of a drive: how much of the tuning case; 3."),
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Run the firmware in an emulator and compare every bit with the host library.
+
+    A sensing device is given deflections.  Of a drive all tasks run interleaved, on what they were
+    given in the tuning case in closed loop with the virtual exoskeleton.
+    """
+    loaded = load_device(device)
+    if loaded.file.sliding_mode is not None:
+        if recording is not None or data is not None:
+            raise UserError(
+                f"{loaded.origin}: a drive is not run on a recorded deflection.",
+                "Leave --recording and --data out: its inputs are recorded from the simulation.",
+            )
+        _emulate_drive(loaded, board, 3.0 if seconds is None else seconds, json_file)
+        return
+    if seconds is not None:
+        raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave it out.")
+    deflections = recorded_streams(loaded, recording, data)
+    if not deflections:
+        from esea_gen.verify.equivalence import domain_chirp
+
+        deflections = {"chirp in the domain": domain_chirp(loaded)}
+    results = emulate_deflections(loaded, board, deflections)
+    for name, r in results.items():
+        same = (
+            "same bits as the host's f32" if r["identical"] else f"DIFFERS {r['first_difference']}"
+        )
+        n = r["instructions"] or dict.fromkeys(("min", "median", "max"), "not counted")
+        out.print(
+            f"{name}: {r['steps']} steps, {same}; instructions per step "
+            f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
+        )
+    write_json(json_file, {"device": loaded.name, "streams": results})
+    if not all(r["identical"] for r in results.values()):
+        raise typer.Exit(1)
+
+
+def emulate_deflections(
+    loaded: Device, board: str, deflections: dict[str, Any]
+) -> dict[str, dict[str, Any]]:
+    """Build firmware and run deflection streams on the emulated board.
+
+    Parameters
+    ----------
+    loaded : Device
+        The device.
+    board : str
+        Board.
+    deflections : dict of str to ndarray
+        Deflections at the sensing rate, by name.
+
+    Returns
+    -------
+    dict of str to dict
+        JSON-ready result of each.
+    """
+    from esea_gen.verify.emulator import run_in_emulator
+    from esea_gen.verify.firmware import build_firmware
+    from esea_gen.verify.streams import deflection_inputs
+
+    results = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        image = build_firmware(loaded, board, Path(scratch) / "image")
+        with progress_bar() as p:
+            for name, theta in deflections.items():
+                task = p.add_task(name, total=len(theta))
+                result = run_in_emulator(
+                    loaded,
+                    image,
+                    deflection_inputs(loaded.system, theta),
+                    progress=lambda done, _, t=task: p.update(t, completed=done),  # type: ignore[misc]
+                )
+                results[name] = result.to_dict()
+    return results
+
+
+def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path | None) -> None:
+    if not (math.isfinite(seconds) and seconds >= loaded.period_s):
+        raise UserError(
+            f"--seconds {seconds:g} is less than a period.", "Give a number of seconds, such as 3."
+        )
+    results = emulate_tasks(loaded, board, round(seconds / loaded.period_s))
+    content = {t: r.to_dict() for t, r in results.items()}
+    table = Table("task", "runs", "bits", "instructions a run", "stack, B")
+    for name, r in results.items():
+        same = "the host's" if r.identical else "DIFFER"
+        n = r.instructions
+        count = f"{n['min']} / {n['median']} / {n['max']}" if n else "-"
+        table.add_row(name, str(r.steps), same, count, str(r.step_stack_bytes))
+    out.print(table)
+    first = next(iter(results.values()))
+    if first.instructions:
+        out.print(
+            "instructions: min / median / max, emulated, not cycles; "
+            f"flash {first.flash_bytes} B, RAM {first.ram_bytes} B, deepest stack "
+            f"{first.stack_peak_bytes} of {first.stack_bytes} B"
+        )
+    for r in results.values():
+        if r.first_difference is not None:
+            out.print(f"{r.task}: {r.first_difference}")
+    write_json(json_file, {"device": loaded.name, "case": "tuning", "tasks": content})
+    if not all(r.identical for r in results.values()):
+        raise typer.Exit(1)
+
+
+def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
+    """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop.
+
+    Parameters
+    ----------
+    loaded : Device
+        A device with a drive.
+    board : str
+        Board.
+    ticks : int
+        How many milliseconds of the tuning case.
+
+    Returns
+    -------
+    dict of str to EmulatorResult
+        By task.
+    """
+    from esea_gen.bench.recorded import record_drive
+    from esea_gen.verify.emulator import run_tasks_in_emulator
+    from esea_gen.verify.firmware import build_firmware, find_board
+
+    find_board(board)
+    with progress_bar() as p, tempfile.TemporaryDirectory() as scratch:
+        bar = p.add_task("recording the tuning case", total=None)
+        inputs = record_drive(loaded, ticks).inputs
+        p.update(bar, description="building firmware")
+        image = build_firmware(loaded, board, Path(scratch) / "image")
+
+        def told(done: int, runs: int) -> None:
+            p.update(bar, description="tuning case", completed=done, total=runs)
+
+        return run_tasks_in_emulator(loaded, image, inputs, progress=told)

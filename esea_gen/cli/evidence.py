@@ -1,0 +1,276 @@
+"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from esea_gen.cli.app import app, out
+from esea_gen.cli.options import (
+    BlockOption,
+    DeviceArgument,
+    FigureOption,
+    JsonOption,
+    RealOption,
+    chosen_formats,
+    no_programs,
+    recorded_streams,
+)
+from esea_gen.cli.output import picture, progress_line, show, write_json
+from esea_gen.device import Device, load_device
+from esea_gen.errors import UserError
+
+
+@app.command()
+def verify(
+    device: DeviceArgument,
+    real: RealOption = None,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--recording", metavar="MAPPING", help="Also a recorded deflection."),
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    block: BlockOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Compare the generated C, compiled for this machine, with the symbolic model."""
+    from esea_gen.verify.equivalence import verify as run
+
+    loaded = load_device(device)
+    recorded = recorded_streams(loaded, recording, data)
+    with progress_line() as say:
+        result = run(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
+    _print_verification(loaded, result)
+    write_json(json_file, result.to_dict())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _bound_note(result: Any, block: str) -> str:
+    from esea_gen.verify.equivalence import STATED
+
+    stated = [c for c in result.comparisons if c.block == block and c.rule == STATED]
+    if stated:
+        more = sum(c.turned for c in stated)
+        return f"a program: within a stated share, not derived; {more} steps say more of themselves"
+    residuals = [c.residual for c in result.comparisons if c.block == block and c.residual]
+    if block not in result.bounds and residuals:
+        worst, limit = max(residuals)
+        return f"gives the request back to {worst:.2g} Nm (limit {limit:.2g} Nm)"
+    # How much the derived bound allows: one that allows a lot proves little, and shows as that.
+    scale = result.full_scales[block]
+    (name, bound), *_ = sorted(result.bounds[block].items())
+    percent = max((100 * e / scale[k] for k, e in bound.outputs.items()), default=0.0)
+    if name == "identified domain":
+        return f"within the derived bound ({percent:.2g} % in the domain)"
+    items = [c for c in result.comparisons if c.block == block and c.real == "f32"]
+    apart = max((100 * d / scale[k] for c in items for k, d in c.drift.items() if k in scale))
+    turned = sum(c.turned for c in items)
+    return (
+        f"{name}: each within the derived bound ({percent:.2g} %), {turned} decisions turned by "
+        f"rounding; a free run comes {apart:.2g} % apart, not bounded"
+    )
+
+
+def _print_verification(loaded: Device, result: Any) -> None:
+    from esea_gen.verify.equivalence import EXACT_PROGRAM
+
+    title = Text(f"{loaded.title}: C against the symbolic model")
+    table = Table(title=title, title_justify="left")
+    for column in ("block", "format", "streams", "steps", "worst error, % of full scale", "result"):
+        table.add_column(column)
+    groups: dict[tuple[str, str], list[Any]] = {}
+    for c in result.comparisons:
+        groups.setdefault((c.block, c.real), []).append(c)
+    for (block, real), items in groups.items():
+        scale = result.full_scales[block]
+        worst = max((100 * e / scale[k], k) for c in items for k, e in c.errors.items())
+        passed = all(c.passed for c in items)
+        whose = "the executor's" if items[0].rule == EXACT_PROGRAM else "CasADi's C"
+        note = f"equal to {whose} bit for bit" if real == "f64" and passed else ""
+        table.add_row(
+            block,
+            real,
+            str(len(items)),
+            str(sum(c.steps for c in items)),
+            f"{worst[0]:.2g} ({worst[1]})",
+            (note or _bound_note(result, block)) if passed else "FAILED",
+        )
+    out.print(table, soft_wrap=False)
+    for c in result.comparisons:
+        for problem in c.problems:
+            out.print(f"{c.block} {c.real}, {c.stream}: {problem}")
+        if c.status_differences or c.bit_identical is False:
+            out.print(
+                f"{c.block} {c.real}, {c.stream}: {c.status_differences} status differences; "
+                f"bits equal to CasADi's C: {c.bit_identical}"
+            )
+
+
+@app.command()
+def coverage(
+    device: DeviceArgument, block: BlockOption = None, json_file: JsonOption = None
+) -> None:
+    """Which sides of every minimum, comparison and select the test streams take."""
+    from esea_gen.verify.coverage import branch_coverage
+    from esea_gen.verify.equivalence import chosen_blocks, is_program
+    from esea_gen.verify.streams import at_the_limits, other_memories, streams
+
+    loaded = load_device(device)
+    programs = [b.name for b in chosen_blocks(loaded, block) if is_program(b)]
+    found = {
+        b.name: branch_coverage(b, [*streams(b), at_the_limits(b), *other_memories(b)])
+        for b in chosen_blocks(loaded, block)
+        if b.name not in programs
+    }
+    for name, c in found.items():
+        out.print(
+            f"{name}: {100 * c.ratio:.1f} % of the sides, {len(c.excluded)} proven impossible"
+        )
+        for side in c.uncovered:
+            out.print(f"  not seen: {side}")
+        for side in c.detectors:
+            out.print(f"  only by a fault of the arithmetic, not proven: {side}")
+    for name in programs:
+        out.print(f"{name}: not measured: a program of loops; see docs/verification.md")
+    write_json(json_file, {name: c.to_dict() for name, c in found.items()})
+    if any(c.uncovered for c in found.values()):
+        raise typer.Exit(1)
+
+
+@app.command()
+def gates(
+    device: DeviceArgument,
+    target: Annotated[
+        list[str] | None, typer.Option("--target", help="Target; all of them when not given.")
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
+    from esea_gen.verify.gates import TARGETS, check_objects
+
+    loaded = load_device(device)
+    for name in target or []:
+        if name not in TARGETS:
+            raise UserError(f"Unknown target '{name}'.", f"Choose from {', '.join(TARGETS)}.")
+    found = {name: check_objects(loaded, name) for name in target or TARGETS}
+    for name, r in found.items():
+        stacks = ", ".join(f"{task} {n} B" for task, n in r.stack_bytes.items())
+        out.print(f"{name}: {'passed' if r.passed else 'FAILED'}; stack {stacks}")
+        for problem in r.problems:
+            out.print(f"  {problem}")
+    write_json(json_file, {name: r.to_dict() for name, r in found.items()})
+    if not all(r.passed for r in found.values()):
+        raise typer.Exit(1)
+
+
+@app.command()
+def mutate(
+    device: DeviceArgument,
+    real: RealOption = None,
+    sample: Annotated[
+        int | None, typer.Option("--sample", min=1, help="So many mutants, drawn; else all.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the draw.")] = 0,
+    block: BlockOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Change the emitted C one place at a time and see whether the tests notice."""
+    from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
+
+    loaded = load_device(device)
+    no_programs(loaded, "mutation")
+    reports = {}
+    with progress_line() as say:
+        for name in chosen_formats(real):
+            reports[name] = run_mutation(loaded, name, sample, seed, say, block)
+    for name, r in reports.items():
+        out.print(f"{name}: {100 * r.score:.1f} % of the mutants caught")
+    write_json(json_file, {name: r.to_dict() for name, r in reports.items()})
+    if any(r.score < REQUIRED_SCORE for r in reports.values()):
+        raise typer.Exit(1)
+
+
+traces = typer.Typer(help="Reference traces: how every shipped System behaves.")
+
+
+app.add_typer(traces, name="traces", no_args_is_help=True)
+
+
+TraceFolder = Annotated[Path, typer.Option("--in", metavar="DIR", help="Folder of the traces.")]
+
+
+@traces.command("check")
+def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
+    """Compare behaviour with the committed traces; exit 1 on a change."""
+    from esea_gen.verify.traces import ACCEPT, check_traces
+
+    changes = check_traces(folder)
+    for line in changes:
+        out.print(line)
+    if changes:
+        out.print(ACCEPT)
+        raise typer.Exit(1)
+    out.print("current")
+
+
+@traces.command("accept")
+def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
+    """Take the present behaviour as the reference."""
+    from esea_gen.verify.traces import accept_traces
+
+    for line in accept_traces(folder):
+        out.print(line)
+
+
+@app.command()
+def ranges(
+    device: DeviceArgument, json_file: JsonOption = None, figure: FigureOption = None
+) -> None:
+    """Fixed point: range, format, headroom and proven error of every value, and what to do."""
+    from esea_gen.emit.fixed.report import range_report
+
+    loaded = load_device(device)
+    no_programs(loaded, "fixed point")
+    with progress_line() as say:
+        result = range_report(loaded.name, loaded.system, say)
+    show(result, json_file)
+    picture(figure, result.figure)
+
+
+@app.command()
+def fixed(
+    device: DeviceArgument,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=1.0, help="Length of the chirps in the domain.")
+    ] = 1.0,
+    recording: Annotated[
+        Path | None, typer.Option("--recording", metavar="MAPPING", help="A recording to run.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    cores: Annotated[
+        bool, typer.Option("--cores", help="Also on emulated Cortex-M3, M0 and M4F.")
+    ] = False,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Also Frama-C's value analysis, assumptions listed.")
+    ] = False,
+    json_file: JsonOption = None,
+) -> None:
+    """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
+    from esea_gen.verify.fixed_report import check_fixed, read_recorded
+
+    loaded = load_device(device)
+    with progress_line() as say:
+        deflections = read_recorded(loaded, recording, data)
+        result = check_fixed(loaded, minutes, deflections, cores, prove, say)
+    show(result, json_file)
+    if not result.passed:
+        raise typer.Exit(1)

@@ -1,0 +1,129 @@
+"""Device files and generated C: ``build``, ``check``, ``new``, ``schema``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from esea_gen.cli.app import app, out
+from esea_gen.cli.options import DeviceArgument, chosen_formats
+from esea_gen.cli.output import write_text
+from esea_gen.device import Device, load_device
+from esea_gen.devices.file import shipped_devices
+from esea_gen.errors import UserError
+
+
+def _bundles(device: Device, real: list[str] | None) -> list[Any]:
+    from esea_gen.emit.build import render_device
+    from esea_gen.emit.dialect import render_dialect
+    from esea_gen.emit.formats import ALL_FORMATS
+
+    bundles = render_device(device, chosen_formats(real, ALL_FORMATS))
+    if real is None:
+        bundles.append(render_dialect(device))
+    return bundles
+
+
+@app.command()
+def build(
+    device: DeviceArgument,
+    real: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--real", metavar="f64|f32|q31", help="Number format; f64 and f32 when not given."
+        ),
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output; generated/<device>.")
+    ] = None,
+) -> None:
+    """Generate C for a device: one folder per number format that stands alone."""
+    from esea_gen.emit.build import device_hash, write_bundles
+
+    loaded = load_device(device)
+    target = folder or Path("generated") / loaded.name
+    bundles = _bundles(loaded, real)
+    for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
+        size = sum(len(t) for t in bundle.files.values())
+        out.print(f"{path}: {len(bundle.files)} files, {size / 1000:.0f} kB")
+    out.print(f"content {device_hash(loaded)}")
+
+
+@app.command()
+def check(
+    devices: Annotated[list[str] | None, typer.Argument(help="Devices; all shipped.")] = None,
+    folder: Annotated[
+        Path, typer.Option("--in", metavar="DIR", help="Folder that holds <device>/.")
+    ] = Path("generated"),
+) -> None:
+    """Compare generated output on disk with what would be generated now; exit 1 when stale."""
+    from esea_gen.emit.build import differences
+
+    stale = 0
+    for name in devices or sorted(shipped_devices()):
+        loaded = load_device(name)
+        found = differences(_bundles(loaded, None), folder / loaded.name)
+        stale += len(found)
+        for diff in found:
+            lines = diff.splitlines()
+            out.print("\n".join(lines[:60]))
+            if len(lines) > 60:
+                out.print(f"... {len(lines) - 60} more lines")
+        out.print(
+            f"{loaded.name}: {len(found)} stale files" if found else f"{loaded.name}: current"
+        )
+    if stale:
+        out.print("Regenerate with: esea-gen build DEVICE")
+        raise typer.Exit(1)
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new device.")],
+    base: Annotated[
+        str, typer.Option("--from", metavar="DEVICE", help="Device whose numbers to start from.")
+    ] = "elbow",
+    target: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The file; NAME.toml.")
+    ] = None,
+) -> None:
+    """Write a commented device file to edit; its numbers are copied, each marked as assumed."""
+    from esea_gen.device import copy_device
+    from esea_gen.devices.fields import SCHEMA_FILE
+
+    device = copy_device(load_device(base), name)
+    path = target or Path(f"{name}.toml")
+    beside = path.parent / SCHEMA_FILE
+    if path.exists():
+        raise UserError(f"{path} exists already.", "Give another file with --out, or move it away.")
+    fresh = not beside.exists()
+    if fresh:
+        write_text(beside, _schema_text())
+    # The first line tells editors where the schema is.
+    write_text(path, f"#:schema ./{SCHEMA_FILE}\n{device.toml()}")
+    out.print(f"device file: {path}")
+    out.print(f"schema for editors: {beside}{'' if fresh else ' (was there, left as it is)'}")
+    out.print(f"Edit the numbers, their status and source, then: esea-gen build {path}")
+
+
+def _schema_text() -> str:
+    from esea_gen.devices.file import json_schema
+
+    return json.dumps(json_schema(), indent=2) + "\n"
+
+
+@app.command()
+def schema(
+    target: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write it there.")
+    ] = None,
+) -> None:
+    """Print the JSON schema of device files, for completion in editors."""
+    text = _schema_text()
+    if target is None:
+        print(text, end="")
+    else:
+        write_text(target, text)

@@ -1,0 +1,166 @@
+"""From recordings: ``identify``, ``uncertainty``, ``torque-check``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from esea_gen.cli.app import app, out
+from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
+from esea_gen.cli.output import picture, progress_line, show, write_json, write_text
+from esea_gen.device import load_device
+from esea_gen.errors import UserError
+
+
+@app.command()
+def identify(
+    mapping: Annotated[Path, typer.Argument(help="Mapping file of the recording.")],
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output; identified/<device>.")
+    ] = None,
+    inverse: Annotated[
+        bool, typer.Option("--inverse", help="Refit the published inverse's play operators too.")
+    ] = False,
+    json_file: JsonOption = None,
+) -> None:
+    """Fit the torque model to a recording: device file and report."""
+    from esea_gen.identify import identify as run
+    from esea_gen.identify.inverse import refit_identified
+    from esea_gen.report.identification import identification_page
+
+    with progress_line() as say:
+
+        def tell(share: float, what: str) -> None:
+            say(f"{100 * share:.0f} % {what}")
+
+        result, refit = run(mapping, data, progress=tell), None
+        if inverse:
+            result, refit = refit_identified(result, tell)
+    target = folder or Path("identified") / result.device.name
+    content = result.to_dict() | ({} if refit is None else {"inverse": refit.to_dict()})
+    page, text = target / f"{result.device.name}.html", identification_page(result)
+    if page.is_dir():
+        raise UserError(f"{page} is a folder.", "Give another --out folder.")
+    path = result.write(target)
+    write_text(page, text)
+    for line in [*result.summary(), *(refit.summary() if refit else [])]:
+        out.print(line)
+    out.print(f"device file: {path}")
+    out.print(f"report: {page}")
+    write_json(json_file, content)
+
+
+@app.command()
+def uncertainty(
+    device: DeviceArgument,
+    runs: Annotated[int, typer.Option("--runs", help="Runs of the Monte-Carlo.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of its draws.")] = 1,
+    residual_deg: Annotated[
+        float,
+        typer.Option("--residual-deg", help="Nonlinearity that the encoders' correction leaves."),
+    ] = 0.1,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--recording", metavar="MAPPING", help="What the device was identified with."),
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    ] = None,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
+    from esea_gen.studies.uncertainty import identified_spread, torque_uncertainty
+
+    loaded = load_device(device)
+    with progress_line() as say:
+        say("covariance of the identification")
+        spread = identified_spread(loaded, recording, data) if recording else None
+        result = torque_uncertainty(
+            loaded, runs, seed, spread=spread, residual_deg=residual_deg, progress=say
+        )
+    show(result, json_file)
+    picture(figure, result.figure)
+
+
+@app.command("torque-check")
+def torque_check(
+    device: DeviceArgument,
+    mass: Annotated[
+        float | None, typer.Option("--mass", metavar="KG", help="Mass that is hung up.")
+    ] = None,
+    arm: Annotated[
+        float | None, typer.Option("--arm", metavar="M", help="From the axis to where it hangs.")
+    ] = None,
+    angle: Annotated[
+        float, typer.Option("--angle", metavar="DEG", help="Of the arm off the horizontal.")
+    ] = 0.0,
+    mass_uncertainty: Annotated[
+        float, typer.Option("--mass-uncertainty", metavar="KG", help="Standard uncertainty.")
+    ] = 0.005,
+    arm_uncertainty: Annotated[
+        float, typer.Option("--arm-uncertainty", metavar="M", help="Standard uncertainty.")
+    ] = 0.001,
+    angle_uncertainty: Annotated[
+        float, typer.Option("--angle-uncertainty", metavar="DEG", help="Standard uncertainty.")
+    ] = 1.0,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--recording", metavar="FILE", help="CSV: time_s, tau_Nm and perhaps step."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--resume", metavar="FILE", help="JSON of a check to go on with."),
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Check the torque sensor with a hanging mass: procedure, limits, a recording's verdict."""
+    from esea_gen.studies.torque_check.check import TorqueCheck, instructions
+    from esea_gen.studies.torque_check.load import Reference
+    from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
+
+    loaded = load_device(device)
+    check = None
+    if resume is not None:
+        if mass is not None or arm is not None:
+            raise UserError(
+                "--resume already knows the load.", "Leave --mass and --arm out, or start anew."
+            )
+        check = TorqueCheck.resumed(loaded, read_check(resume))
+    elif mass is not None and arm is not None:
+        check = TorqueCheck(
+            loaded,
+            Reference(
+                mass,
+                arm,
+                math.radians(angle),
+                mass_uncertainty,
+                arm_uncertainty,
+                math.radians(angle_uncertainty),
+            ),
+        )
+    elif recording is not None or mass is not None or arm is not None:
+        lacking = " and ".join(n for n, v in (("--mass", mass), ("--arm", arm)) if v is None)
+        raise UserError(
+            f"the reference torque is not known: {lacking} missing.", "Give mass (kg) and arm (m)."
+        )
+    if recording is not None:
+        assert check is not None
+        apply_recording(check, read_recording(recording))
+    elif check is None or not check.measurements:
+        for line in instructions(loaded, check):
+            out.print(line)
+        if check is not None:
+            write_json(json_file, check.to_dict())
+        return
+    for line in check.report():
+        out.print(line)
+    write_json(json_file, check.to_dict())
+    if check.verdict != "pass":
+        raise typer.Exit(1)

@@ -1,0 +1,133 @@
+"""Options and arguments that several commands take."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Collection
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+
+DeviceArgument = Annotated[
+    str, typer.Argument(metavar="DEVICE", help="Shipped device (elbow) or path of a device file.")
+]
+
+
+def writable(path: Path | None) -> Path | None:
+    """An output file that can be written, tried before the run whose result it is to hold.
+
+    Nothing is left behind: folders that are missing are made when there is something to write.
+    """
+    if path is None:
+        return None
+    fix = "Give another file."
+    try:
+        if path.is_dir():
+            raise UserError(f"{path}: is a folder.", "Name a file in it.")
+        folder = path.absolute().parent
+        while not folder.exists() and folder != folder.parent:
+            folder = folder.parent
+        longest = os.pathconf(folder, "PC_NAME_MAX")
+        for part in path.parts:
+            if len(os.fsencode(part)) > longest:
+                raise UserError(f"{path}: a name has more than {longest} bytes.", fix)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        # Pictures are written in place, text is put in the old file's.
+        if path.exists() and not os.access(path, os.W_OK):
+            raise UserError(f"{path}: cannot be written (it is write-protected).", fix)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror or error}).", fix) from error
+    return path
+
+
+JsonOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--json", metavar="FILE", callback=writable, help="Also write the result as JSON."
+    ),
+]
+
+
+BlockOption = Annotated[
+    list[str] | None,
+    typer.Option("--block", metavar="NAME", help="Block; all of them when not given."),
+]
+
+
+RealOption = Annotated[
+    list[str] | None, typer.Option("--real", metavar="f64|f32", help="Number format; all of them.")
+]
+
+
+BoardOption = Annotated[str, typer.Option("--board", help="Board to build firmware for.")]
+
+
+def chosen_formats(real: list[str] | None, known: Collection[str] | None = None) -> list[str]:
+    """Number formats that were asked for, each once; all of them without ``--real``."""
+    from esea_gen.emit.formats import FORMATS
+
+    allowed = list(known or FORMATS)
+    chosen = real or list(FORMATS)
+    for name in chosen:
+        if name not in allowed:
+            hint = " Fixed point has its own command: esea-gen fixed." if name == "q31" else ""
+            raise UserError(
+                f"Unknown number format '{name}'.", f"Choose from {', '.join(allowed)}.{hint}"
+            )
+    return list(dict.fromkeys(chosen))
+
+
+def _jobs(value: int) -> int:
+    if value < 1 and value != -1:
+        raise UserError(f"--jobs {value}: no number of processes.", "Give 1 or more, or -1.")
+    return value
+
+
+JobsOption = Annotated[
+    int, typer.Option("--jobs", callback=_jobs, help="Processes; -1 for one a core.")
+]
+
+
+def _picture_file(figure: Path | None) -> Path | None:
+    if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
+    return writable(figure)
+
+
+FigureOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--figure",
+        metavar="FILE",
+        callback=_picture_file,
+        help="Also a plot: .png, .svg or .pdf.",
+    ),
+]
+
+
+def recorded_streams(loaded: Device, recording: Path | None, data: Path | None) -> dict[str, Any]:
+    """Deflections of ``--recording``, by name; none without it."""
+    if recording is None:
+        return {}
+    from esea_gen.identify import recorded_deflections
+
+    return recorded_deflections(loaded, recording, data)
+
+
+def no_programs(loaded: Device, what: str) -> None:
+    """Refuse a device with a Program, which ``what`` does not read."""
+    from esea_gen.verify.equivalence import is_program
+
+    for block in loaded.system.kinds:
+        if is_program(block):
+            raise UserError(
+                f"{loaded.origin}: {block.name} is a program of loops; {what} reads straight-line "
+                "Blocks.",
+                "verify and gates take it; give the device that it extends for the other Blocks.",
+            )

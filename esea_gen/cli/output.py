@@ -1,0 +1,115 @@
+"""What a command shows and writes."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+
+from esea_gen.cli.app import err, out
+from esea_gen.errors import UserError
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Where.
+    text : str
+        What.
+
+    Raises
+    ------
+    UserError
+        When it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, prefix=".esea-", delete=False, encoding="utf-8"
+        ) as scratch:
+            scratch.write(text)
+        os.chmod(scratch.name, 0o644)
+        try:
+            Path(scratch.name).replace(path)
+        except OSError:
+            Path(scratch.name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
+        ) from error
+
+
+@contextmanager
+def progress_line() -> Iterator[Callable[[str], None]]:
+    """A line on the terminal that says what is being done, gone when it is."""
+    columns = SpinnerColumn(), TextColumn("{task.description}")
+    with Progress(*columns, console=err, transient=True) as p:
+        task = p.add_task("starting", total=None)
+        yield lambda text: p.update(task, description=text)
+
+
+def write_json(path: Path | None, content: Any) -> None:
+    """Write a result as JSON, if a file was named.
+
+    Parameters
+    ----------
+    path : Path or None
+        Where.
+    content : object
+        JSON-ready content.
+    """
+    if path is not None:
+        write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def progress_bar() -> Progress:
+    """A bar on the terminal, gone when done."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    return Progress(*columns, console=err, transient=True)
+
+
+@contextmanager
+def counted(text: str) -> Iterator[Callable[[int, int, int], None]]:
+    """A bar that counts runs: done, of how many, failed."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    with Progress(*columns, console=err, transient=True) as p:
+        task = p.add_task(text, total=None)
+        yield lambda done, total, failed: p.update(
+            task,
+            completed=done,
+            total=total,
+            description=f"{text}, {failed} failed" if failed else text,
+        )
+
+
+def show(result: Any, json_file: Path | None) -> None:
+    """Print a result as a table, then write it as JSON."""
+    # The table first: it is there whatever becomes of the file.
+    for line in result.table():
+        out.print(line)
+    write_json(json_file, result.to_dict())
+
+
+def picture(figure: Path | None, draw: Callable[[], Any]) -> None:
+    """Draw and save a figure, if a file was named."""
+    from esea_gen.analysis.plots import save
+
+    if figure is None:
+        return
+    try:
+        figure.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"{figure}: cannot be written ({error.strerror}).", "Give another file."
+        ) from error
+    save(draw(), figure)

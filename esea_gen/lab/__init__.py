@@ -1,1 +1,0 @@
-"""Guided checks that a person carries out in the laboratory; logic only, no screen."""

@@ -1,0 +1,1 @@
+"""What everything speaks: ports, Blocks, Programs, Systems.  It imports nothing of ours."""

@@ -1,0 +1,488 @@
+"""System: Blocks wired by port name into tasks.
+
+A task runs at a whole multiple of the System's base tick, with a phase.  Inside a task a value goes
+straight from one Block to the next, in the order in which the task lists them.  A value that
+crosses from one task to another goes through a latch: the writer leaves it pending, it is released
+at a declared tick (by default one period after the writer's start), and a reader holds what was
+released when its own run started.  So the result is the same bits whether a slow task is preempted
+or not: logical execution time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from esea_gen.language.block import Block, Port, Simulator, Tunable
+
+
+@dataclass(frozen=True)
+class Task:
+    """A periodic task.
+
+    Parameters
+    ----------
+    name : str
+        C identifier; its entry point is ``esea_<device>_<name>_step``.
+    blocks : tuple of str
+        Instances it runs, in order.
+    every : int
+        Period in base ticks.
+    phase : int
+        Tick of its first run, below ``every``.
+    release : int, optional
+        Ticks from the start of a run until what it wrote is visible to other tasks; its period
+        when not given.
+    """
+
+    name: str
+    blocks: tuple[str, ...]
+    every: int = 1
+    phase: int = 0
+    release: int | None = None
+
+    @property
+    def release_ticks(self) -> int:
+        """Ticks from the start of a run to the release of its latches."""
+        return self.every if self.release is None else self.release
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One end of a wire: a port of an instance.
+
+    Parameters
+    ----------
+    instance : str
+        Name of the instance.
+    port : str
+        Name of its port.
+    """
+
+    instance: str
+    port: str
+
+    @classmethod
+    def parse(cls, text: str) -> Signal:
+        """From ``"instance.port"``.
+
+        Parameters
+        ----------
+        text : str
+            Both names with a dot between.
+
+        Returns
+        -------
+        Signal
+            The signal.
+
+        Raises
+        ------
+        ValueError
+            For any other form.
+        """
+        instance, dot, port = text.partition(".")
+        if not (instance and dot and port):
+            raise ValueError(f"'{text}' is not of the form instance.port")
+        return cls(instance, port)
+
+
+@dataclass(frozen=True)
+class External:
+    """A value that enters or leaves the System through a task's input or output struct.
+
+    Parameters
+    ----------
+    name : str
+        Field of the struct.
+    port : Port
+        What it carries.
+    signals : tuple of Signal
+        The ports that it feeds, or the one that it comes from.
+    """
+
+    name: str
+    port: Port
+    signals: tuple[Signal, ...]
+
+
+@dataclass(frozen=True)
+class Latch:
+    """A value held for another task.
+
+    Parameters
+    ----------
+    name : str
+        Field of the latches struct.
+    source : Signal
+        The output that it holds.
+    port : Port
+        What it carries.
+    writer : str
+        Task that writes it.
+    """
+
+    name: str
+    source: Signal
+    port: Port
+    writer: str
+
+
+class System:
+    """Blocks wired into tasks.
+
+    Parameters
+    ----------
+    name : str
+        Device name, prefix of the C.
+    base_period_s : float
+        Base tick.
+    blocks : mapping of str to Block
+        Instances by name; one Block may stand behind several instances.
+    tasks : tuple of Task
+        What runs when.
+    wires : mapping of str to str
+        ``{"sensor.omega_rad_s": "velocity.omega_mid_rad_s"}``: reader from writer.
+    inputs : mapping of str to tuple of str
+        External inputs: name to the ports they feed (all in one task).
+    outputs : mapping of str to str
+        External outputs: name to the port they come from.
+
+    Raises
+    ------
+    ValueError
+        For a port that is unknown, fed twice or not at all, of another unit, size or period, or
+        for wires against the order inside a task.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        base_period_s: float,
+        blocks: Mapping[str, Block],
+        tasks: tuple[Task, ...],
+        wires: Mapping[str, str],
+        inputs: Mapping[str, tuple[str, ...]],
+        outputs: Mapping[str, str],
+    ) -> None:
+        self.name = name
+        self.base_period_s = base_period_s
+        self.blocks = dict(blocks)
+        self.tasks = tasks
+        self.wires = {Signal.parse(r): Signal.parse(w) for r, w in wires.items()}
+        self.inputs: tuple[External, ...] = ()
+        self.outputs: tuple[External, ...] = ()
+        self._task_of = {i: t for t in tasks for i in t.blocks}
+        self._check_tasks()
+        feeds = {n: tuple(Signal.parse(s) for s in sinks) for n, sinks in inputs.items()}
+        self.inputs = tuple(self._external_input(n, s) for n, s in feeds.items())
+        self.outputs = tuple(
+            External(n, self._output(Signal.parse(s)), (Signal.parse(s),))
+            for n, s in outputs.items()
+        )
+        self._check_wires()
+        self.latches = self._latches()
+
+    # -- reading the structure -------------------------------------------------------------------
+
+    @property
+    def kinds(self) -> tuple[Block, ...]:
+        """The different Blocks, each once, in order of first use."""
+        unique: dict[int, Block] = {}
+        for block in self.blocks.values():
+            unique.setdefault(id(block), block)
+        return tuple(unique.values())
+
+    @property
+    def tunables(self) -> tuple[tuple[str, Tunable], ...]:
+        """Every tunable with the instance it belongs to, in the order of the C params struct."""
+        return tuple((i, t) for i, b in self.blocks.items() for t in b.tunables)
+
+    def is_tuned(self, task: Task) -> bool:
+        """Whether a task's Blocks read any coefficient.
+
+        Parameters
+        ----------
+        task : Task
+            The task.
+
+        Returns
+        -------
+        bool
+            True when one does.
+        """
+        return any(self.blocks[i].coefficients for i in task.blocks)
+
+    def task(self, name: str) -> Task:
+        """Task by name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the task.
+
+        Returns
+        -------
+        Task
+            The task.
+        """
+        return next(t for t in self.tasks if t.name == name)
+
+    def task_of(self, instance: str) -> Task:
+        """Task that runs an instance.
+
+        Parameters
+        ----------
+        instance : str
+            Name of the instance.
+
+        Returns
+        -------
+        Task
+            The task.
+        """
+        return self._task_of[instance]
+
+    def task_inputs(self, task: Task) -> tuple[External, ...]:
+        """External inputs of a task.
+
+        Parameters
+        ----------
+        task : Task
+            The task.
+
+        Returns
+        -------
+        tuple of External
+            In the order of its input struct.
+        """
+        return tuple(x for x in self.inputs if self.task_of(x.signals[0].instance) is task)
+
+    def task_outputs(self, task: Task) -> tuple[External, ...]:
+        """External outputs of a task.
+
+        Parameters
+        ----------
+        task : Task
+            The task.
+
+        Returns
+        -------
+        tuple of External
+            In the order of its output struct.
+        """
+        return tuple(x for x in self.outputs if self.task_of(x.signals[0].instance) is task)
+
+    def latch_for(self, source: Signal) -> Latch:
+        """The latch that holds an output for other tasks.
+
+        Parameters
+        ----------
+        source : Signal
+            The output.
+
+        Returns
+        -------
+        Latch
+            The latch.
+        """
+        return next(x for x in self.latches if x.source == source)
+
+    def latches_read(self, task: Task) -> tuple[Latch, ...]:
+        """Latches that a task reads, each once.
+
+        Parameters
+        ----------
+        task : Task
+            The task that reads.
+
+        Returns
+        -------
+        tuple of Latch
+            In the order of the latches struct.
+        """
+        sources = [w for r, w in self.wires.items() if self.task_of(r.instance) is task]
+        return tuple(x for x in self.latches if x.source in sources and x.writer != task.name)
+
+    def feed(self, sink: Signal) -> External | Latch | Signal:
+        """Where an input port's value comes from.
+
+        Parameters
+        ----------
+        sink : Signal
+            The input port.
+
+        Returns
+        -------
+        External, Latch or Signal
+            An external input, a latch, or an output of the same task.
+        """
+        for external in self.inputs:
+            if sink in external.signals:
+                return external
+        source = self.wires[sink]
+        if self.task_of(source.instance) is not self.task_of(sink.instance):
+            return self.latch_for(source)
+        return source
+
+    # -- checks ----------------------------------------------------------------------------------
+
+    def _check_tasks(self) -> None:
+        listed = [i for t in self.tasks for i in t.blocks]
+        if sorted(listed) != sorted(self.blocks):
+            raise ValueError(
+                f"tasks run {sorted(listed)}, but the blocks are {sorted(self.blocks)}"
+            )
+        for t in self.tasks:
+            if t.every < 1 or not 0 <= t.phase < t.every:
+                raise ValueError(f"task {t.name}: phase {t.phase} must be in [0, {t.every})")
+            if not 1 <= t.release_ticks <= t.every:
+                raise ValueError(f"task {t.name}: release {t.release} must be in [1, {t.every}]")
+            for i in t.blocks:
+                period = t.every * self.base_period_s
+                if abs(self.blocks[i].period_s - period) > 1e-12:
+                    raise ValueError(
+                        f"{i} is built for {self.blocks[i].period_s:g} s, but task {t.name} runs "
+                        f"every {period:g} s"
+                    )
+
+    def _input(self, s: Signal) -> Port:
+        return self._port(s, self.blocks[s.instance].inputs if s.instance in self.blocks else ())
+
+    def _output(self, s: Signal) -> Port:
+        return self._port(s, self.blocks[s.instance].outputs if s.instance in self.blocks else ())
+
+    def _port(self, s: Signal, ports: tuple[Port, ...]) -> Port:
+        for p in ports:
+            if p.name == s.port:
+                return p
+        raise ValueError(f"no such port {s.instance}.{s.port}; there are {[p.name for p in ports]}")
+
+    def _external_input(self, name: str, sinks: tuple[Signal, ...]) -> External:
+        ports = [self._input(s) for s in sinks]
+        if len({self.task_of(s.instance).name for s in sinks}) != 1:
+            raise ValueError(f"external input {name} must feed ports of one task")
+        if len({(p.unit, p.size, p.low, p.high) for p in ports}) != 1:
+            raise ValueError(f"external input {name} feeds ports of different unit, size or range")
+        return External(name, ports[0], sinks)
+
+    def _check_wires(self) -> None:
+        fed = [s for x in self.inputs for s in x.signals] + list(self.wires)
+        if len(fed) != len(set(fed)):
+            raise ValueError("an input port is fed twice")
+        for sink, source in self.wires.items():
+            a, b = self._output(source), self._input(sink)
+            if (a.unit, a.size) != (b.unit, b.size):
+                raise ValueError(
+                    f"{source} ({a.unit} x {a.size}) feeds {sink} ({b.unit} x {b.size})"
+                )
+            task = self.task_of(sink.instance)
+            if self.task_of(source.instance) is task:
+                order = task.blocks.index
+                if order(source.instance) >= order(sink.instance):
+                    raise ValueError(f"{source} must run before {sink} in task {task.name}")
+        for name, block in self.blocks.items():
+            for p in block.inputs:
+                if Signal(name, p.name) not in fed:
+                    raise ValueError(f"input {name}.{p.name} is not fed")
+
+    def _latches(self) -> tuple[Latch, ...]:
+        found: dict[Signal, Latch] = {}
+        for sink, source in self.wires.items():
+            writer = self.task_of(source.instance)
+            if writer is not self.task_of(sink.instance):
+                name = f"{source.instance}_{source.port}"
+                found.setdefault(source, Latch(name, source, self._output(source), writer.name))
+        return tuple(found.values())
+
+    def simulator(
+        self, tunables: Mapping[str, Mapping[str, float]] | None = None
+    ) -> SystemSimulator:
+        """A reference executor of the whole System.
+
+        Parameters
+        ----------
+        tunables : mapping, optional
+            ``{instance: {tunable: value}}`` other than the defaults.
+
+        Returns
+        -------
+        SystemSimulator
+            Freshly initialised.
+        """
+        return SystemSimulator(self, tunables)
+
+
+class SystemSimulator:
+    """Runs a System symbolically, float64.
+
+    Parameters
+    ----------
+    system : System
+        What to run.
+    tunables : mapping, optional
+        ``{instance: {tunable: value}}`` other than the defaults.
+    """
+
+    def __init__(
+        self, system: System, tunables: Mapping[str, Mapping[str, float]] | None = None
+    ) -> None:
+        self.system = system
+        self.blocks: dict[str, Simulator] = {
+            i: b.simulator((tunables or {}).get(i)) for i, b in system.blocks.items()
+        }
+        self.pending: dict[str, Any] = {x.name: 0.0 for x in system.latches}
+        self.visible: dict[str, Any] = {x.name: 0.0 for x in system.latches}
+        self.held = {t.name: {x.name: 0.0 for x in system.latches_read(t)} for t in system.tasks}
+
+    def release(self, tick: int) -> None:
+        """Release what is due at a base tick; the tasks that start in it take hold of it.
+
+        Parameters
+        ----------
+        tick : int
+            The base tick; call this before any task of it runs.
+        """
+        for latch in self.system.latches:
+            task = self.system.task(latch.writer)
+            since = tick - task.phase - task.release_ticks
+            if since >= 0 and since % task.every == 0:
+                self.visible[latch.name] = self.pending[latch.name]
+        for task in self.system.tasks:
+            if tick >= task.phase and (tick - task.phase) % task.every == 0:
+                self.held[task.name] = {k: self.visible[k] for k in self.held[task.name]}
+
+    def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
+        """One run of a task.
+
+        Parameters
+        ----------
+        task_name : str
+            Which.
+        **inputs : float or ndarray
+            Its external inputs.
+
+        Returns
+        -------
+        dict
+            Its external outputs.
+        """
+        task = self.system.task(task_name)
+        results: dict[Signal, Any] = {}
+        for instance in task.blocks:
+            values = {}
+            for p in self.system.blocks[instance].inputs:
+                feed = self.system.feed(Signal(instance, p.name))
+                if isinstance(feed, External):
+                    values[p.name] = inputs[feed.name]
+                elif isinstance(feed, Latch):
+                    values[p.name] = self.held[task_name][feed.name]
+                else:
+                    values[p.name] = results[feed]
+            for port, value in self.blocks[instance].step(**values).items():
+                results[Signal(instance, port)] = value
+        for latch in self.system.latches:
+            if latch.writer == task_name:
+                self.pending[latch.name] = results[latch.source]
+        return {x.name: results[x.signals[0]] for x in self.system.task_outputs(task)}

@@ -1,0 +1,59 @@
+"""The measuring System: velocity estimate and torque sensor of every axis."""
+
+from __future__ import annotations
+
+from esea_gen.devices.file import DeviceData
+from esea_gen.language.block import UNIT_SUFFIXES, Block
+from esea_gen.language.system import System, Task
+
+
+def _of_axis(name: str, axis: str) -> str:
+    # Before the unit, which stays last: tau_Nm of axis flexion is tau_flexion_Nm.
+    if not axis:
+        return name
+    unit = max((u for u in UNIT_SUFFIXES if name.endswith(u)), key=len)
+    return f"{name.removesuffix(unit)}_{axis}{unit}"
+
+
+def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
+    """The measuring System: velocity estimate and torque sensor in one task.
+
+    A device with several axes has an instance of both Blocks for each, all in the same task; the
+    names of instances, inputs and outputs then carry the axis (``sensor_flexion``,
+    ``theta_flexion_rad``, ``sensor_flexion_status``).
+
+    Parameters
+    ----------
+    device : DeviceData
+        What to build for.
+    velocity, sensor : Block
+        Velocity estimate and torque sensor.
+
+    Returns
+    -------
+    System
+        Task ``sense``: deflection in; torque, its parts, rates and status words out.
+    """
+    blocks: dict[str, Block] = {}
+    wires: dict[str, str] = {}
+    inputs: dict[str, tuple[str, ...]] = {}
+    outputs: dict[str, str] = {}
+    for axis in device.axes:
+        rate, torque = (f"{b.name}_{axis}" if axis else b.name for b in (velocity, sensor))
+        blocks |= {rate: velocity, torque: sensor}
+        wires[f"{torque}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
+        inputs[_of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{torque}.theta_rad")
+        for port in ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm"):
+            outputs[_of_axis(port, axis)] = f"{torque}.{port}"
+        outputs[_of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
+        outputs[f"{torque}_status"] = f"{torque}.status"
+        outputs[f"{rate}_status"] = f"{rate}.status"
+    return System(
+        device.name,
+        device.period_s,
+        blocks,
+        (Task("sense", tuple(blocks)),),
+        wires,
+        inputs,
+        outputs,
+    )

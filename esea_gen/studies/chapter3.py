@@ -1,0 +1,231 @@
+"""What chapter 3 of the thesis prints of the forward model, recomputed with the emitted C.
+
+The text gives few numbers of the model itself: the torque range, and the deflections and rates
+that it was trained on.  Beside these stand the figures of an independent recomputation in float64
+(``REFERENCE``), which the thesis does not print.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from esea_gen.device import Device, load_device
+from esea_gen.hostlib.library import compile_device
+from esea_gen.language.block import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SWEEP_HZ_S = 0.5 / 60
+HOLD_S = 300.0
+RAMP_RAD_S = np.deg2rad(20.0)
+
+
+@dataclass(frozen=True)
+class Figure3:
+    """One number of the forward model.
+
+    Parameters
+    ----------
+    name : str
+        Short name.
+    meaning : str
+        What was done and read off.
+    unit : str
+        Unit.
+    ours : float
+        From the emitted C.
+    thesis : float or None
+        As printed; None where the text prints none.
+    reference : float or None
+        From an independent recomputation of the same equations.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    ours: float
+    thesis: float | None = None
+    reference: float | None = None
+
+
+@dataclass(frozen=True)
+class Chapter3:
+    """The forward model's behaviour.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    figures : tuple of Figure3
+        Every number.
+    loops : dict of str to (ndarray, ndarray)
+        Per excitation, deflection in rad and torque in Nm.
+    relaxation : dict of str to (ndarray, ndarray)
+        Per amplitude, time since the hold began in s and torque in Nm.
+    """
+
+    device: str
+    figures: tuple[Figure3, ...]
+    loops: dict[str, tuple[Array, Array]]
+    relaxation: dict[str, tuple[Array, Array]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready: every number with the thesis' and the reference's beside it."""
+        return {
+            f.name: {
+                "meaning": f.meaning,
+                "unit": f.unit,
+                "thesis": f.thesis,
+                "reference": f.reference,
+                "ours": f.ours,
+            }
+            for f in self.figures
+        }
+
+    def table(self) -> list[str]:
+        """The numbers as lines of text."""
+        lines = [
+            "Chapter 3: the forward model (reference: an independent recomputation)",
+            f"{'':62}{'thesis':>9}{'reference':>11}{'ours':>9}",
+        ]
+        for f in self.figures:
+            cells = [f"{v:.4g}" if v is not None else "-" for v in (f.thesis, f.reference, f.ours)]
+            label = f"{f.meaning} ({f.unit})"
+            lines.append(f"  {label:60}{cells[0]:>9}{cells[1]:>11}{cells[2]:>9}")
+        return lines
+
+    def figure(self) -> Figure:
+        """Torque over deflection for each excitation, and the relaxation."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(11, 4.5), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        for name, (theta, torque) in self.loops.items():
+            left.plot(np.degrees(theta), torque, linewidth=0.8, label=name)
+        left.set_xlabel("deflection / deg")
+        left.set_ylabel("torque / N·m")
+        left.legend(fontsize="small")
+        for name, (time_s, torque) in self.relaxation.items():
+            right.plot(time_s, torque, label=name)
+        right.set_xscale("symlog", linthresh=0.1)
+        right.set_xlabel("time since the deflection was held / s")
+        right.set_ylabel("torque / N·m")
+        right.legend(fontsize="small")
+        for ax in (left, right):
+            ax.grid(alpha=0.3)
+        return figure
+
+
+def reproduce_chapter3(
+    progress: Callable[[str], None] | None = None,
+    *,
+    device: Device | None = None,
+    real: str = "f64",
+) -> Chapter3:
+    """Run the published excitations through the emitted C of velocity estimate and sensor.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Told in words what is being done.
+    device : Device, optional
+        The elbow when not given.
+    real : str
+        Number format of the C.
+
+    Returns
+    -------
+    Chapter3
+        The numbers and curves.
+    """
+    device = device or load_device("elbow")
+    say = progress or (lambda _: None)
+    task = compile_device(device, real).task("sense")
+    h = device.period_s
+
+    def run(theta: Array) -> dict[str, Array]:
+        task.reset()
+        outputs, _ = task.run({"theta_rad": theta}, trace=False)
+        return {k: np.asarray(v, dtype=np.float64) for k, v in outputs.items()}
+
+    def sweep(amplitude_deg: float, end_Hz: float) -> Array:
+        t = np.arange(round(end_Hz / SWEEP_HZ_S / h)) * h
+        return np.asarray(np.deg2rad(amplitude_deg) * np.sin(np.pi * SWEEP_HZ_S * t * t))
+
+    def slow(amplitude_deg: float) -> Array:
+        t = np.arange(round(200 / h)) * h  # two cycles: the second one is a closed loop
+        return np.asarray(np.deg2rad(amplitude_deg) * np.sin(2 * np.pi * 0.01 * t))
+
+    def peak(values: Array) -> float:
+        return float(np.max(np.abs(values)))
+
+    figures, loops = [], {}
+    say("sweep of 11.5 deg to 1 Hz")
+    y = run(theta := sweep(11.5, 1.0))
+    loops["11.5 deg, 0-1 Hz"] = (theta[::5], y["tau_Nm"][::5])
+    figures += [
+        Figure3(
+            "sweep_peak_Nm",
+            "largest torque, 11.5 deg swept 0-1 Hz",
+            "Nm",
+            peak(y["tau_Nm"]),
+            4.47,
+            4.49,
+        ),
+        Figure3(
+            "hysteresis_Nm",
+            "hysteresis part, where it saturates",
+            "Nm",
+            peak(y["tau_hysteresis_Nm"]),
+            None,
+            0.118,
+        ),
+    ]
+    y = run(theta := sweep(5.0, 1.5))
+    loops["5 deg, 0-1.5 Hz"] = (theta[::5], y["tau_Nm"][::5])
+    say("slow cycles")
+    y = run(theta := slow(10.0))
+    torque, last = y["tau_Nm"], slice(len(theta) // 2, None)
+    loops["10 deg, 0.01 Hz"] = (theta[last][::50], torque[last][::50])
+    loop_mJ = 1e3 * float(np.trapezoid(torque[last], theta[last]))
+    figures += [
+        Figure3(
+            "slow_peak_Nm", "largest torque, 10 deg at 0.01 Hz", "Nm", peak(torque), None, 3.05
+        ),
+        Figure3("loop_mJ", "work of one such cycle", "mJ", loop_mJ, None, 87.6),
+    ]
+    say("slow cycles at the largest deflection")
+    y = run(slow(11.5))
+    figures.append(
+        Figure3(
+            "slow_largest_Nm",
+            "largest torque, 11.5 deg at 0.01 Hz",
+            "Nm",
+            peak(y["tau_Nm"]),
+            None,
+            3.97,
+        )
+    )
+    relaxation = {}
+    for amplitude_deg in (5.0, 10.0):
+        say(f"relaxation at {amplitude_deg:g} deg")
+        amplitude = np.deg2rad(amplitude_deg)
+        ramp = np.arange(0.0, amplitude, RAMP_RAD_S * h)
+        theta = np.concatenate([np.zeros(1000), ramp, np.full(round(HOLD_S / h), amplitude)])
+        held = run(theta)["tau_Nm"][1000 + len(ramp) :]
+        keep = np.unique(np.geomspace(1, len(held), 400).astype(int)) - 1
+        relaxation[f"{amplitude_deg:g} deg"] = (keep * h, held[keep])
+        figures.append(
+            Figure3(
+                f"relaxation_{amplitude_deg:g}deg_percent",
+                f"torque lost in {HOLD_S:g} s held at {amplitude_deg:g} deg, ramp of 20 deg/s",
+                "%",
+                100 * float(1 - held[-1] / held[0]),
+            )
+        )
+    return Chapter3(device.name, tuple(figures), loops, relaxation)

@@ -1,0 +1,175 @@
+"""The sliding condition s s' < 0 outside the boundary layer, along runs of the compiled C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from esea_gen.analysis.passivity import Bools
+from esea_gen.language.block import Array
+from esea_gen.studies.experiments import EXPERIMENTS, Setting, controller_system, run_case
+from esea_gen.twin.trajectories import RATE_HZ
+
+SLIDING_CASES = (
+    ("tuning", "1.7 Nm 0.6 Hz"),
+    ("grid", "4 Nm 0.5 Hz"),
+    ("grid", "3 Nm 1 Hz"),
+    ("step", "2 Nm"),
+)
+NARROW = 0.1  # beside the layer as it is: a tenth of it, which the surface leaves more often
+
+
+@dataclass(frozen=True)
+class SlidingCheck:
+    """The sliding condition s s' < 0 along a run.
+
+    Parameters
+    ----------
+    plant, case : str
+        Of the run.
+    phi_rad_s : float
+        Width of the boundary layer.
+    samples, outside : int
+        Control periods, and those that began with abs(s) > phi.
+    free : int
+        Of those outside, the ones in which the motor's limit did not hold the command back.
+    falling, falling_free : int
+        Of either, those in which abs(s) fell: s s' < 0.
+    worst_rad2_s3 : float
+        Largest s s' outside the layer; 0 or less when the condition always held, 0 when the layer
+        was never left.
+    longest_s : float
+        Longest stay outside the layer.
+    largest_rad_s : float
+        Largest abs(s).
+    """
+
+    plant: str
+    case: str
+    phi_rad_s: float
+    samples: int
+    outside: int
+    free: int
+    falling: int
+    falling_free: int
+    worst_rad2_s3: float
+    longest_s: float
+    largest_rad_s: float
+
+    def line(self) -> str:
+        """One line of the table."""
+        head = f"{self.plant:6} {self.case:14} {self.phi_rad_s:>6.3g} {self.largest_rad_s:>8.3f}"
+        if not self.outside:
+            return f"{head} {'0':>8}  never left the layer"
+        free = f"{100 * self.falling_free / self.free:.0f} %" if self.free else "-"
+        return (
+            f"{head} {100 * self.outside / self.samples:>7.2f}% "
+            f"{100 * self.falling / self.outside:>9.0f} % {free:>12} {self.worst_rad2_s3:>12.3g} "
+            f"{1e3 * self.longest_s:>8.0f}"
+        )
+
+
+def sliding_condition(
+    s_rad_s: Array, active: Bools, limited: Bools, phi_rad_s: float, period_s: float
+) -> dict[str, Any]:
+    """How often s s' < 0 outside the boundary layer.
+
+    Parameters
+    ----------
+    s_rad_s : ndarray
+        Surface, one value a control period, shape (n,).
+    active : ndarray of bool
+        Whether the controller acts, shape (n,).
+    limited : ndarray of bool
+        Whether the command was held back at the motor's limit, shape (n,).
+    phi_rad_s : float
+        Width of the layer.
+    period_s : float
+        Control period.
+
+    Returns
+    -------
+    dict
+        Fields of :class:`SlidingCheck` beside plant and case.  s' is the difference to the next
+        period, over the period.
+    """
+    s, after = s_rad_s[:-1], s_rad_s[1:]
+    both = active[:-1] & active[1:]
+    out = both & (np.abs(s) > phi_rad_s)
+    product_ = s * (after - s) / period_s
+    falls, free = out & (product_ < 0), out & ~limited[:-1]
+    # Lengths of the stretches outside: differences of where they begin and end.
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
+    stays = edges[1::2] - edges[::2]
+    return {
+        "phi_rad_s": phi_rad_s,
+        "samples": int(np.count_nonzero(both)),
+        "outside": int(np.count_nonzero(out)),
+        "free": int(np.count_nonzero(free)),
+        "falling": int(np.count_nonzero(falls)),
+        "falling_free": int(np.count_nonzero(falls & free)),
+        "worst_rad2_s3": float(np.max(product_[out])) if out.any() else 0.0,
+        "longest_s": float(np.max(stays, initial=0)) * period_s,
+        "largest_rad_s": float(np.max(np.abs(s_rad_s[active]), initial=0.0)),
+    }
+
+
+def check_sliding(
+    controller: str,
+    plants: Sequence[str] = ("ideal", "real"),
+    cases: Sequence[tuple[str, str]] = SLIDING_CASES,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[SlidingCheck, ...]:
+    """The sliding condition along logged runs, with the layer as it is and with a tenth of it.
+
+    Parameters
+    ----------
+    controller : str
+        As in :class:`~esea_gen.studies.experiments.Setting`.
+    plants : sequence of str
+        Plants.
+    cases : sequence of (str, str)
+        Experiment and case.
+    seed : int
+        Of the gear disturbance.
+    progress : callable, optional
+        ``progress(done, total)``.
+
+    Returns
+    -------
+    tuple of SlidingCheck
+        One a plant, layer and case; none for a controller without a surface.
+    """
+    system = controller_system(controller)
+    smc = system.blocks.get("smc")
+    tunables = {t.name: t for t in smc.tunables} if smc else {}
+    if smc is None or "phi_rad_s" not in tunables:
+        return ()
+    task = next(t for t in system.tasks if "smc" in t.blocks)
+    assert smc.status_port is not None
+    bits = {f.name: 1 << k for k, f in enumerate(smc.status_port.flags)}
+    wide = tunables["phi_rad_s"]
+    # No status word before the first run of the control task: ENTERED takes those out as well.
+    layers = (wide.default, max(wide.low, NARROW * wide.default))
+    every = list(product(plants, layers, cases))
+    found = []
+    for done, (plant, phi, (experiment, name)) in enumerate(every, 1):
+        case = next(c for c in EXPERIMENTS[experiment].cases() if c.name == name)
+        setting = Setting(controller, plant, "none", tunables={"smc": {"phi_rad_s": phi}})
+        run = run_case(case, setting, seed)
+        held = slice(task.phase, None, task.every)
+        status = run.controller["smc_status"][held]
+        active = (status & bits["ACTIVE"] > 0) & (status & bits["ENTERED"] == 0)
+        limited = status & bits["SATURATED"] > 0
+        surface = run.controller["surface_rad_s"][held]
+        period_s = task.every / RATE_HZ
+        figures = sliding_condition(surface, active, limited, phi, period_s)
+        found.append(SlidingCheck(plant, name, **figures))
+        if progress is not None:
+            progress(done, len(every))
+    return tuple(found)

@@ -1,0 +1,308 @@
+"""The analysis on real data: a metal series elastic actuator's published bandwidths and steps.
+
+Data: I. Tregear, Series Elastic Actuation, Imperial College London, 2023, recordings of a closed
+torque loop at one sample per 1.5 to 3 ms, irregular.  None of it is shipped; `check_on_data` takes
+the folder.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
+from esea_gen.analysis.response import (
+    Array,
+    StepMetrics,
+    checked,
+    checked_time,
+    resample,
+    step_metrics,
+)
+from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
+from esea_gen.errors import UserError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SWEEP = Sweep(0.0, 40.0, 40.0)
+STEP_S = 3.0
+# Pauses of the rig's computer, up to 31 ms, are bridged; the 0.3 s after the first sample are not.
+MAX_GAP_S = 0.1
+SMOOTHING = 99
+AUTHOR_DROP_DB = 4.5
+PUBLISHED = {
+    "open": "published_SEAMotorBandwidth.csv",
+    "closed": "published_SEABandwidthClosedLoop.csv",
+}
+
+
+def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
+    """Bandwidth by the definition that reproduces the published figures.
+
+    Parameters
+    ----------
+    time_s : ndarray
+        Sample times, shape (n,).
+    u, y : ndarray
+        Command and reference sensor, shape (n,).
+
+    Returns
+    -------
+    float
+        In Hz.
+
+    Raises
+    ------
+    UserError
+        On bad signals, or fewer than 2 * 99 of them.
+
+    Notes
+    -----
+    Ratio of the two discrete spectra as if the samples were regular, with the last sample's time
+    as the length; gain in dB and phase in degrees smoothed by a straight line over 99 lines
+    (2.5 Hz); the bandwidth is the last line whose gain is above the first line's less 4.5 dB (not
+    3), not beyond the line where the phase, after its minimum, is back at its greatest value.
+    """
+    from scipy.signal import savgol_filter
+
+    time = checked_time(time_s)
+    x, z = checked("u", u, len(time)), checked("y", y, len(time))
+    lines = np.arange(0, len(time) / (2 * time[-1]), 1 / time[-1])
+    if len(lines) < SMOOTHING:
+        raise UserError(f"{len(time)} samples.", f"{2 * SMOOTHING} are needed.")
+    ratio = (np.fft.fft(z) / np.fft.fft(x))[: len(lines)]
+    gain = savgol_filter(20 * np.log10(np.abs(ratio)), SMOOTHING, 1)
+    phase = savgol_filter(np.degrees(np.angle(ratio)), SMOOTHING, 1)
+    turn = int(np.argmin(phase))
+    # The line of the minimum belongs to both halves, hence the 1.
+    back = np.flatnonzero(phase[turn:] >= np.max(phase[: turn + 1]))
+    bound = turn + 1 + int(back[0]) if back.size else len(lines)
+    above = np.flatnonzero(gain >= gain[0] - AUTHOR_DROP_DB)
+    return float(lines[above[above <= bound][-1]])
+
+
+@dataclass(frozen=True)
+class SweepCheck:
+    """One recorded sweep.
+
+    Parameters
+    ----------
+    file : str
+        Its name.
+    loop : str
+        ``open`` or ``closed``.
+    published_Hz : float
+        The author's figure for this repetition.
+    author_Hz : float
+        Ours by his definition.
+    local, local_author_drop : Bandwidth
+        By local fits, 3.01 and 4.5 dB below the lowest frequency.
+    welch : Bandwidth
+        By averaged spectra, 3.01 dB below their lowest frequency.
+    command : Bandwidth
+        By local fits, 3.01 dB below the command.
+    response : FrequencyResponse
+        The local fits.
+    spectra : FrequencyResponse
+        The averaged spectra.
+    dropped_s, widest_s : float
+        Time cut away because of a gap, and longest interval bridged, for the averaged spectra.
+    """
+
+    file: str
+    loop: str
+    published_Hz: float
+    author_Hz: float
+    local: Bandwidth
+    local_author_drop: Bandwidth
+    welch: Bandwidth
+    command: Bandwidth
+    response: FrequencyResponse
+    spectra: FrequencyResponse
+    dropped_s: float
+    widest_s: float
+
+
+@dataclass(frozen=True)
+class DataCheck:
+    """Bandwidths and steps of a folder of recordings.
+
+    Parameters
+    ----------
+    sweeps : tuple of SweepCheck
+        One a sweep.
+    steps : dict of str to dict of str to StepMetrics
+        By file, then by sensor (``torque_ati``, ``torque_sea``).
+    """
+
+    sweeps: tuple[SweepCheck, ...]
+    steps: dict[str, dict[str, StepMetrics]]
+
+    @property
+    def reproduced(self) -> bool:
+        """Whether every published bandwidth comes out to 1e-6 Hz by the author's definition."""
+        return all(abs(s.author_Hz - s.published_Hz) < 1e-6 for s in self.sweeps)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content: ``sweeps`` and ``steps``."""
+        return {
+            "reproduced": self.reproduced,
+            "sweeps": [
+                {
+                    "file": s.file,
+                    "loop": s.loop,
+                    "published_Hz": s.published_Hz,
+                    "author_Hz": s.author_Hz,
+                    "local": vars(s.local),
+                    "local_author_drop": vars(s.local_author_drop),
+                    "welch": vars(s.welch),
+                    "command": vars(s.command),
+                    "dropped_s": s.dropped_s,
+                    "widest_s": s.widest_s,
+                    "response": s.response.to_dict(),
+                }
+                for s in self.sweeps
+            ],
+            "steps": {
+                file: {name: m.to_dict() for name, m in both.items()}
+                for file, both in self.steps.items()
+            },
+        }
+
+    def table(self) -> list[str]:
+        """Bandwidths by definition, then the steps."""
+        lines = []
+        for s in self.sweeps:
+            lines += [
+                f"{s.loop} loop, {s.file}",
+                f"  published                                  {s.published_Hz:8.3f} Hz",
+                f"  author's definition (4.5 dB, last line)    {s.author_Hz:8.3f} Hz",
+            ]
+            for label, b in (
+                ("local fits, -3.01 dB of lowest", s.local),
+                ("local fits, -4.5 dB of lowest", s.local_author_drop),
+                ("averaged spectra, -3.01 dB of lowest", s.welch),
+                ("local fits, -3.01 dB of the command", s.command),
+            ):
+                value = "    none" if b.bandwidth_Hz is None else f"{b.bandwidth_Hz:8.3f}"
+                note = ", rises above it again" if b.returns else ""
+                peak = f"peak {b.peak_dB:+.1f} dB at {b.peak_Hz:.1f} Hz"
+                lines.append(f"  {label:43}{value} Hz ({peak}{note})")
+        for file, both in self.steps.items():
+            for name, metrics in both.items():
+                head, *rest = metrics.table()
+                lines += [f"step, {file}, {name}", f"  {head}", *rest]
+        found = "come out to 1e-6 Hz" if self.reproduced else "DO NOT come out"
+        return [*lines, f"By the author's definition the published bandwidths {found}."]
+
+    def figure(self) -> Figure:
+        """Frequency responses of the sweeps, local fits."""
+        from esea_gen.analysis.plots import bode
+
+        return bode(
+            [(f"{s.loop} loop", s.response) for s in self.sweeps],
+            [(f"{s.loop} loop", s.local) for s in self.sweeps],
+        )
+
+
+def _columns(path: Path) -> dict[str, Array]:
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.reader(line for line in stream if not line.startswith("#")))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror}).", "Check --data.") from None
+    head = rows[0] if rows else []
+    try:
+        values = np.array([[float(v) for v in row] for row in rows[1:]])
+        return {name: values[:, i] for i, name in enumerate(head)}
+    except (ValueError, IndexError) as error:
+        raise UserError(f"{path}: not a table of numbers ({error}).", "Check the file.") from None
+
+
+def _published(folder: Path, loop: str, torque_Nm: float, repetition: int) -> float:
+    path = folder / PUBLISHED[loop]
+    table = _columns(path)
+    rows = table["bandwidth"][table["torque"] == torque_Nm]
+    if len(rows) < repetition:
+        raise UserError(
+            f"{path}: {len(rows)} rows for {torque_Nm:g} Nm, repetition {repetition} is wanted.",
+            "Take the file as published.",
+        )
+    return float(rows[repetition - 1])
+
+
+def _sweep(folder: Path, path: Path) -> SweepCheck:
+    named = re.match(r"bw_sea(_cl)?-([\d.]+)-(\d+)-", path.name)
+    if named is None:
+        raise UserError(f"{path}: not a sweep's name.", "Keep the names of the data set.")
+    loop = "closed" if named[1] else "open"
+    data = _columns(path)
+    time, u, y = data["time"], data["torque_in"], data["torque_ati"]
+    response = sweep_response(time, u, y, SWEEP)
+    grid = resample(time, [u, y], max_gap_s=MAX_GAP_S)
+    spectra = welch_response(grid.signals[0], grid.signals[1], grid.period_s, segment_s=4.0)
+    return SweepCheck(
+        path.name,
+        loop,
+        _published(folder, loop, float(named[2]), int(named[3])),
+        author_bandwidth(time, u, y),
+        response.bandwidth(),
+        response.bandwidth(drop_dB=AUTHOR_DROP_DB),
+        spectra.band(0.5, SWEEP.end_Hz - 1).bandwidth(),
+        response.bandwidth(reference_gain=1.0),
+        response,
+        spectra,
+        grid.dropped_s,
+        grid.widest_s,
+    )
+
+
+def check_on_data(folder: Path | str, progress: Callable[[str], None] | None = None) -> DataCheck:
+    """Recompute published bandwidths and judge recorded steps.
+
+    Parameters
+    ----------
+    folder : path
+        Holds ``chirp/``, ``step_closed_loop/`` and the published tables.
+    progress : callable, optional
+        Told in words what is being done.
+
+    Returns
+    -------
+    DataCheck
+        Every figure.
+
+    Raises
+    ------
+    UserError
+        When the folder does not hold the recordings.
+    """
+    root = Path(folder)
+    say = progress or (lambda _: None)
+    sweeps = sorted((root / "chirp").glob("*.csv"))
+    steps = sorted((root / "step_closed_loop").glob("*.csv"))
+    if not sweeps or not steps:
+        raise UserError(
+            f"{root}: {len(sweeps)} sweeps in chirp/ and {len(steps)} steps in step_closed_loop/.",
+            "Give the folder of the data set, with both.",
+        )
+    checks = []
+    for path in sweeps:
+        say(f"sweep {path.name}")
+        checks.append(_sweep(root, path))
+    judged: dict[str, dict[str, StepMetrics]] = {}
+    for path in steps:
+        say(f"step {path.name}")
+        data = _columns(path)
+        judged[path.name] = {
+            name: step_metrics(data["time"], data[name], step_s=STEP_S, after=1.0)
+            for name in ("torque_ati", "torque_sea")
+        }
+    return DataCheck(tuple(checks), judged)

@@ -1,0 +1,1 @@
+"""Guided check of the torque sensor with a hanging mass."""

@@ -1,0 +1,528 @@
+"""Check of the torque sensor with a hanging mass: a guided procedure, its limits and its verdict.
+
+A known mass on a known arm gives a known torque.  The procedure goes through unloaded and loaded
+phases in both directions, several times; each phase is left to settle, then recorded.  What is
+asked of the recordings, with limits in % of full scale and the reason for each, is in
+:data:`esea_gen.studies.torque_check.procedure.LIMITS`.
+
+The reference has an uncertainty of its own (mass, arm, angle, gravity: first order, [1]_), and the
+sensor must be inside the limit *less* that uncertainty (guarded acceptance, [2]_): a pass then
+means that the error is within the limit although the reference is not perfectly known.
+
+References
+----------
+.. [1] JCGM 100:2008, "Guide to the expression of uncertainty in measurement", 5.1.2.
+.. [2] JCGM 106:2012, "The role of measurement uncertainty in conformity assessment", 8.3.2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.errors import UserError
+from esea_gen.studies.torque_check.load import Reference, require
+from esea_gen.studies.torque_check.procedure import (
+    LIMITS,
+    REPEATS,
+    SMALLEST_LOAD_PCT,
+    Step,
+    load_range_Nm,
+    procedure,
+)
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+KIND = "esea-gen torque check"
+VERSION = 1
+SETTLE_S, RECORD_S = 5.0, 10.0
+COVERAGE = 2.0  # about 95 %
+MOST_GAP_S = 0.1
+FEWEST_SAMPLES = 50
+# The reference may take up at most this share of the accuracy limit.
+MOST_UNCERTAIN_SHARE = 0.5
+
+Verdict = Literal["pass", "fail", "incomplete"]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a recorded phase says.
+
+    Parameters
+    ----------
+    label : str
+        Its step.
+    mean_Nm, drift_Nm, noise_Nm : float
+        Mean, change along the straight line, standard deviation about it.
+    samples : int
+        How many.
+    start_s : float
+        Time of the first one, as recorded.
+    source : str
+        Where it comes from.
+    """
+
+    label: str
+    mean_Nm: float
+    drift_Nm: float
+    noise_Nm: float
+    samples: int
+    start_s: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One comparison with a limit.
+
+    Parameters
+    ----------
+    criterion : str
+        Name of the limit.
+    steps : tuple of str
+        The phases that it is made of.
+    value_Nm : float
+        What was found.
+    limit_Nm : float
+        What it must not exceed, uncertainty taken off.
+    uncertainty_Nm : float
+        Expanded uncertainty that was taken off.
+    """
+
+    criterion: str
+    steps: tuple[str, ...]
+    value_Nm: float
+    limit_Nm: float
+    uncertainty_Nm: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether the value is within the limit; NaN is not."""
+        return self.value_Nm <= self.limit_Nm
+
+
+class TorqueCheck:
+    """A check under way.
+
+    Parameters
+    ----------
+    device : DeviceData
+        What is checked: full scale and domain.
+    reference : Reference
+        The load.
+    repeats : int
+        Loads in each direction.
+    settle_s, record_s : float
+        How long each phase is left to settle, and then recorded.
+
+    Raises
+    ------
+    UserError
+        For a load outside the identified domain, too small to tell anything, or known too badly.
+    """
+
+    def __init__(
+        self,
+        device: DeviceData,
+        reference: Reference,
+        *,
+        repeats: int = REPEATS,
+        settle_s: float = SETTLE_S,
+        record_s: float = RECORD_S,
+    ) -> None:
+        self.device, self.reference, self.repeats = device, reference, repeats
+        self.steps = procedure(repeats)
+        hint = "Give another time."
+        require("the settling time", settle_s, 0.5, 600.0, "s", hint)
+        require("the recorded time", record_s, 1.0, 600.0, "s", hint)
+        self.settle_s, self.record_s = settle_s, record_s
+        self.measurements: list[Measurement] = []
+        self._check_load()
+
+    def _check_load(self) -> None:
+        torque = self.reference.torque_Nm
+        low, high = load_range_Nm(self.device)
+        per_kg = torque / self.reference.mass_kg
+        if torque > high:
+            raise UserError(
+                f"{self.reference.mass_kg:g} kg at {self.reference.arm_m:g} m is {torque:.3g} Nm, "
+                f"above {high:.3g} Nm, the largest still load inside the identified domain of "
+                f"{self.device.name}.",
+                f"Hang at most {math.floor(1000 * high / per_kg) / 1000:g} kg there, or shorten "
+                "the arm.",
+            )
+        if torque < low:
+            raise UserError(
+                f"{self.reference.mass_kg:g} kg at {self.reference.arm_m:g} m is {torque:.3g} Nm, "
+                f"below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: it would tell little.",
+                f"Hang at least {math.ceil(1000 * low / per_kg) / 1000:g} kg there, or lengthen "
+                "the arm.",
+            )
+        expanded, most = COVERAGE * self.reference.u_torque_Nm, MOST_UNCERTAIN_SHARE
+        room = most * self.limit_Nm("accuracy")
+        if expanded > room:
+            budget = self.reference.budget_Nm
+            worst = max(budget, key=lambda k: budget[k])
+            raise UserError(
+                f"the reference is known to {expanded:.3g} Nm only (95 %), above {room:.3g} Nm, "
+                f"{100 * most:g} % of the accuracy limit.",
+                f"Measure the {worst.partition(',')[0]} better; it has the largest part.",
+            )
+
+    def limit_Nm(self, name: str) -> float:
+        """A limit in Nm.
+
+        Parameters
+        ----------
+        name : str
+            Criterion.
+
+        Returns
+        -------
+        float
+            Nm, before any uncertainty is taken off.
+        """
+        limit = next(x for x in LIMITS if x.name == name)
+        return limit.percent / 100 * self.device.tau_full_scale_Nm
+
+    # -- going through it ------------------------------------------------------------------------
+
+    @property
+    def next_step(self) -> Step | None:
+        """What comes next; None when all phases are recorded."""
+        done = len(self.measurements)
+        return self.steps[done] if done < len(self.steps) else None
+
+    @property
+    def missing(self) -> tuple[Step, ...]:
+        """Phases still to be recorded."""
+        return self.steps[len(self.measurements) :]
+
+    def record(
+        self, label: str, time_s: npt.ArrayLike, tau_Nm: npt.ArrayLike, source: str = ""
+    ) -> Measurement:
+        """Take a recorded phase; the settling time at its start is left out.
+
+        Parameters
+        ----------
+        label : str
+            Its step, which must be the next one: the order matters, since rubber remembers.
+        time_s, tau_Nm : array_like
+            Samples, shape (n,).
+        source : str
+            Where they come from.
+
+        Returns
+        -------
+        Measurement
+            What is kept of it.
+
+        Raises
+        ------
+        UserError
+            For another step than the next, NaN or infinity, times that do not rise, or too little
+            to judge.
+        """
+        expected = self.next_step
+        if expected is None or label != expected.label:
+            come = f"the next one is {expected.label}" if expected else "all steps are recorded"
+            raise UserError(
+                f"step {label} cannot be recorded now: {come}.",
+                "Keep to the order; undo() takes the last one back.",
+            )
+        measured = self._measure(
+            label, np.asarray(time_s, float), np.asarray(tau_Nm, float), source
+        )
+        self.measurements.append(measured)
+        return measured
+
+    def undo(self) -> None:
+        """Take the last recorded phase back, to record it again."""
+        if self.measurements:
+            self.measurements.pop()
+
+    def _measure(
+        self, label: str, t: npt.NDArray[np.float64], tau: npt.NDArray[np.float64], source: str
+    ) -> Measurement:
+        again = f"Record {label} again."
+        if t.ndim != 1 or t.shape != tau.shape:
+            raise UserError(f"step {label}: times and torques differ in number.", again)
+        for name, values in (("time", t), ("torque", tau)):
+            bad = np.flatnonzero(~np.isfinite(values))
+            if len(bad):
+                raise UserError(
+                    f"step {label}: {name} of sample {bad[0]} (from 0) is {values[bad[0]]}.",
+                    again,
+                )
+        back = np.flatnonzero(np.diff(t) <= 0)
+        if len(back):
+            raise UserError(
+                f"step {label}: the time does not rise from {t[back[0]]:g} s to "
+                f"{t[back[0] + 1]:g} s.",
+                again,
+            )
+        needed = self.settle_s + self.record_s
+        span = float(t[-1] - t[0]) if len(t) else 0.0
+        period = span / (len(t) - 1) if len(t) > 1 else 0.0
+        if span + 1.5 * period < needed:
+            raise UserError(
+                f"step {label}: {span:.3g} s recorded, below {needed:g} s ({self.settle_s:g} s to "
+                f"settle, {self.record_s:g} s to judge).",
+                again,
+            )
+        inside = (t >= t[0] + self.settle_s) & (t < t[0] + needed)
+        t, tau = t[inside], tau[inside]
+        gap = float(np.max(np.diff(t), initial=0.0))
+        if gap > MOST_GAP_S or len(t) < FEWEST_SAMPLES:
+            raise UserError(
+                f"step {label}: {len(t)} samples with a gap of up to {gap:.3g} s after settling; "
+                f"at least {FEWEST_SAMPLES} samples and at most {MOST_GAP_S:g} s are needed.",
+                again,
+            )
+        middle = t - np.mean(t)
+        slope = float(middle @ tau / (middle @ middle))
+        line = np.mean(tau) + slope * middle
+        return Measurement(
+            label,
+            float(np.mean(tau)),
+            slope * self.record_s,
+            float(np.sqrt(np.sum((tau - line) ** 2) / (len(t) - 2))),
+            len(t),
+            float(t[0]),
+            source,
+        )
+
+    # -- judging ---------------------------------------------------------------------------------
+
+    @property
+    def readings(self) -> tuple[tuple[tuple[str, str, str], float], ...]:
+        """Loads with both unloaded phases beside them: labels, and the error in Nm.
+
+        The error is positive where the sensor reads too much in the direction of the load.
+        """
+        out = []
+        for i in range(1, len(self.measurements) - 1, 2):
+            before, load, after = self.measurements[i - 1 : i + 2]
+            sign = 1 if self.steps[i].kind == "plus" else -1
+            torque = sign * (load.mean_Nm - 0.5 * (before.mean_Nm + after.mean_Nm))
+            labels = (before.label, load.label, after.label)
+            out.append((labels, torque - self.reference.torque_Nm))
+        return tuple(out)
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Every comparison that what is recorded allows."""
+        limit = self.limit_Nm
+        out = []
+        for m, step in zip(self.measurements, self.steps, strict=False):
+            if step.kind == "zero":
+                out.append(Decision("zero", (m.label,), abs(m.mean_Nm), limit("zero")))
+            out.append(Decision("drift", (m.label,), abs(m.drift_Nm), limit("drift")))
+            out.append(Decision("noise", (m.label,), m.noise_Nm, limit("noise")))
+        found = {m.label: m.mean_Nm for m in self.measurements}
+        errors: dict[str, list[float]] = {"plus": [], "minus": []}
+        expanded = COVERAGE * self.reference.u_torque_Nm
+        for labels, error in self.readings:
+            before, load, after = labels
+            moved = abs(found[after] - found[before])
+            out.append(Decision("zero return", (before, after), moved, limit("zero return")))
+            room = limit("accuracy") - expanded
+            out.append(Decision("accuracy", labels, abs(error), room, expanded))
+            errors[load.partition("_")[0]].append(error)
+        for kind, values in errors.items():
+            if len(values) == self.repeats:
+                labels_of = tuple(s.label for s in self.steps if s.kind == kind)
+                spread = max(values) - min(values)
+                out.append(Decision("repeatability", labels_of, spread, limit("repeatability")))
+        if all(len(v) == self.repeats for v in errors.values()):
+            skew = abs(float(np.mean(errors["plus"])) - float(np.mean(errors["minus"])))
+            out.append(Decision("symmetry", ("plus", "minus"), skew, limit("symmetry")))
+        return tuple(out)
+
+    @property
+    def verdict(self) -> Verdict:
+        """``fail`` as soon as a limit is exceeded, ``incomplete`` while phases are missing."""
+        if not all(d.passed for d in self.decisions):
+            return "fail"
+        return "incomplete" if self.missing else "pass"
+
+    # -- keeping it ------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content: result, and all that :meth:`resumed` needs."""
+        full = self.device.tau_full_scale_Nm
+        return {
+            "kind": KIND,
+            "version": VERSION,
+            "device": self.device.name,
+            "device_digest": self.device.digest,
+            "full_scale_Nm": full,
+            "verdict": self.verdict,
+            "reference": asdict(self.reference),
+            "reference_torque_Nm": self.reference.torque_Nm,
+            "reference_budget_Nm": self.reference.budget_Nm,
+            "reference_expanded_Nm": COVERAGE * self.reference.u_torque_Nm,
+            "repeats": self.repeats,
+            "settle_s": self.settle_s,
+            "record_s": self.record_s,
+            "limits": [asdict(x) | {"limit_Nm": self.limit_Nm(x.name)} for x in LIMITS],
+            "measurements": [asdict(m) for m in self.measurements],
+            "missing": [s.label for s in self.missing],
+            "decisions": [
+                asdict(d) | {"steps": list(d.steps), "passed": d.passed} for d in self.decisions
+            ],
+        }
+
+    @classmethod
+    def resumed(cls, device: DeviceData, content: Mapping[str, Any]) -> TorqueCheck:
+        """A check as :meth:`to_dict` left it; its decisions are made again.
+
+        Parameters
+        ----------
+        device : DeviceData
+            The device, unchanged since.
+        content : mapping
+            From :meth:`to_dict`.
+
+        Returns
+        -------
+        TorqueCheck
+            With the phases that were recorded.
+
+        Raises
+        ------
+        UserError
+            For something else than an earlier check, one of another device or device file, or
+            values that no check can have.
+        """
+        fresh = "Start a new check."
+        if not isinstance(content, Mapping) or content.get("kind") != KIND:
+            raise UserError("this is not the result of a torque check.", "Give its JSON file.")
+        if content.get("version") != VERSION:
+            raise UserError(
+                f"the check has version {content.get('version')!r}, not {VERSION}.", fresh
+            )
+        if content.get("device_digest") != device.digest:
+            raise UserError(
+                f"the check was begun with another device, or {device.name}'s file has changed "
+                "since.",
+                fresh,
+            )
+        try:
+            reference = Reference(**content["reference"])
+            check = cls(
+                device,
+                reference,
+                repeats=content["repeats"],
+                settle_s=content["settle_s"],
+                record_s=content["record_s"],
+            )
+            found = [Measurement(**m) for m in content["measurements"]]
+            numbers = [getattr(m, f.name) for m in found for f in fields(m) if f.type == "float"]
+            sound = all(math.isfinite(x) for x in numbers)
+        except (KeyError, TypeError) as error:
+            raise UserError(f"the check's content is damaged ({error}).", fresh) from None
+        labels = [s.label for s in check.steps[: len(found)]]
+        if not sound or [m.label for m in found] != labels:
+            raise UserError("the check's recorded steps are damaged or out of order.", fresh)
+        check.measurements = found
+        return check
+
+    def report(self) -> list[str]:
+        """The result as lines of text for a person."""
+        r, full = self.reference, self.device.tau_full_scale_Nm
+        angle = f", {math.degrees(r.angle_rad):g} deg off the horizontal" if r.angle_rad else ""
+        lines = [
+            f"Torque check of {self.device.name} ({self.device.title}), full scale {full:g} Nm",
+            f"Reference: {r.mass_kg:g} kg at {r.arm_m:g} m{angle} = {r.torque_Nm:.4g} Nm, known to "
+            f"{COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)",
+        ]
+        if self.measurements:
+            lines.append(
+                f"{'step':10}{'mean Nm':>12}{'drift Nm':>12}{'noise Nm':>12}{'samples':>9}"
+            )
+        for m in self.measurements:
+            lines.append(
+                f"{m.label:10}{m.mean_Nm:12.4f}{m.drift_Nm:12.4f}{m.noise_Nm:12.4f}{m.samples:9d}"
+            )
+        by_name: dict[str, list[Decision]] = {}
+        for d in self.decisions:
+            by_name.setdefault(d.criterion, []).append(d)
+        for limit in LIMITS:
+            found = by_name.get(limit.name, [])
+            if not found:
+                continue
+            # The one that comes nearest to its limit, or exceeds it most.
+            worst = max(found, key=lambda d: d.value_Nm - d.limit_Nm)
+            word = "passed" if all(d.passed for d in found) else "FAILED"
+            less = f" ({limit.percent:g} % less {worst.uncertainty_Nm:.2g} Nm)"
+            percent = less if worst.uncertainty_Nm else f" ({limit.percent:g} %)"
+            lines.append(
+                f"{limit.name:14}{word}: {worst.value_Nm:.4f} Nm, limit {worst.limit_Nm:.4f} Nm"
+                f"{percent}, at {', '.join(worst.steps)}; {len(found)} compared"
+            )
+            lines += [
+                f"{'':14}  {', '.join(d.steps)}: {d.value_Nm:.4f} Nm"
+                for d in found
+                if not d.passed and d is not worst
+            ]
+        if self.missing:
+            lines.append(f"Missing: {', '.join(s.label for s in self.missing)}")
+            lines.append(f"Next, {self.missing[0].label}: {self.missing[0].text}")
+        lines.append(f"Verdict: {self.verdict.upper()}")
+        return lines
+
+
+def instructions(device: DeviceData, check: TorqueCheck | None = None) -> list[str]:
+    """The procedure and its limits as lines of text.
+
+    Parameters
+    ----------
+    device : DeviceData
+        The device.
+    check : TorqueCheck, optional
+        Once the load is known.
+
+    Returns
+    -------
+    list of str
+        What to do, and what will be asked of the recordings.
+    """
+    low, high = load_range_Nm(device)
+    full = device.tau_full_scale_Nm
+    settle, record = (check.settle_s, check.record_s) if check else (SETTLE_S, RECORD_S)
+    lines = [f"Torque check of {device.name} ({device.title}), full scale {full:g} Nm"]
+    if check is None:
+        lines.append(
+            f"Choose a mass and an arm that give {low:.3g} to {high:.3g} Nm: at 0.2 m "
+            f"{math.ceil(1000 * low / 9.81 / 0.2) / 1000:g} to "
+            f"{math.floor(1000 * high / 9.81 / 0.2) / 1000:g} kg."
+        )
+    else:
+        r = check.reference
+        lines.append(
+            f"Reference: {r.torque_Nm:.4g} Nm, known to {COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)"
+        )
+    lines.append(
+        f"Hold the motor still.  Each step: do it, wait {settle:g} s, record {record:g} s, both in "
+        "one recording."
+    )
+    steps = check.steps if check else procedure()
+    lines += [f"{i:3d}. {s.label:9}{s.text}" for i, s in enumerate(steps, 1)]
+    lines.append("Limits:")
+    lines += [
+        f"  {x.name}: {x.percent:g} % of full scale, {x.percent / 100 * full:.3g} Nm; {x.what}.  "
+        f"Why: {x.reason}."
+        for x in LIMITS
+    ]
+    return lines
+
+
+__all__ = ["Decision", "Measurement", "TorqueCheck", "instructions"]

@@ -1,0 +1,257 @@
+"""Recordings for the torque check: read a CSV file and find its phases."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.language.block import Array
+from esea_gen.studies.torque_check.check import Measurement, TorqueCheck
+
+COLUMNS = ("time_s", "tau_Nm", "step")
+# Without labels: the share of the reference above which a sample counts as loaded, and the shortest
+# phase; anything shorter is the mass being hung up or taken off.
+LOADED_SHARE = 0.3
+SHORTEST_S = 2.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Samples of a check.
+
+    Parameters
+    ----------
+    name : str
+        File name.
+    time_s, tau_Nm : ndarray
+        Samples, shape (n,).
+    step : tuple of str, optional
+        Label of each sample, empty between steps; None when the file has no such column.
+    """
+
+    name: str
+    time_s: Array
+    tau_Nm: Array
+    step: tuple[str, ...] | None
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a CSV file with the columns ``time_s``, ``tau_Nm`` and, if labelled, ``step``.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Recording
+        Its samples, other columns left out.
+
+    Raises
+    ------
+    UserError
+        When it cannot be read, a column is missing or doubled, or a cell is no finite number; the
+        message names the line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(f"{path}: cannot be read as text ({reason}).", "Check the file.") from error
+    rows = csv.reader(io.StringIO(text))
+    header = [c.strip() for c in next(rows, [])]
+    for column in COLUMNS:
+        count = header.count(column)
+        if count > 1 or (count == 0 and column != "step"):
+            raise UserError(
+                f"{path.name}: column {column} is there {count} times; columns: "
+                f"{', '.join(header) or 'none'}.",
+                "Write a first line: time_s,tau_Nm,step (step may be left out).",
+            )
+    place = {c: header.index(c) for c in COLUMNS if c in header}
+    numbers: dict[str, list[float]] = {"time_s": [], "tau_Nm": []}
+    labels: list[str] = []
+    for row in rows:
+        if not any(c.strip() for c in row):
+            continue
+        if len(row) != len(header):
+            raise UserError(
+                f"{path.name}: line {rows.line_num} has {len(row)} cells, the header has "
+                f"{len(header)}.",
+                "Correct that line.",
+            )
+        for column, values in numbers.items():
+            cell = row[place[column]].strip()
+            try:
+                value = float(cell)
+            except ValueError:
+                value = math.nan
+            if not math.isfinite(value):
+                raise UserError(
+                    f"{path.name}: line {rows.line_num}: {column} = {cell!r} is no finite number.",
+                    "Correct it, or record again.",
+                )
+            values.append(value)
+        if "step" in place:
+            labels.append(row[place["step"]].strip())
+    if not numbers["time_s"]:
+        raise UserError(f"{path.name}: no samples.", "Record again.")
+    return Recording(
+        path.name,
+        np.array(numbers["time_s"]),
+        np.array(numbers["tau_Nm"]),
+        tuple(labels) if "step" in place else None,
+    )
+
+
+def read_check(path: Path) -> Any:
+    """Read the JSON of a check to go on with.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    object
+        Its content, for :meth:`TorqueCheck.resumed`.
+
+    Raises
+    ------
+    UserError
+        When it cannot be read or is no JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(
+            f"{path}: cannot be read as JSON ({reason}).", "Give the file that --json wrote."
+        ) from error
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A run of samples of one step.
+
+    Parameters
+    ----------
+    name : str
+        Label, or kind of load.
+    first, last : int
+        Samples, the last one included.
+    """
+
+    name: str
+    first: int
+    last: int
+
+
+def _runs(names: Sequence[str]) -> list[Phase]:
+    found, at = [], 0
+    for name, group in groupby(names):
+        count = sum(1 for _ in group)
+        found.append(Phase(name, at, at + count - 1))
+        at += count
+    return found
+
+
+def _kinds(recording: Recording, torque_Nm: float) -> list[Phase]:
+    # Loaded one way, the other way, or not at all; short runs are handling, not phases.
+    level = LOADED_SHARE * torque_Nm
+    names = np.where(
+        recording.tau_Nm > level, "plus", np.where(recording.tau_Nm < -level, "minus", "zero")
+    )
+    t = recording.time_s
+    long = [p for p in _runs(names.tolist()) if t[p.last] - t[p.first] >= SHORTEST_S]
+    merged: list[Phase] = []
+    for p in long:
+        if merged and merged[-1].name == p.name:
+            merged[-1] = Phase(p.name, merged[-1].first, p.last)
+        else:
+            merged.append(p)
+    return merged
+
+
+def apply_recording(check: TorqueCheck, recording: Recording) -> tuple[Measurement, ...]:
+    """Record the phases of a recording, one after the other.
+
+    Parameters
+    ----------
+    check : TorqueCheck
+        A check under way; the recording goes on where it stands.
+    recording : Recording
+        With labels, or without: then the phases are told by their torque.
+
+    Returns
+    -------
+    tuple of Measurement
+        What was recorded.
+
+    Raises
+    ------
+    UserError
+        For phases that are not the procedure's, and as :meth:`TorqueCheck.record`.
+    """
+    t = recording.time_s
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if len(back):
+        raise UserError(
+            f"{recording.name}: the time does not rise from {t[back[0]]:g} s to "
+            f"{t[back[0] + 1]:g} s.",
+            "Give one recording with rising times.",
+        )
+    missing = check.missing
+    if recording.step is not None:
+        phases = [p for p in _runs(recording.step) if p.name]
+        expected = [s.label for s in missing]
+    else:
+        phases = _kinds(recording, check.reference.torque_Nm)
+        expected = [s.kind for s in missing]
+    before = list(check.measurements)
+    try:
+        out = _record_all(check, recording, phases, expected)
+    except UserError:
+        check.measurements[:] = before  # all of a recording, or nothing
+        raise
+    if not out:
+        raise UserError(f"{recording.name}: no phase was found.", "Label the steps.")
+    return tuple(out)
+
+
+def _record_all(
+    check: TorqueCheck, recording: Recording, phases: list[Phase], expected: list[str]
+) -> list[Measurement]:
+    t, missing = recording.time_s, check.missing
+    out = []
+    for i, phase in enumerate(phases):
+        if i >= len(expected) or phase.name != expected[i]:
+            wanted = f"{missing[i].label} comes there" if i < len(missing) else "no step is left"
+            hint = (
+                f"Labels, in order: {', '.join(s.label for s in missing[i:]) or 'none'}."
+                if recording.step is not None
+                else "Record in the order of the procedure, or add a column step with its labels."
+            )
+            raise UserError(
+                f"{recording.name}: the phase from {t[phase.first]:.3g} to {t[phase.last]:.3g} s "
+                f"is '{phase.name}', but {wanted}.",
+                hint,
+            )
+        part = slice(phase.first, phase.last + 1)
+        out.append(check.record(missing[i].label, t[part], recording.tau_Nm[part], recording.name))
+    return out
+
+
+__all__ = ["Phase", "Recording", "apply_recording", "read_check", "read_recording"]

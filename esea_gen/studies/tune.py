@@ -1,0 +1,577 @@
+"""Tuning against the virtual exoskeleton: what a parameter trades, and which value to take.
+
+Without a named parameter it is the thesis' procedure for sliding mode control (5.4.1.2), on its
+tuning case: the boundary layer phi as narrow as the surface allows without leaving it, then the
+slope lambda with phi held.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from esea_gen.analysis.monte_carlo import Configuration, Result, file_digest, run_cases
+from esea_gen.device import Device
+from esea_gen.emit.build import device_hash
+from esea_gen.errors import UserError
+from esea_gen.language.block import Array, Tunable
+from esea_gen.studies.experiments import (
+    EXPERIMENTS,
+    PLANT_NAMES,
+    Case,
+    Setting,
+    controller_device,
+    controller_system,
+    judge,
+    run_case,
+)
+from esea_gen.twin.closed_loop import ClosedLoopRun
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PHI, LAMBDA = "smc.phi_rad_s", "smc.lambda_1_s"
+PHI_VALUES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
+LAMBDA_VALUES = (3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 15.0, 17.0, 19.0, 21.0, 23.0, 25.0)
+# A value whose error is within this of the least is as good: the smallest such is taken.
+NEAR = 0.1
+# Percent of overshoot above the least one that a smaller error does not pay for.
+OVERSHOOT_ROOM = 5.0
+# Values with more than this times the least error do not say what the least overshoot is: a torque
+# that is not followed overshoots nothing.
+FOLLOWS = 2.0
+FEWEST = 2
+# Where a tunable's default stands in the device file.
+HOMES = {
+    PHI: ("sliding_mode", "phi_rad_s"),
+    LAMBDA: ("sliding_mode", "lambda_1_s"),
+    "drive.bandwidth_1_s": ("disturbance", "drive_1_s"),
+    "human.bandwidth_1_s": ("disturbance", "human_1_s"),
+    "human.decay_s": ("disturbance", "decay_s"),
+    "motor_rate.cutoff_Hz": ("joint", "motor_velocity_Hz"),
+    "load_rate.cutoff_Hz": ("joint", "load_velocity_Hz"),
+    "set_rate.cutoff_Hz": ("sliding_mode", "setpoint_filter_Hz"),
+    "velocity.bandwidth_Hz": ("velocity", "bandwidth_Hz"),
+}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One value of a parameter.
+
+    Parameters
+    ----------
+    value : float
+        The value.
+    rms_Nm : float
+        RMS error of the true torque.
+    overshoot_percent : float
+        How far the true torque goes beyond the desired amplitude at the extremes, at most.
+    reach_percent : float
+        Where the true torque comes to at the extremes, on average: 100 is the desired amplitude.
+    roughness_Nm_s : float
+        RMS rate of the motor command.
+    surface_rad_s : float
+        Largest abs(s); NaN for a controller without a surface.
+    outside_share : float
+        Share of the samples with abs(s) > phi; NaN likewise.
+    limited_share : float
+        Share of the samples with the command at the motor's limit.
+    unusable : str
+        Why the value cannot be taken, else empty: unstable, drive tripped, fault latched, or
+        ``failed: `` and the reason, with every figure NaN.
+    """
+
+    value: float
+    rms_Nm: float
+    overshoot_percent: float
+    reach_percent: float
+    roughness_Nm_s: float
+    surface_rad_s: float
+    outside_share: float
+    limited_share: float
+    unusable: str = ""
+
+
+def extremes(case: Case, run: ClosedLoopRun) -> tuple[float, float]:
+    """How far the true torque goes at the extremes of a sinusoid.
+
+    Parameters
+    ----------
+    case : Case
+        A case with a sinusoidal desired torque.
+    run : ClosedLoopRun
+        Its run.
+
+    Returns
+    -------
+    overshoot_percent, reach_percent : float
+        Farthest beyond the amplitude, 0 when it stays within; mean of all half cycles, 100 for the
+        amplitude itself.
+    """
+    w = case.trajectory.window
+    desired, true = case.trajectory.tau_desired_Nm[w], run.plant["tau_e_Nm"][w]
+    amplitude = float(np.max(np.abs(desired)))
+    # From one zero of the desired torque to the next, an eighth of a cycle late: the extreme then
+    # lies inside for any lag from -45 to 135 deg.  What is left at both ends is no whole one.
+    sign = np.sign(np.where(desired == 0, 1e-300, desired))
+    zeros = np.flatnonzero(np.diff(sign)) + 1
+    late = round(0.25 * float(np.mean(np.diff(zeros))))
+    peaks = np.array(
+        [
+            np.max(true[a + late : b + late] * sign[a])
+            for a, b in pairwise(zeros)
+            if b + late <= len(true)
+        ]
+    )
+    reach = 100 * peaks / amplitude
+    return max(0.0, float(np.max(reach)) - 100), float(np.mean(reach))
+
+
+def run_trial(
+    parameter: str,
+    value: float,
+    held: Mapping[str, float],
+    controller: str,
+    plant: str,
+    seed: int,
+) -> dict[str, float]:
+    """Run and judge one value: what a worker does.
+
+    Parameters
+    ----------
+    parameter : str
+        ``instance.tunable``.
+    value : float
+        Its value.
+    held : mapping of str to float
+        Other tunables, likewise named.
+    controller, plant : str
+        As in :class:`~esea_gen.studies.experiments.Setting`.
+    seed : int
+        Of the gear disturbance.
+
+    Returns
+    -------
+    dict of str to float
+        Fields of :class:`Trial`, and 1 or 0 for ``unstable``, ``tripped`` and ``fault``.
+    """
+    tunables: dict[str, dict[str, float]] = {}
+    for name, x in {**held, parameter: value}.items():
+        instance, _, key = name.partition(".")
+        tunables.setdefault(instance, {})[key] = x
+    device = controller_device(controller)
+    (case,) = EXPERIMENTS["tuning"].cases()
+    run = run_case(case, Setting(controller, plant, "none", tunables=tunables), seed)
+    assert device.file.actuator is not None
+    figures = judge(case, run, device.file.actuator.u_max_Nm.value)
+    over, reach = extremes(case, run)
+    out = {
+        "value": value,
+        "rms_Nm": figures["rms_true_Nm"],
+        "overshoot_percent": over,
+        "reach_percent": reach,
+        "roughness_Nm_s": figures["roughness_Nm_s"],
+        "limited_share": figures["limited_share"],
+    } | {k: figures[k] for k in ("unstable", "tripped", "fault")}
+    if "surface_rad_s" in run.controller:
+        s = np.abs(run.controller["surface_rad_s"][case.trajectory.window])
+        phi = tunables.get("smc", {}).get("phi_rad_s", _tunables(controller)[PHI].default)
+        out |= {"surface_rad_s": float(s.max()), "outside_share": float(np.mean(s > phi))}
+    return out
+
+
+def _tunables(controller: str) -> dict[str, Tunable]:
+    return {f"{i}.{t.name}": t for i, t in controller_system(controller).tunables}
+
+
+_WORDS = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
+_FAILED = "failed: "
+_FIGURES = tuple(f.name for f in fields(Trial) if f.name not in ("value", "unusable"))
+
+
+def _trial(result: Result) -> Trial:
+    nothing = dict.fromkeys(_FIGURES, math.nan)
+    if result.values is None:
+        # The class of the error says nothing to who reads the table.
+        reason = " ".join(result.failure.removeprefix("esea_gen.errors.UserError: ").split())
+        return Trial(result.case["value"], **nothing, unusable=_FAILED + reason)
+    figures = {k: v for k, v in result.values.items() if k not in _WORDS}
+    why = ", ".join(text for key, text in _WORDS.items() if result.values[key])
+    return Trial(**(nothing | figures), unusable=why)
+
+
+def _nothing(trials: Sequence[Trial]) -> str:
+    """Why no trial is usable; the reason where there is but one."""
+    reasons = {t.unusable for t in trials}
+    return "no value is usable" + (f", {reasons.pop()}" if len(reasons) == 1 else "")
+
+
+# -- choosing -------------------------------------------------------------------------------------
+
+
+def choose_layer(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
+    """The narrowest boundary layer that the surface never leaves.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Values of phi.
+
+    Returns
+    -------
+    Trial or None
+        The choice; None when every layer was left.
+    str
+        The reason.
+    """
+    usable = [t for t in trials if not t.unusable]
+    if not usable:
+        return None, _nothing(trials)
+    good = [t for t in usable if t.surface_rad_s <= t.value]
+    if not good:
+        return None, "the surface leaves every layer that was tried: try wider ones"
+    best = min(good, key=lambda t: t.value)
+    below = [t for t in trials if t.value < best.value]
+    reason = f"the surface stays within it (largest |s| {best.surface_rad_s:.3g} rad/s)"
+    if below:
+        worst = max(below, key=lambda t: t.value)
+        left = worst.unusable or f"is left for {100 * worst.outside_share:.2g} % of the time"
+        reason += f"; the next narrower one, {worst.value:g}, {left}"
+    return best, reason
+
+
+def choose_error(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
+    """The smallest value whose error is near the least, without overshoot to pay for it.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Values of any parameter.
+
+    Returns
+    -------
+    Trial or None
+        The choice; None when no value is usable.
+    str
+        The reason.
+    """
+    usable = [t for t in trials if not t.unusable]
+    if not usable:
+        return None, _nothing(trials)
+    least = min(t.rms_Nm for t in usable)
+    follow = [t for t in usable if t.rms_Nm <= FOLLOWS * least]
+    room = min(t.overshoot_percent for t in follow) + OVERSHOOT_ROOM
+    calm = [t for t in follow if t.overshoot_percent <= room]
+    best = min(t.rms_Nm for t in calm)
+    chosen = min((t for t in calm if t.rms_Nm <= (1 + NEAR) * best), key=lambda t: t.value)
+    reason = (
+        f"RMS error {chosen.rms_Nm:.3g} Nm, within {100 * NEAR:.0f} % of the least that needs no "
+        f"more than {room:.3g} % overshoot ({best:.3g} Nm)"
+    )
+    above = [t for t in trials if t.value > chosen.value]
+    if above:
+        last = max(above, key=lambda t: t.value)
+        end = last.unusable or (
+            f"{last.rms_Nm:.3g} Nm and {last.overshoot_percent:.3g} % overshoot"
+        )
+        reason += f"; at {last.value:g}: {end}"
+    return chosen, reason
+
+
+# -- sweeps ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One parameter over its values.
+
+    Parameters
+    ----------
+    parameter : str
+        ``instance.tunable``.
+    held : mapping of str to float
+        Other tunables that were set.
+    trials : tuple of Trial
+        By value.
+    chosen : Trial or None
+        The value to take.
+    reason : str
+        Why that, or why none.
+    """
+
+    parameter: str
+    held: Mapping[str, float]
+    trials: tuple[Trial, ...]
+    chosen: Trial | None
+    reason: str
+
+    @property
+    def ran(self) -> bool:
+        """Whether any trial ran to its end."""
+        return any(not t.unusable.startswith(_FAILED) for t in self.trials)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content; what there is not is null."""
+        return {
+            "parameter": self.parameter,
+            "held": dict(self.held),
+            "chosen": None if self.chosen is None else self.chosen.value,
+            "reason": self.reason,
+            "trials": [_plain(asdict(t)) for t in self.trials],
+        }
+
+    def table(self) -> list[str]:
+        """The sweep as lines of text."""
+        held = ", ".join(f"{k} = {v:g}" for k, v in self.held.items())
+        heads = ("RMS Nm", "overshoot", "reach", "rough Nm/s", "max |s|", "|s| > phi", "limited")
+        lines = [
+            f"{self.parameter}{f', {held} held' if held else ''}",
+            f"{'value':>10}" + "".join(f"{h:>11}" for h in heads),
+        ]
+        for t in self.trials:
+            cells = (
+                _cell(t.rms_Nm, ".4f"),
+                _cell(t.overshoot_percent, ".1f", " %"),
+                _cell(t.reach_percent, ".1f", " %"),
+                _cell(t.roughness_Nm_s, ".2f"),
+                _cell(t.surface_rad_s, ".3f"),
+                _cell(100 * t.outside_share, ".2f", " %"),
+                _cell(100 * t.limited_share, ".1f", " %"),
+            )
+            mark = " <" if t is self.chosen else ""
+            line = f"{t.value:>10g}" + "".join(f"{c:>11}" for c in cells)
+            word, colon, reason = t.unusable.partition(": ")
+            lines.append(f"{line}{mark}  {word.upper()}{colon}{reason}".rstrip())
+        value = "none" if self.chosen is None else f"{self.chosen.value:g}"
+        return [*lines, f"chosen: {value}; {self.reason}"]
+
+
+def _cell(value: float, spec: str, unit: str = "") -> str:
+    return "-" if math.isnan(value) else f"{value:{spec}}{unit}"
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()
+    }
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Sweeps and what they chose.
+
+    Parameters
+    ----------
+    controller, plant : str
+        What was run.
+    seed : int
+        Of the gear disturbance.
+    sweeps : tuple of Sweep
+        In the order of the procedure.
+    configuration : Configuration
+        What the numbers depend on.
+    """
+
+    controller: str
+    plant: str
+    seed: int
+    sweeps: tuple[Sweep, ...]
+    configuration: Configuration
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return {
+            "controller": self.controller,
+            "plant": self.plant,
+            "seed": self.seed,
+            "case": EXPERIMENTS["tuning"].cases()[0].name,
+            "configuration": self.configuration.parts,
+            "sweeps": [s.to_dict() for s in self.sweeps],
+            "device_file": self.device_lines(),
+        }
+
+    def device_lines(self) -> list[str]:
+        """What to write in a device file to have the chosen values, section by section."""
+        case = EXPERIMENTS["tuning"].cases()[0].name
+        source = f"tuned on the virtual exoskeleton, plant {self.plant}, {case}"
+        by_section: dict[str, list[str]] = {}
+        for s in self.sweeps:
+            if s.chosen is None or s.parameter not in HOMES:
+                continue
+            section, key = HOMES[s.parameter]
+            by_section.setdefault(section, []).append(
+                f'{key} = {{ value = {s.chosen.value!r}, status = "assumed", source = "{source}" }}'
+            )
+        return [line for name, lines in by_section.items() for line in (f"[{name}]", *lines)]
+
+    def table(self) -> list[str]:
+        """Every sweep, then what to do with it."""
+        case = EXPERIMENTS["tuning"].cases()[0].name
+        lines = [f"Tuning of {self.controller} on plant {self.plant}: {case}, output fixed"]
+        for s in self.sweeps:
+            lines += s.table()
+        written = self.device_lines()
+        if written:
+            lines += ["In the device file:", *written]
+        for s in self.sweeps:
+            if s.chosen is not None and s.parameter not in HOMES:
+                lines.append(
+                    f"{s.parameter} has no key in the device file: set it at run time to "
+                    f"{s.chosen.value:g}."
+                )
+        return lines
+
+    def figure(self) -> Figure:
+        """Error, overshoot and roughness over the parameter that was swept last."""
+        from esea_gen.analysis import plots
+
+        sweep = self.sweeps[-1]
+        rows = [
+            (math.nan, math.nan, math.nan)
+            if t.unusable
+            else (t.rms_Nm, t.overshoot_percent, t.roughness_Nm_s)
+            for t in sweep.trials
+        ]
+        error, over, rough = (np.array(column) for column in zip(*rows, strict=True))
+        values = np.array([t.value for t in sweep.trials])
+        return plots.tuning_trade(
+            values,
+            error,
+            over,
+            rough,
+            parameter=sweep.parameter,
+            chosen=None if sweep.chosen is None else sweep.chosen.value,
+            log=bool(values[0] > 0 and values[-1] > 10 * values[0]),
+        )
+
+
+def _values(device: Device, name: str, tunable: Tunable, values: Sequence[float]) -> Array:
+    array = np.unique(np.asarray(values, dtype=float))
+    if not np.all(np.isfinite(array)) or len(array) < FEWEST:
+        shown = ", ".join(f"{v:g}" for v in values) or "none"
+        enough = len(array) >= FEWEST
+        raise UserError(
+            f"{name}: values {shown}"
+            + (": not all finite." if enough else f": {FEWEST} or more are needed to compare."),
+            f"Give {FEWEST} or more different finite numbers from {tunable.low:g} to "
+            f"{tunable.high:g}.",
+        )
+    taken = np.array([tunable.taken(float(v)) for v in array])
+    outside = array[(taken < tunable.low) | (taken > tunable.high)]
+    if len(outside):
+        raise UserError(
+            f"{name} = {', '.join(f'{v:g}' for v in outside)} is outside {tunable.low:g} to "
+            f"{tunable.high:g}, what {device.origin} allows ({tunable.meaning}).",
+            "Give values inside.",
+        )
+    return array
+
+
+def _parameter(controller: str, asked: str) -> str:
+    known = _tunables(controller)
+    if asked in known:
+        return asked
+    same = [n for n in known if n.partition(".")[2] == asked]
+    if len(same) == 1:
+        return same[0]
+    if same:
+        raise UserError(f"Several Blocks have a tunable {asked}.", f"Choose {' or '.join(same)}.")
+    raise UserError(
+        f"The controller {controller} has no tunable '{asked}'.",
+        f"Choose from {', '.join(known)}.",
+    )
+
+
+def tune(
+    controller: str = "smc",
+    plant: str = "real",
+    *,
+    parameter: str | None = None,
+    values: Sequence[float] = (),
+    seed: int = 0,
+    workers: int = 1,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> Tuning:
+    """Sweep parameters against the virtual exoskeleton and choose.
+
+    Parameters
+    ----------
+    controller, plant : str
+        As in :class:`~esea_gen.studies.experiments.Setting`.
+    parameter : str, optional
+        ``instance.tunable``, or the tunable alone where only one Block has it.  Without it, the
+        thesis' procedure: phi, then lambda with phi held.
+    values : sequence of float
+        Values of the parameter.
+    seed : int
+        Of the gear disturbance, and of the plant where it is random.
+    workers : int
+        Processes; -1 for one a core.
+    progress : callable, optional
+        ``progress(done, total, failed)`` of each sweep.
+
+    Returns
+    -------
+    Tuning
+        The sweeps.
+
+    Raises
+    ------
+    UserError
+        For an unknown name, values out of range, or values without a parameter.
+    """
+    if plant not in PLANT_NAMES:
+        raise UserError(f"Unknown plant '{plant}'.", f"Choose from {', '.join(PLANT_NAMES)}.")
+    if seed < 0:
+        raise UserError(f"seed = {seed}.", "Give 0 or more.")
+    device = controller_device(controller)
+    known = _tunables(controller)
+    configuration = Configuration(
+        {
+            "controller_hash": device_hash(device),
+            "plants": file_digest(Path(__file__).parent / "plants.toml"),
+            "tune": file_digest(Path(__file__)),
+        }
+    )
+
+    def sweep(name: str, tried: Sequence[float], held: Mapping[str, float]) -> Sweep:
+        cases = [
+            {"parameter": name, "value": float(v), "held": dict(held)}
+            | {"controller": controller, "plant": plant, "seed": seed}
+            for v in _values(device, name, known[name], tried)
+        ]
+        done = run_cases(
+            run_trial, cases, configuration=configuration, workers=workers, progress=progress
+        )
+        trials = tuple(_trial(r) for r in done.results)
+        chosen, reason = (choose_layer if name == PHI else choose_error)(trials)
+        return Sweep(name, held, trials, chosen, reason)
+
+    def made(*sweeps: Sweep) -> Tuning:
+        return Tuning(controller, plant, seed, sweeps, configuration)
+
+    if parameter is not None:
+        return made(sweep(_parameter(controller, parameter), values, {}))
+    if values:
+        raise UserError("Values are given, but no parameter.", "Name it with --parameter.")
+    if PHI not in known or LAMBDA not in known:
+        raise UserError(
+            f"The controller {controller} has no {PHI} and {LAMBDA} to tune.",
+            f"Name a --parameter; it has {', '.join(known)}.",
+        )
+
+    def inside(name: str, row: Sequence[float]) -> list[float]:
+        t = known[name]
+        return sorted({v for v in (*row, t.default) if t.low <= v <= t.high})
+
+    layer = sweep(PHI, inside(PHI, PHI_VALUES), {})
+    # No layer wide enough: the slope is then tuned with the one in use, and the table says so.
+    phi = layer.chosen.value if layer.chosen else known[PHI].default
+    return made(layer, sweep(LAMBDA, inside(LAMBDA, LAMBDA_VALUES), {PHI: phi}))

@@ -1,0 +1,452 @@
+"""A controller's generated C in closed loop with the virtual exoskeleton's, in one C loop.
+
+The controller is the C that ships, in its own number format, q31 included; the plant is emitted
+in double precision.  Encoders, tasks, latches and the plant's steps run in C, tick by tick; Python
+hands arrays in and gets arrays back.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cffi
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.emit.fixed.search import raw_tunable
+from esea_gen.emit.formats import ALL_FORMATS, FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_sources, declarations
+from esea_gen.language.block import Port
+from esea_gen.language.system import External, System
+from esea_gen.twin.people import PlantVariant
+from esea_gen.twin.plant import plant_system, start_state
+
+COMMAND = "u_Nm"
+REALS = ("f64", "f32", "q31")
+PATH = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise")
+STATE_REPAIRED = 2
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class ClosedLoopRun:
+    """What a run recorded, one row a tick: sampled at its start, commanded in it.
+
+    Parameters
+    ----------
+    plant : dict of str to ndarray
+        Every output of the plant, encoder counts included.
+    controller : dict of str to ndarray
+        Every external output of the controller; a slow task's outputs are held, and 0 before its
+        first run.
+    time_s : ndarray
+        Time of each tick.
+    """
+
+    plant: dict[str, Array]
+    controller: dict[str, Array]
+    time_s: Array
+
+    def __getitem__(self, name: str) -> Array:
+        """An array by its output's name.
+
+        Parameters
+        ----------
+        name : str
+            An output of the plant or of the controller.
+
+        Returns
+        -------
+        ndarray
+            Shape (ticks,) or (ticks, size).
+
+        Raises
+        ------
+        KeyError
+            When neither has it, or both have.
+        """
+        if name in self.plant and name in self.controller:
+            raise KeyError(f"both plant and controller have {name}: ask .plant or .controller")
+        return (self.plant | self.controller)[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.plant | self.controller)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def keys(self) -> list[str]:
+        """Names of all arrays."""
+        return list(self)
+
+
+@dataclass(frozen=True)
+class _Column:
+    name: str
+    size: int
+    owner: str
+    whole: bool
+
+
+def _elements(x: External, name: str) -> list[str]:
+    return [name] if x.port.size == 1 else [f"{name}[{i}]" for i in range(x.port.size)]
+
+
+class ClosedLoop:
+    """A controller System and a plant, compiled together.
+
+    Parameters
+    ----------
+    controller : System
+        Its external output ``u_Nm`` is the motor command.  Each of its external inputs is an output
+        of the plant of the same name (``count_motor``, ``count_load``, ``count_gear``, true values
+        such as ``tau_e_Nm``), or else a signal that every run is given.
+    plant : PlantVariant
+        The plant; its numbers can be changed at every run, only a cable cannot be added or taken.
+    real : str
+        Number format of the controller.
+    from_signals : sequence of str
+        Controller inputs that come from signals although the plant has them: what a fault campaign
+        puts its thumb on.
+
+    Raises
+    ------
+    UserError
+        When the controller has no output ``u_Nm``, its base tick is no multiple of the plant's
+        step, it has the plant's name, or ``from_signals`` names no input of it.
+    """
+
+    def __init__(
+        self,
+        controller: System,
+        plant: PlantVariant,
+        real: str = "f32",
+        from_signals: Sequence[str] = (),
+    ) -> None:
+        if real not in REALS:
+            raise UserError(
+                f"A closed loop has no number format '{real}'.", f"Choose from {', '.join(REALS)}."
+            )
+        self.controller, self.variant, self.real = controller, plant, real
+        self.tick_s = controller.base_period_s
+        self.plant = plant_system(plant.device, plant.cable, plant.step_s, self.tick_s)
+        if controller.name == self.plant.name:
+            raise UserError(f"A controller cannot be named '{controller.name}'.", "Rename it.")
+        self._check_command()
+        self._control = Renderer(controller, ALL_FORMATS[real], "-", "-", controller.name)
+        self._columns = self._record_columns()
+        self._feeds, self.signals = self._wire(from_signals)
+        self._compile()
+
+    # -- wiring ----------------------------------------------------------------------------------
+
+    def _check_command(self) -> None:
+        command = next((x for x in self.controller.outputs if x.name == COMMAND), None)
+        if command is None or command.port.size != 1:
+            names = ", ".join(x.name for x in self.controller.outputs)
+            raise UserError(
+                f"The controller {self.controller.name} has no scalar output {COMMAND} to drive "
+                f"the motor with; its outputs are {names}.",
+                f"Name the motor command {COMMAND}.",
+            )
+
+    def _plant_sources(self) -> dict[str, tuple[str, Port]]:
+        move, encode = self.plant.task("move"), self.plant.task("encode")
+        return {
+            x.name: (f"{struct}.{x.name}", x.port)
+            for task, struct in ((move, "plant"), (encode, "counts"))
+            for x in self.plant.task_outputs(task)
+        }
+
+    def _record_columns(self) -> list[tuple[_Column, list[str]]]:
+        columns = []
+        for name, (source, port) in self._plant_sources().items():
+            columns.append((_Column(name, 1, "plant", bool(port.flags)), [source]))
+        for task in self.controller.tasks:
+            for x in self.controller.task_outputs(task):
+                column = _Column(x.name, x.port.size, "controller", bool(x.port.flags))
+                columns.append((column, self._read(task.name, x)))
+        return columns
+
+    def _read(self, task: str, x: External) -> list[str]:
+        # C expressions of an output's elements, in its unit.
+        naming = self._control.naming
+        places = [f"{task}_out.{e}" for e in _elements(x, naming.external(x))]
+        if self.real != "q31" or x.port.flags:
+            return places
+        return [f"ESEA_Q31_TO({p}, {naming.external_field(x).fraction})" for p in places]
+
+    def _given(self, x: External, source: str) -> str:
+        # C expression of a number in an input's format.
+        if self.real != "q31":
+            return f"({self._control.fmt.c_type}){source}"
+        fraction = self._control.naming.external_field(x).fraction
+        return f"ESEA_Q31_FROM({source}, {fraction})"
+
+    def _wire(
+        self, from_signals: Sequence[str]
+    ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, int]]:
+        inputs = [x.name for x in self.controller.inputs]
+        unknown = [n for n in from_signals if n not in inputs]
+        if unknown:
+            raise UserError(
+                f"from_signals names {unknown[0]}, which is no input of {self.controller.name}.",
+                f"Its inputs are {', '.join(inputs)}.",
+            )
+        sources = self._plant_sources()
+        feeds: dict[str, list[tuple[str, str]]] = {}
+        signals: dict[str, int] = {}
+        place = 0
+        for task in self.controller.tasks:
+            feeds[task.name] = []
+            for x in self.controller.task_inputs(task):
+                if x.name in sources and x.name not in from_signals:
+                    if x.port.size != 1:
+                        raise UserError(
+                            f"Input {x.name} of {self.controller.name} has {x.port.size} elements, "
+                            "the plant's output of that name one.",
+                            "Rename it.",
+                        )
+                    value = self._given(x, sources[x.name][0])
+                    feeds[task.name].append((self._control.naming.external(x), value))
+                    continue
+                signals[x.name] = x.port.size
+                for e in _elements(x, self._control.naming.external(x)):
+                    feeds[task.name].append((e, self._given(x, f"signals[{place}]")))
+                    place += 1
+        return feeds, signals
+
+    def _compile(self) -> None:
+        control = self._control
+        plant = Renderer(self.plant, FORMATS["f64"], "-", "-", "Virtual exoskeleton")
+        files = {n: t for n, t in control.files().items() if not n.startswith("reference/")}
+        self._prefix, self._plant_prefix = control.prefix, plant.prefix
+        parts = {}
+        for name, text in plant.files().items():
+            if name.startswith("reference/") or name == "main.c":
+                continue
+            # Included by the loop, not compiled alone.
+            parts[f"{name}.inc" if name.endswith(".c") else name] = text
+        sources = [s for _, group in self._columns for s in group]
+        (command,) = next(
+            self._read(t.name, x)
+            for t in self.controller.tasks
+            for x in self.controller.task_outputs(t)
+            if x.name == COMMAND
+        )
+        self._width = len(sources)
+        loop = plant.render(
+            "hostlib/closed_loop.c.j2",
+            controller=self.controller,
+            controller_prefix=self._prefix,
+            controller_fixed=self.real == "q31",
+            plant_files=[n for n in parts if n.endswith(".inc")],
+            encode_inputs=[x.name for x in self.plant.task_inputs(self.plant.task("encode"))],
+            feeds=self._feeds,
+            signals=[
+                n if size == 1 else f"{n}[{i}]"
+                for n, size in self.signals.items()
+                for i in range(size)
+            ],
+            recorded=sources,
+            columns=self._width,
+            command=command,
+            substeps=round(self.tick_s / self.variant.step_s),
+            step_s=plant.fmt.literal(self.variant.step_s),
+        )
+        self.files = files | parts | {"closed_loop.c": loop}
+        self.path = compile_sources(self.files, link=("-lm",))
+        self.ffi = cffi.FFI()
+        text = loop[loop.index("void esea_loop_run") :]
+        prototype = re.sub(r"\)\s*\n\{.*?\n\}", ");", text, flags=re.DOTALL)
+        headers = files[f"{self._prefix}.h"] + parts[f"{self._plant_prefix}.h"]
+        self.ffi.cdef(declarations(headers + prototype), override=True)
+        self._lib: Any = self.ffi.dlopen(str(self.path))
+
+    # -- running ---------------------------------------------------------------------------------
+
+    def _prepared(
+        self, system: System, prefix: str, values: Mapping[str, Mapping[str, float]]
+    ) -> tuple[Any, ...]:
+        if not system.tunables:
+            if values:
+                raise UserError(f"{system.name} has no tunables.", "Give none.")
+            return ()
+        params = self.ffi.new(f"{prefix}_params_t *")
+        coeffs = self.ffi.new(f"{prefix}_coeffs_t *")
+        getattr(self._lib, f"{prefix}_default_params")(params)
+        known = {(i, t.name): t for i, t in system.tunables}
+        for instance, group in values.items():
+            for key, value in group.items():
+                if (instance, key) not in known:
+                    names = ", ".join(f"{i}.{n}" for i, n in known)
+                    raise UserError(
+                        f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
+                    )
+                field, number = key, known[instance, key].taken(float(value))
+                if system is self.controller and self.real == "q31":
+                    field, number = raw_tunable(system.blocks[instance], key, number)
+                setattr(getattr(params, instance), field, number)
+        refused = int(getattr(self._lib, f"{prefix}_prepare")(params, coeffs))
+        if refused:
+            instance, tunable = system.tunables[refused - 1]
+            raise UserError(
+                f"{instance}.{tunable.name} = {values[instance][tunable.name]:g} is outside "
+                f"{tunable.low:g} to {tunable.high:g}.",
+                f"Give a value inside ({tunable.meaning}).",
+            )
+        return (coeffs,)
+
+    def _plant_values(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        owners = {t.name: i for i, t in self.plant.tunables}
+        out: dict[str, dict[str, float]] = {}
+        for key, value in values.items():
+            if key not in owners:
+                raise UserError(f"The plant has no tunable {key}.", f"It has: {', '.join(owners)}.")
+            whole = key.endswith("_bits") or key == "clamped"
+            if whole and value != round(value):
+                raise UserError(f"{key} = {value:g} is not a whole number.", "Give a whole one.")
+            out.setdefault(owners[key], {})[key] = value
+        return out
+
+    def _table(self, signals: Mapping[str, Any], ticks: int) -> Array:
+        columns = []
+        for name, size in self.signals.items():
+            a = np.asarray(signals[name], dtype=float)
+            shape = (ticks,) if size == 1 else (ticks, size)
+            if a.shape != shape:
+                raise UserError(
+                    f"Signal {name} has shape {a.shape}, not {shape}.",
+                    "Give one row for each tick, as long as the other signals.",
+                )
+            columns.append(a.reshape(ticks, size))
+        return np.ascontiguousarray(np.hstack(columns)) if columns else np.zeros((ticks, 0))
+
+    def _path(self, signals: Mapping[str, Any], ticks: int, start_rad: float, seed: int) -> Array:
+        path = np.zeros((ticks, len(PATH)))
+        path[:, 0] = start_rad
+        path[:, 3] = np.random.default_rng([seed, 3]).standard_normal(ticks)
+        for i, name in enumerate(PATH):
+            if name in signals:
+                a = np.asarray(signals[name], dtype=float)
+                if a.shape != (ticks,) or not np.all(np.isfinite(a)):
+                    raise UserError(
+                        f"Signal {name} must be {ticks} finite numbers, one a tick; it has shape "
+                        f"{a.shape} and {np.count_nonzero(~np.isfinite(a))} that are not finite.",
+                        "Give one number for each tick.",
+                    )
+                path[:, i] = a
+        return path
+
+    def _ticks(self, signals: Mapping[str, Any], ticks: int | None) -> int:
+        missing = [n for n in self.signals if n not in signals]
+        if missing:
+            raise UserError(
+                f"The controller's input {missing[0]} is neither an output of the plant nor among "
+                "the signals.",
+                f"Give it as a signal; the plant has {', '.join(self._plant_sources())}.",
+            )
+        allowed = [*self.signals, *PATH]
+        unknown = [n for n in signals if n not in allowed]
+        if unknown:
+            raise UserError(
+                f"Signal {unknown[0]} feeds nothing.", f"Signals are: {', '.join(allowed)}."
+            )
+        if ticks is None:
+            if not signals:
+                raise UserError("Neither signals nor ticks are given.", "Give ticks.")
+            ticks = len(next(iter(signals.values())))
+        if not 1 <= ticks < 2**32:
+            raise UserError(f"A run of {ticks} ticks.", "Give 1 to 2**32 - 1.")
+        return ticks
+
+    def run(
+        self,
+        signals: Mapping[str, Any],
+        plant_tunables: Mapping[str, float] | None = None,
+        controller_tunables: Mapping[str, Mapping[str, float]] | None = None,
+        initial: Mapping[str, float] | None = None,
+        seed: int = 0,
+        ticks: int | None = None,
+    ) -> ClosedLoopRun:
+        """Run from rest.
+
+        Parameters
+        ----------
+        signals : mapping of str to array
+            One row a tick: the controller's inputs that the plant does not give, and the person's
+            path (``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``; without it the person
+            stays where the load starts).  ``noise`` replaces the white numbers of the seed.
+        plant_tunables : mapping of str to float, optional
+            In place of the variant's, by tunable.
+        controller_tunables : mapping, optional
+            ``{instance: {tunable: value}}`` other than the defaults.
+        initial : mapping of str to float, optional
+            ``theta_g_rad``, ``theta_m_rad``, ``theta_l_rad`` and ``omega_...`` of the same; angles
+            not given are the start of the path, speeds 0.
+        seed : int
+            Of the person's torque noise.
+        ticks : int, optional
+            Length, when there is no signal to tell it.
+
+        Returns
+        -------
+        ClosedLoopRun
+            Everything recorded.
+
+        Raises
+        ------
+        UserError
+            For a signal, tunable or initial value that is missing, unknown or out of range.
+        RuntimeError
+            When the plant left its ranges and was started afresh: the run means nothing then.
+        """
+        n = self._ticks(signals, ticks)
+        start_rad = float(np.asarray(signals["theta_p_rad"])[0]) if "theta_p_rad" in signals else 0
+        values = {**self.variant.values, **(plant_tunables or {})}
+        first, sampled = start_state(
+            self.plant.blocks["plant"], start_rad, initial or {}, values.get("elastomer_scale", 1.0)
+        )
+        table = self._table(signals, n)
+        held_rad = first["theta_rad"][-1]
+        path = self._path(signals, n, held_rad, seed)
+
+        coeffs = self._prepared(self.controller, self._prefix, controller_tunables or {})
+        plant_coeffs = self._prepared(self.plant, self._plant_prefix, self._plant_values(values))
+        state = self.ffi.new(f"{self._prefix}_state_t *")
+        plant_state = self.ffi.new(f"{self._plant_prefix}_state_t *")
+        start = self.ffi.new(f"{self._plant_prefix}_move_out_t *")
+        getattr(self._lib, f"{self._prefix}_init")(*coeffs, state)
+        getattr(self._lib, f"{self._plant_prefix}_init")(*plant_coeffs, plant_state)
+        for key, vector in first.items():
+            getattr(plant_state.plant, key)[0 : len(vector)] = vector
+        for key, value in sampled.items():
+            setattr(start, key, value)
+
+        record = np.empty((n, self._width))
+        pointer = [self.ffi.cast("double *", a.ctypes.data) for a in (table, path, record)]
+        self._lib.esea_loop_run(*coeffs, state, *plant_coeffs, plant_state, start, *pointer, n)
+        return self._result(record)
+
+    def _result(self, record: Array) -> ClosedLoopRun:
+        found: dict[str, dict[str, Array]] = {"plant": {}, "controller": {}}
+        place = 0
+        for column, group in self._columns:
+            a = record[:, place] if column.size == 1 else record[:, place : place + column.size]
+            found[column.owner][column.name] = a.astype(np.uint32) if column.whole else a
+            place += len(group)
+        status = found["plant"]["plant_status"]
+        repaired = np.flatnonzero(status & STATE_REPAIRED)
+        if len(repaired):
+            raise RuntimeError(
+                f"the plant left its ranges before {repaired[0] * self.tick_s:g} s and was started "
+                "afresh: its tunables make it stiffer than its step allows"
+            )
+        return ClosedLoopRun(
+            found["plant"], found["controller"], np.arange(len(record)) * self.tick_s
+        )
