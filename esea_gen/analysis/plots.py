@@ -56,20 +56,7 @@ def _finish(figure: Figure) -> Figure:
 
 
 def save(figure: Figure, path: Path | str) -> None:
-    """Write a figure as .png, .svg or .pdf.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    path : path
-        Where; its ending says which kind.
-
-    Raises
-    ------
-    UserError
-        When it cannot be written.
-    """
+    """Write a figure as .png, .svg or .pdf."""
     try:
         with mpl.rc_context(STYLE):
             figure.savefig(path)
@@ -94,21 +81,9 @@ def torque_tracking(
 ) -> Figure:
     """Torque over time: desired, true and modelled, their errors below.
 
-    Parameters
-    ----------
-    time_s : ndarray
-        Shape (n,).
-    desired_Nm, true_Nm : ndarray
-        Desired torque and torque of the plant's elastomer, shape (n,).
-    modelled_Nm : ndarray, optional
-        Torque that the controller's sensor gives, shape (n,).
-    title : str
-        Case and controller.
-
-    Returns
-    -------
-    Figure
-        Two panels; the legend below gives the RMS errors.
+    time_s: shape (n,).
+    desired_Nm, true_Nm: desired torque and torque of the plant's elastomer, shape (n,).
+    modelled_Nm: torque that the controller's sensor gives, shape (n,).
     """
     with mpl.rc_context(STYLE):
         figure, (above, below) = _new(9.6, 4.4, nrows=2, sharex=True, height_ratios=[1.6, 1.0])
@@ -144,18 +119,10 @@ def torque_tracking(
 def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, title: str) -> Figure:
     """Torque over time, a panel for every case.
 
-    Parameters
-    ----------
-    panels : sequence of (str, ndarray, ndarray, ndarray, ndarray)
-        Name; time in s; desired torque, torque of the plant's elastomer and torque of the
+    panels: name; time in s; desired torque, torque of the plant's elastomer and torque of the
         controller's sensor in Nm, of the same shape (n,).
-    title : str
-        Controller and plant; stands before each name.
-
-    Returns
-    -------
-    Figure
-        Panels below each other; each heading gives the RMS of the true error over its time axis.
+    return: panels below each other; each heading gives the RMS of the true error over its time
+        axis.
     """
     with mpl.rc_context(STYLE):
         figure, rows = _new(9.6, 0.6 + 1.7 * len(panels), nrows=len(panels), squeeze=False)
@@ -184,27 +151,10 @@ def rms_by_case(
 ) -> Figure:
     """RMS error by case, the thesis' figures beside ours.
 
-    Parameters
-    ----------
-    cases : sequence of str
-        Names, c of them.
-    ours_Nm : dict of str to array_like
-        By controller, shape (c,); NaN where there is none (a trip, a failure): a cross then stands
-        at the foot.
-    thesis_Nm : dict of str to array_like, optional
-        By controller, shape (c,); NaN where nothing is published.
-    unit : str
-        Of the numbers, for the axis.
-
-    Returns
-    -------
-    Figure
-        Filled bars for ours, open ones for the thesis, of the same colour for the same name.
-
-    Raises
-    ------
-    UserError
-        When a row has not one number a case.
+    ours_Nm: by controller, shape (c,); NaN where there is none (a trip, a failure): a cross then
+        stands at the foot.
+    thesis_Nm: by controller, shape (c,); NaN where nothing is published.
+    return: filled bars for ours, open ones for the thesis, of the same colour for the same name.
     """
     published = {k: np.asarray(v, dtype=float) for k, v in (thesis_Nm or {}).items()}
     ours = {k: np.asarray(v, dtype=float) for k, v in ours_Nm.items()}
@@ -268,17 +218,9 @@ def bode(
 ) -> Figure:
     """Gain, phase and coherence over frequency.
 
-    Parameters
-    ----------
-    responses : sequence of (str, FrequencyResponse)
-        Name and response, drawn in one colour each.
-    bandwidths : sequence of (str, Bandwidth)
-        To mark, in the colour of the response of the same name.
-
-    Returns
-    -------
-    Figure
-        Three panels, or two where no response has a coherence; the shade is two standard
+    responses: name and response, drawn in one colour each.
+    bandwidths: to mark, in the colour of the response of the same name.
+    return: three panels, or two where no response has a coherence; the shade is two standard
         deviations.
     """
     coherent = any(r.coherence is not None for _, r in responses)
@@ -355,17 +297,9 @@ def output_impedance(
 ) -> Figure:
     """Resisting torque per angle and phase per rate over frequency.
 
-    Parameters
-    ----------
-    impedances : sequence of (str, Impedance)
-        Name and impedance.
-    fits : sequence of (str, ImpedanceFit)
-        Fits to draw over those of the same name, in their band.
-
-    Returns
-    -------
-    Figure
-        Two panels; the grey band of the lower one is what a passive port keeps to.
+    impedances: name and impedance.
+    fits: fits to draw over those of the same name, in their band.
+    return: two panels; the grey band of the lower one is what a passive port keeps to.
     """
     names = [n for n, _ in impedances]
     with mpl.rc_context(STYLE):
@@ -419,19 +353,7 @@ def gain_map(
 ) -> Figure:
     """Where over the gains the port is passive, stable with every hand, or unstable with one.
 
-    Parameters
-    ----------
-    region : GainRegion or PassivityMap
-        From the linear loop or from runs.
-    marks : sequence of (str, float, float)
-        Label, Kp and Kd of gains in use.
-    title : str
-        What the map is of.
-
-    Returns
-    -------
-    Figure
-        A cell a pair of gains.
+    marks: label, Kp and Kd of gains in use.
     """
     kinds = region.stable.astype(int) + (region.stable & region.passive)
     colours = ("#efc9b0", "#cfdde8", MODEL)
@@ -476,19 +398,9 @@ def percentile_bars(
 ) -> Figure:
     """Monte-Carlo percentiles, one line a case.
 
-    Parameters
-    ----------
-    rows : sequence of (str, Percentiles)
-        Name and percentiles.
-    limits : dict of str to float, optional
-        A limit to draw on the row of that name.
-    xlabel : str
-        Quantity and unit.
-
-    Returns
-    -------
-    Figure
-        Thick from 25 to 75 %, thin from 5 to 95 %, a dot for the largest; a failed case is said.
+    rows: name and percentiles.
+    return: thick from 25 to 75 %, thin from 5 to 95 %, a dot for the largest; a failed case is
+        said.
     """
     with mpl.rc_context(STYLE):
         figure, axes = _new(9.6, 1.2 + 0.34 * len(rows))
@@ -560,25 +472,10 @@ def tuning_trade(
 ) -> Figure:
     """What a tuning parameter trades: error, overshoot and roughness of the command.
 
-    Parameters
-    ----------
-    values : array_like
-        The parameter, rising, shape (n,).
-    error_Nm, overshoot_percent, roughness : array_like
-        Shape (n,); NaN where the value is unusable: the loop unstable, or the trial failed.
-    parameter : str
-        Its name and unit.
-    roughness_label : str
-        What roughness is, with unit.
-    chosen : float, optional
-        The value in use.
-    log : bool
-        Logarithmic axis of the parameter.
-
-    Returns
-    -------
-    Figure
-        Three panels over the parameter; unusable values are shaded.
+    values: the parameter, rising, shape (n,).
+    error_Nm, overshoot_percent, roughness: shape (n,); NaN where the value is unusable: the loop
+        unstable, or the trial failed.
+    return: three panels over the parameter; unusable values are shaded.
     """
     x = np.asarray(values, dtype=float)
     with mpl.rc_context(STYLE):

@@ -50,22 +50,7 @@ DRIVE = "elbow_drive"
 
 
 def benchmark_stream(device: Device, block: Block, steps: int = STEPS) -> Stream:
-    """The stream that all peers run: a chirp inside the identified domain.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    block : Block
-        Whose inputs.
-    steps : int
-        Length.
-
-    Returns
-    -------
-    Stream
-        Float32 numbers, so that every peer is given the same.
-    """
+    """The stream that all peers run: a chirp inside the identified domain."""
     theta = domain_chirp(device, steps * device.period_s)[:steps]
     return recorded_stream(device, theta, "chirp in the domain")[block.name]
 
@@ -75,23 +60,7 @@ def step_rows(
 ) -> list[Row]:
     """Time of a step against every peer.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    block : Block
-        Whose step.
-    pairs : int
-        Pairs of measurements a row; a tenth of it against peers in Python.
-    say : callable
-        Told in words what is being done.
-    steps : int
-        Length of the stream.
-
-    Returns
-    -------
-    list of Row
-        In ns.
+    pairs: pairs of measurements a row; a tenth of it against peers in Python.
     """
     stream = benchmark_stream(device, block, steps)
     sources = peer_sources(device, block, stream)
@@ -120,24 +89,7 @@ def step_rows(
 def instruction_rows(
     device: Device, block: Block, say: Callable[[str], None], steps: int = COUNTED_STEPS
 ) -> list[Row]:
-    """Instructions of a step, here and on an emulated board; what is not installed is left out.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    block : Block
-        Whose step.
-    say : callable
-        Told in words what is being done, and what is left out.
-    steps : int
-        Length of the stream.
-
-    Returns
-    -------
-    list of Row
-        In instructions.
-    """
+    """Instructions of a step, here and on an emulated board; what is not installed is left out."""
     stream = benchmark_stream(device, block, steps)
     sources = peer_sources(device, block, stream)
     renderer = Renderer(device.system, FORMATS["f32"], "-", "-", device.title)
@@ -164,19 +116,7 @@ def instruction_rows(
 def build_rows(device: str, runs: int, say: Callable[[str], None]) -> list[Row]:
     """Time of ``esea-gen build``, a process of its own each time.
 
-    Parameters
-    ----------
-    device : str
-        Shipped device or path.
-    runs : int
-        How often each.
-    say : callable
-        Told in words what is being done.
-
-    Returns
-    -------
-    list of Row
-        One row, in s: warm against cold.  Cold: no bytecode and no cache of ours, as right after
+    return: one row, in s: warm against cold. Cold: no bytecode and no cache of ours, as right after
         installing; the operating system's file cache is what it is.
     """
     say("build time")
@@ -216,28 +156,7 @@ def run_benchmarks(
 ) -> list[Row]:
     """All benchmarks.
 
-    Parameters
-    ----------
-    device : str
-        Shipped device or path of a device file.
-    pairs : int
-        Pairs of measurements a row.
-    builds : int
-        Cold and warm builds; 0 leaves them out.
-    say : callable, optional
-        Told in words what is being done.
-    drive : str
-        Device with a drive, for its tasks and the twin; empty for none.
-
-    Returns
-    -------
-    list of Row
-        The table.
-
-    Raises
-    ------
-    UserError
-        When there is no such device, or no compiler.
+    drive: device with a drive, for its tasks and the twin; empty for none.
     """
     tell = say or (lambda _: None)
     loaded = load_device(device)
@@ -271,18 +190,7 @@ class _on_one_processor:  # noqa: N801 - reads as what it does
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as text.
-
-    Parameters
-    ----------
-    rows : list of Row
-        What was measured.
-
-    Returns
-    -------
-    str
-        One line each, columns aligned.
-    """
+    """The rows as text."""
     width = max(len(r.name) for r in rows)
     lines = [f"{'':{width}}  {'ours':>10}  {'peer':>10}  {'peer/ours':>9}  middle half"]
     for r in rows:
@@ -296,18 +204,7 @@ def table(rows: list[Row]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line: print the table, write the JSON.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of the command line's.
-
-    Returns
-    -------
-    int
-        Exit code; 0 whatever the figures are.
-    """
+    """Command line: print the table, write the JSON."""
     parser = argparse.ArgumentParser(prog="python -m esea_gen.bench", description=__doc__)
     parser.add_argument("device", nargs="?", default="elbow", help="shipped device or device file")
     parser.add_argument("--json", type=Path, default=Path("bench.json"), metavar="FILE")

@@ -26,18 +26,9 @@ from esea_gen.language.block import Array
 class Board:
     """A processor in an emulated machine.
 
-    Parameters
-    ----------
-    name, title : str
-        Short name, and one line.
-    machine : str
-        QEMU's name of the machine.
-    flags : tuple of str
-        Compiler flags of the processor.
-    profile : {"M", "A"}
-        How it starts and talks to the emulator.
-    code, code_bytes, ram, ram_bytes : int
-        Where the program and its data lie.
+    flags: compiler flags of the processor.
+    profile: how it starts and talks to the emulator.
+    code, code_bytes, ram, ram_bytes: where the program and its data lie.
     """
 
     name: str
@@ -93,17 +84,7 @@ BOARDS = (
 
 @dataclass(frozen=True)
 class Count:
-    """Instructions of a step.
-
-    Parameters
-    ----------
-    mean : float
-        Over the stream.
-    least, most : int
-        Of any one step.
-    checksum : int
-        Of all results.
-    """
+    """Instructions of a step."""
 
     mean: float
     least: int
@@ -114,15 +95,7 @@ class Count:
 def checksum(results: Array) -> int:
     """FNV-1a of an array of float64, as the board's program computes it.
 
-    Parameters
-    ----------
-    results : ndarray
-        Outputs, shape (steps, outputs).
-
-    Returns
-    -------
-    int
-        32 bits.
+    results: outputs, shape (steps, outputs).
     """
     total = 2166136261
     for byte in np.ascontiguousarray(results, dtype="<f8").tobytes():
@@ -143,31 +116,7 @@ def _plugin() -> Path:
 
 
 def count_step(board: Board, sources: Sources, renderer: Renderer, step: str, steps: int) -> Count:
-    """Count the instructions of a step on an emulated board.
-
-    Parameters
-    ----------
-    board : Board
-        Where.
-    sources : Sources
-        The peer's C.
-    renderer : Renderer
-        Renders the board's start-up code.
-    step : str
-        C name of the step.
-    steps : int
-        Length of the stream.
-
-    Returns
-    -------
-    Count
-        Instructions, and the results' checksum.
-
-    Raises
-    ------
-    UserError
-        When the compiler or the emulator is not installed.
-    """
+    """Count the instructions of a step on an emulated board."""
     from esea_gen.verify.emulator import find_qemu
 
     gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")

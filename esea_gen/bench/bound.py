@@ -44,16 +44,7 @@ class BoundError(Exception):
 class Instruction:
     """One instruction.
 
-    Parameters
-    ----------
-    address : int
-        Where it is.
-    name, operands : str
-        As the disassembler prints them.
-    file : str
-        Source file's name.
-    line : int
-        Its line, 0 when not known.
+    name, operands: as the disassembler prints them.
     """
 
     address: int
@@ -67,16 +58,8 @@ class Instruction:
 class CodeBlock:
     """A basic block.
 
-    Parameters
-    ----------
-    code : list of Instruction
-        Its instructions.
-    to : list of int
-        Addresses of the blocks that may follow in the same function.
-    calls : list of str
-        Functions called in it.
-    returns : bool
-        Whether the function may end with it.
+    to: addresses of the blocks that may follow in the same function.
+    returns: whether the function may end with it.
     """
 
     code: list[Instruction]
@@ -89,14 +72,7 @@ class CodeBlock:
 class Bound:
     """The bound and where it comes from.
 
-    Parameters
-    ----------
-    instructions : int
-        At most this many in one step.
-    by_function : dict of str to (int, int)
-        Instructions and entries of each function on the dearest path.
-    stack_bytes : int
-        Deepest stack of the step.
+    by_function: instructions and entries of each function on the dearest path.
     """
 
     instructions: int
@@ -105,20 +81,7 @@ class Bound:
 
 
 def disassemble(elf: Path, objdump: str = "arm-none-eabi-objdump") -> dict[str, list[Instruction]]:
-    """Every function of a linked program.
-
-    Parameters
-    ----------
-    elf : Path
-        Linked, with debug information.
-    objdump : str
-        Command.
-
-    Returns
-    -------
-    dict of str to list of Instruction
-        In order of address; literal pools left out.
-    """
+    """Every function of a linked program."""
     said = subprocess.run(
         [objdump, "-dl", "--no-show-raw-insn", str(elf)], capture_output=True, text=True, check=True
     ).stdout
@@ -150,22 +113,7 @@ def _is_return(i: Instruction) -> bool:
 def blocks_of(name: str, functions: Mapping[str, list[Instruction]]) -> dict[int, CodeBlock]:
     """Control-flow graph of a function.
 
-    Parameters
-    ----------
-    name : str
-        The function.
-    functions : mapping of str to list of Instruction
-        All of them.
-
-    Returns
-    -------
-    dict of int to CodeBlock
-        By address of the first instruction; the function's entry first.
-
-    Raises
-    ------
-    BoundError
-        For a jump through a table or a register.
+    return: by address of the first instruction; the function's entry first.
     """
     code = functions[name]
     starts_of = {c[0].address: n for n, c in functions.items() if c}
@@ -320,30 +268,7 @@ def step_bound(
 ) -> Bound:
     """Largest number of instructions from entry to return of a step.
 
-    Parameters
-    ----------
-    elf : Path
-        Linked program with debug information.
-    function : str
-        The step.
-    source : str
-        Name of the Program's C file.
-    ranges : mapping of str to (int, int)
-        First and last line of each loop (:func:`esea_gen.emit.program_c.loop_lines`).
-    loops : sequence of LoopBound
-        Entries and passes of each.
-    objdump : str
-        Command.
-
-    Returns
-    -------
-    Bound
-        Instructions (not cycles) and stack.
-
-    Raises
-    ------
-    BoundError
-        When the code holds what no bound can be given for.
+    ranges: first and last line of each loop (:func:`esea_gen.emit.program_c.loop_lines`).
     """
     functions = disassemble(elf, objdump)
     graphs: dict[str, dict[int, CodeBlock]] = {}

@@ -34,16 +34,7 @@ PROGRAMS = {"q31": "generated q31", "f32": "generated f32, soft float", "hand": 
 class FilterRun:
     """A velocity filter on a board.
 
-    Parameters
-    ----------
-    program : str
-        Key of ``PROGRAMS``.
-    instructions : float
-        Mean a step.
-    flash_bytes : int
-        Code and constants.
-    error_rad_s : float
-        Largest error of both rates against exact arithmetic.
+    error_rad_s: largest error of both rates against exact arithmetic.
     """
 
     program: str
@@ -57,18 +48,7 @@ def _power(value: float, bits: int) -> int:
 
 
 def hand_constants(device: Device) -> dict[str, int]:
-    """Numbers of the filter written by hand, in its own formats.
-
-    Parameters
-    ----------
-    device : Device
-        Its limits, rate and bandwidth.
-
-    Returns
-    -------
-    dict of str to int
-        For the template ``bench/hand_filter.c.j2``.
-    """
+    """Numbers of the filter written by hand, in its own formats."""
     limits, h = device.file.limits, device.period_s
     exact = device.velocity.simulator().coefficients
     alpha, beta, gamma = (float(np.ravel(exact[n])[0]) for n in ("alpha", "beta_1_s", "gamma_1_s2"))
@@ -136,26 +116,7 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
 def run_filter(device: Device, program: str, board: str, theta_rad: Array) -> FilterRun:
     """A velocity filter on an emulated board.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    program : str
-        Key of ``PROGRAMS``.
-    board : str
-        Key of :data:`esea_gen.verify.bare.BARE_BOARDS`.
-    theta_rad : ndarray
-        Deflection at the sensing rate; every program is given the same numbers.
-
-    Returns
-    -------
-    FilterRun
-        What it took and how far off it was.
-
-    Raises
-    ------
-    UserError
-        When a tool is not installed.
+    theta_rad: deflection at the sensing rate; every program is given the same numbers.
     """
     plan = plan_block(device.velocity)
     fraction = plan.field("in", "theta_rad").fraction
@@ -181,19 +142,7 @@ def run_filter(device: Device, program: str, board: str, theta_rad: Array) -> Fi
 def fixed_rows(device: Device, say: Callable[[str], None], steps: int = STEPS) -> list[Row]:
     """q31 against soft float on boards without an FPU, and against a filter written by hand.
 
-    Parameters
-    ----------
-    device : Device
-        A measuring device.
-    say : callable
-        Told in words what is being done, and what is left out.
-    steps : int
-        Length of the stream.
-
-    Returns
-    -------
-    list of Row
-        In instructions; the errors of the velocity filters in rad/s.
+    return: in instructions; the errors of the velocity filters in rad/s.
     """
     whole = domain_chirp(device, CHIRP_S)
     theta = whole[:: max(1, len(whole) // steps)][:steps]

@@ -45,18 +45,7 @@ class Peer(Protocol):
     name: str
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream.
-
-        Parameters
-        ----------
-        passes : int
-            How many.
-
-        Returns
-        -------
-        float
-            Seconds.
-        """
+        """Seconds for a number of passes through the whole stream."""
 
     def results(self) -> Array:
         """Outputs of the last pass, shape (steps, outputs)."""
@@ -66,14 +55,8 @@ class Peer(Protocol):
 class Sources:
     """The C of a peer.
 
-    Parameters
-    ----------
-    name : str
-        What it is called in the table.
-    files : dict of str to str
-        Name to text.
-    libm : bool
-        Whether it needs the platform's libm.
+    name: what it is called in the table.
+    libm: whether it needs the platform's libm.
     """
 
     name: str
@@ -92,21 +75,8 @@ def peer_sources(
 ) -> dict[str, Sources]:
     """The C of every compiled peer.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    block : Block
-        Whose step is compared.
-    stream : Stream
-        What it is run on.
-    system : System, optional
-        The System that holds the Block; the device's own when not given.
-
-    Returns
-    -------
-    dict of str to Sources
-        ``f64``, ``f32``, ``casadi f64``, ``casadi f32``, ``floor f64``, ``floor f32``.
+    system: the System that holds the Block; the device's own when not given.
+    return: ``f64``, ``f32``, ``casadi f64``, ``casadi f32``, ``floor f64``, ``floor f32``.
     """
     system = system or device.system
     simulator = block.simulator()
@@ -170,17 +140,7 @@ def peer_sources(
 
 
 class CompiledPeer:
-    """A peer in C, called through cffi once a measurement.
-
-    Parameters
-    ----------
-    sources : Sources
-        Its C.
-    block : Block
-        Whose step it is.
-    stream : Stream
-        What it runs on.
-    """
+    """A peer in C, called through cffi once a measurement."""
 
     def __init__(self, sources: Sources, block: Block, stream: Stream) -> None:
         self.name = sources.name
@@ -197,18 +157,7 @@ class CompiledPeer:
         self._lib.esea_bench_load(self.ffi.cast("const double *", rows.ctypes.data))
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream.
-
-        Parameters
-        ----------
-        passes : int
-            How many.
-
-        Returns
-        -------
-        float
-            Seconds.
-        """
+        """Seconds for a number of passes through the whole stream."""
         return float(self._lib.esea_bench_run(passes))
 
     def results(self) -> Array:
@@ -221,15 +170,8 @@ class CompiledPeer:
 class EvaluatorPeer:
     """CasADi's evaluator.
 
-    Parameters
-    ----------
-    block : Block
-        Whose step it runs.
-    stream : Stream
-        What it runs on.
-    whole : bool
-        One call a stream (``Function.mapaccum``), so that Python is not in the loop; otherwise one
-        call a step, through the buffers that CasADi keeps for that.
+    whole: one call a stream (``Function.mapaccum``), so that Python is not in the loop; otherwise
+        one call a step, through the buffers that CasADi keeps for that.
     """
 
     def __init__(self, block: Block, stream: Stream, whole: bool) -> None:
@@ -257,18 +199,7 @@ class EvaluatorPeer:
             self._arguments = [start, rows, fixed]
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream.
-
-        Parameters
-        ----------
-        passes : int
-            How many.
-
-        Returns
-        -------
-        float
-            Seconds.
-        """
+        """Seconds for a number of passes through the whole stream."""
         start = time.thread_time()
         for _ in range(passes):
             if self._whole:
@@ -288,31 +219,13 @@ class NumpyPeer:
     """The torque model as one writes it in NumPy: a loop over time, vectors over stop operators.
 
     Torque only: no guard, no status, no repair, and no dead zone (see :meth:`fits`).
-
-    Parameters
-    ----------
-    device : Device
-        Its numbers.
-    stream : Stream
-        Deflection and mid-step rate.
     """
 
     name = "NumPy loop (torque only, no guards)"
 
     @staticmethod
     def fits(device: Device) -> bool:
-        """Whether a device has the parts that this peer has: rate terms, no dead zone.
-
-        Parameters
-        ----------
-        device : Device
-            The device.
-
-        Returns
-        -------
-        bool
-            True when it does.
-        """
+        """Whether a device has the parts that this peer has: rate terms, no dead zone."""
         elastomer = device.file.elastomer
         return elastomer.maxwell is not None and elastomer.dead_zone_rad is None
 
@@ -327,18 +240,7 @@ class NumpyPeer:
         self._tau = np.zeros(len(self._theta))
 
     def run(self, passes: int) -> float:
-        """Seconds for a number of passes through the whole stream.
-
-        Parameters
-        ----------
-        passes : int
-            How many.
-
-        Returns
-        -------
-        float
-            Seconds.
-        """
+        """Seconds for a number of passes through the whole stream."""
         start = time.thread_time()
         for _ in range(passes):
             self._pass()
@@ -379,24 +281,7 @@ def _place(files: dict[str, str], folder: Path) -> list[str]:
 def count_host_instructions(sources: Sources, extra: dict[str, str], steps: int) -> float:
     """Instructions of a step on this machine, loop included.
 
-    Parameters
-    ----------
-    sources : Sources
-        The peer.
-    extra : dict of str to str
-        ``count.c``.
-    steps : int
-        Steps of the stream to run; the difference of two numbers of passes is taken.
-
-    Returns
-    -------
-    float
-        Instructions a step.
-
-    Raises
-    ------
-    UserError
-        When gcc or valgrind is not installed.
+    steps: steps of the stream to run; the difference of two numbers of passes is taken.
     """
     gcc = find_compiler("gcc", "gcc libc6-dev")
     valgrind = shutil.which("valgrind")
@@ -426,27 +311,7 @@ def count_host_instructions(sources: Sources, extra: dict[str, str], steps: int)
 
 
 def count_board_instructions(sources: Sources, extra: dict[str, str], steps: int) -> float:
-    """Instructions of a step on an emulated Cortex-M4F, loop included.
-
-    Parameters
-    ----------
-    sources : Sources
-        The peer.
-    extra : dict of str to str
-        ``bare.c`` and ``bare.ld``.
-    steps : int
-        Steps of the stream to run.
-
-    Returns
-    -------
-    float
-        Instructions a step.
-
-    Raises
-    ------
-    UserError
-        When the compiler or the emulator is not installed.
-    """
+    """Instructions of a step on an emulated Cortex-M4F, loop included."""
     from esea_gen.verify.emulator import find_qemu
 
     gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
@@ -485,23 +350,7 @@ def _call(command: list[Any]) -> str:
 
 
 def finite(value: float) -> float:
-    """The value itself; an error for NaN and infinity, which no row may hold.
-
-    Parameters
-    ----------
-    value : float
-        A figure.
-
-    Returns
-    -------
-    float
-        ``value``, unchanged.
-
-    Raises
-    ------
-    ValueError
-        For NaN and infinity.
-    """
+    """The value itself; an error for NaN and infinity, which no row may hold."""
     if not math.isfinite(value):
         raise ValueError(f"a measurement is {value}")
     return value

@@ -51,12 +51,8 @@ AIM_BOUND, AIM_TYPICAL = 120_000, 45_000
 class Cost:
     """Cost of a step on one core.
 
-    Parameters
-    ----------
-    bound : Bound
-        For every input.
-    code_bytes, table_bytes, state_bytes : int
-        Instructions of the step's functions with their constants, tables, and the caller's state.
+    code_bytes, table_bytes, state_bytes: instructions of the step's functions with their constants,
+        tables, and the caller's state.
     """
 
     bound: Bound
@@ -109,27 +105,7 @@ def _entry(renderer: ProgramRenderer) -> dict[str, str]:
 
 
 def cost_on(program: Program, core: str) -> Cost:
-    """Bound, stack and memory of a program's f32 step on one core, from its object code.
-
-    Parameters
-    ----------
-    program : Program
-        Any Program.
-    core : str
-        ``Cortex-M4F``, ``Cortex-M7`` or ``Cortex-A9``.
-
-    Returns
-    -------
-    Cost
-        Instructions, not cycles.
-
-    Raises
-    ------
-    UserError
-        When the cross compiler is not installed.
-    BoundError
-        When the code holds what no bound can be given for.
-    """
+    """Bound, stack and memory of a program's f32 step on one core, from its object code."""
     renderer = render_program(program, "f32")
     source = f"{renderer.prefix}_{program.name}.c"
     loops = renderer.emitted[program.name].loops  # type: ignore[attr-defined]
@@ -158,26 +134,7 @@ def seen_on_m4f(
 ) -> tuple[Array, Any]:
     """Instructions of each step of a stream on an emulated Cortex-M4F.
 
-    Parameters
-    ----------
-    program : Program
-        Any Program.
-    rows : ndarray
-        Shape (steps, numbers): the inputs, port by port.
-    tunables : dict, optional
-        Other than the defaults.
-
-    Returns
-    -------
-    instructions : ndarray
-        Shape (steps,).
-    first : ndarray of float32
-        First output of each step.
-
-    Raises
-    ------
-    UserError
-        When compiler or emulator is not installed.
+    rows: shape (steps, numbers): the inputs, port by port.
     """
     from esea_gen.verify.emulator import find_qemu
 
@@ -206,19 +163,7 @@ def seen_on_m4f(
 def stress_rows(program: Program, count: int, seed: int = 0) -> Array:
     """Inputs meant to take long: every port over its whole range, memories that turn back.
 
-    Parameters
-    ----------
-    program : Program
-        From :func:`esea_gen.control.predictive_drive.predictive_controller`.
-    count : int
-        How many.
-    seed : int
-        Of the random numbers.
-
-    Returns
-    -------
-    ndarray
-        Shape (count, numbers).
+    program: from :func:`esea_gen.control.predictive_drive.predictive_controller`.
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -261,22 +206,9 @@ def _turns(candidates: dict[str, Callable[[], Any]], rounds: int) -> dict[str, f
 def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> list[str]:
     """The box QP against other solvers on the same problems, with the accuracy each reached.
 
-    Parameters
-    ----------
-    n : int
-        Variables.
-    count : int
-        Problems, as predictive control gives them, a third with active bounds.
-    rounds : int
-        Repetitions, in turns.
+    count: problems, as predictive control gives them, a third with active bounds.
+    return: lines: microseconds a problem, largest error against a dense solution, ratio to ours.
 
-    Returns
-    -------
-    list of str
-        Lines: microseconds a problem, largest error against a dense solution, ratio to ours.
-
-    Notes
-    -----
     Peers are called through CasADi's generated-code-free interface, one call a problem, in a map
     over all of them, so that Python is not in the loop; their set-up of a new problem is included,
     as ours is.
@@ -350,13 +282,7 @@ def _dense_minimum(h: Array, f: Array) -> Array:
 
 
 def step_rows() -> list[str]:
-    """The whole step against CasADi's C of the same rollout and Jacobian.
-
-    Returns
-    -------
-    list of str
-        Lines.
-    """
+    """The whole step against CasADi's C of the same rollout and Jacobian."""
     seen = step_times("mpc")
     lines = [
         f"{'whole step (ours) / CasADi C, no QP':36} {'ours us':>8} {'peer us':>8} {'ratio':>6}"
@@ -374,22 +300,7 @@ def step_rows() -> list[str]:
 def horizon_rows(
     core: str, lengths: Sequence[int] = (5, 10, 20, 40), figure: Path | None = None
 ) -> list[str]:
-    """Bound against the horizon's length.
-
-    Parameters
-    ----------
-    core : str
-        As in :func:`cost_on`.
-    lengths : sequence of int
-        Numbers of intervals.
-    figure : Path, optional
-        Where to plot it too: .png, .svg or .pdf.
-
-    Returns
-    -------
-    list of str
-        Lines.
-    """
+    """Bound against the horizon's length."""
     device = controller_device("mpc")
     delay_s = device_horizon(device).delay_s
     parts: list[tuple[int, int]] = []
@@ -430,24 +341,7 @@ def run_benchmarks(
 ) -> list[str]:
     """Everything that is printed.
 
-    Parameters
-    ----------
-    say : callable
-        Told in words what is being done.
-    horizons : bool
-        Whether the bound is tabulated over the horizon's length.
-    figure : Path, optional
-        Where that is plotted too.
-
-    Returns
-    -------
-    list of str
-        Lines.
-
-    Raises
-    ------
-    UserError
-        When a compiler or emulator is not installed.
+    horizons: whether the bound is tabulated over the horizon's length.
     """
     program: Any = controller_device("mpc").system.blocks["predictive"]
     lines = []
@@ -488,18 +382,7 @@ def run_benchmarks(
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of the command line's.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--horizons", action="store_true", help="also the bound over the horizon")
     parser.add_argument("--figure", type=Path, help="plot that too: .png, .svg or .pdf")

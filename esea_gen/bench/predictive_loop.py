@@ -55,26 +55,10 @@ def compared(
 ) -> list[str]:
     """Experiments with one controller after the other on the same plants.
 
-    Parameters
-    ----------
-    experiments, controllers : sequence of str
-        Names, as ``esea-gen simulate`` knows them.
-    plant : str
-        ``real`` or ``random``; the person is the one that goes with it.
-    runs : int
-        How many plants and people.
-    folder : Path, optional
-        Of the journals.
-    say : callable
-        Told each line.
-    workers : int
-        Processes; -1 for one a core.
-
-    Returns
-    -------
-    list of str
-        Lines: of each plant the mean over the experiment's cases, and of these the median, the mean
-        and the largest, over the runs that could be judged; runs that were unstable or tripped.
+    plant: ``real`` or ``random``; the person is the one that goes with it.
+    return: lines: of each plant the mean over the experiment's cases, and of these the median, the
+        mean and the largest, over the runs that could be judged; runs that were unstable or
+        tripped.
     """
     head = f"{plant} plants: {runs}, true error, Nm RMS"
     lines = [f"{head:44}  median    mean   worst  unstable  tripped"]
@@ -113,21 +97,7 @@ def _line(name: str, entries: Sequence[dict[str, object]]) -> str:
 def recorded_rows(controller: str, case: Case, steps: int, seed: int = 0) -> Array:
     """What the predictive controller is fed in closed loop: rows for counting instructions.
 
-    Parameters
-    ----------
-    controller : str
-        One with predictive control.
-    case : Case
-        What is done; the real plant with the uncertain person.
-    steps : int
-        How many steps of the control task, from the start of the analysed window.
-    seed : int
-        Of plant and noise.
-
-    Returns
-    -------
-    ndarray
-        Shape (steps, numbers), the inputs port by port.
+    steps: how many steps of the control task, from the start of the analysed window.
     """
     device = controller_device(controller)
     system = device.system
@@ -162,18 +132,7 @@ def recorded_rows(controller: str, case: Case, steps: int, seed: int = 0) -> Arr
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of the command line's.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10, help="reference plants; 0 for none")
     parser.add_argument("--random", type=int, default=0, help="random plants and people")

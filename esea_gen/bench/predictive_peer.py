@@ -31,17 +31,7 @@ from esea_gen.studies.experiments import EXPERIMENTS, controller_device
 def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
     """Residuals of the whole horizon and their Jacobian as one function.
 
-    Parameters
-    ----------
-    model : Model
-        With stop operators.
-    horizon : Horizon
-        Grid of the prediction.
-
-    Returns
-    -------
-    casadi.Function
-        ``f(inputs, coefficients, plan) -> residuals, Jacobian``; inputs port by port, errors
+    return: ``f(inputs, coefficients, plan) -> residuals, Jacobian``; inputs port by port, errors
         before efforts.
     """
     assert model.stops is not None
@@ -118,14 +108,8 @@ def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
 class StepTimes:
     """Times of one step.
 
-    Parameters
-    ----------
-    ours_us, peer_us : dict of str to float
-        By number format: our whole step; CasADi's residuals and Jacobian.
-    difference : float
-        Largest relative difference of the Jacobians in double precision.
-    peer_bytes : int
-        Size of CasADi's C text.
+    ours_us, peer_us: by number format: our whole step; CasADi's residuals and Jacobian.
+    difference: largest relative difference of the Jacobians in double precision.
     """
 
     ours_us: dict[str, float]
@@ -135,22 +119,7 @@ class StepTimes:
 
 
 def step_times(controller: str, steps: int = 200, rounds: int = 25) -> StepTimes:
-    """Time the whole step and CasADi's part of it on inputs recorded in closed loop.
-
-    Parameters
-    ----------
-    controller : str
-        One with predictive control, preview and one layer.
-    steps : int
-        Steps of the stream.
-    rounds : int
-        Repetitions, in turns; the median is given.
-
-    Returns
-    -------
-    StepTimes
-        Microseconds of the thread's own time a step.
-    """
+    """Time the whole step and CasADi's part of it on inputs recorded in closed loop."""
     device = controller_device(controller)
     horizon = device_horizon(device)
     model = drive_model(device, horizon, preview=True, impedance=True)

@@ -27,17 +27,9 @@ from esea_gen.verify.streams import Stream, single
 class RecordedDrive:
     """The tuning case, recorded in closed loop with the real plant.
 
-    Parameters
-    ----------
-    inputs : dict of str to dict of str to ndarray
-        Per task one array per external input, one element for each of its runs; ``{"": zeros}`` for
-        a task without inputs.
-    outputs : dict of str to dict of str to ndarray
-        Per task what the controller's f32 C gave, at each of its runs.
-    run : ClosedLoopRun
-        Everything, at every tick.
-    plant : PlantVariant
-        The plant that it ran with.
+    inputs: per task one array per external input, one element for each of its runs; ``{"": zeros}``
+        for a task without inputs.
+    outputs: per task what the controller's f32 C gave, at each of its runs.
     """
 
     inputs: dict[str, dict[str, Array]]
@@ -58,25 +50,7 @@ def _tuning_case(ticks: int) -> Trajectory:
 
 
 def tuning_signals(loop: ClosedLoop, ticks: int) -> dict[str, Array]:
-    """What a controller is told in the tuning case: off at first, armed, then torque control.
-
-    Parameters
-    ----------
-    loop : ClosedLoop
-        Which signals it takes.
-    ticks : int
-        How many milliseconds.
-
-    Returns
-    -------
-    dict of str to ndarray
-        One row a tick.
-
-    Raises
-    ------
-    UserError
-        When the tuning case is shorter than that.
-    """
+    """What a controller is told in the tuning case: off at first, armed, then torque control."""
     t = np.arange(ticks) / RATE_HZ
     known = {k: v[:ticks] for k, v in _tuning_case(ticks).signals().items()} | {
         "mode": np.where(t < ON_S, float(OFF), float(TORQUE)),
@@ -89,27 +63,7 @@ def tuning_signals(loop: ClosedLoop, ticks: int) -> dict[str, Array]:
 
 
 def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
-    """Run the tuning case and keep what went into every task and came out.
-
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    ticks : int
-        How many milliseconds, from the start.
-    seed : int
-        Of the plant's disturbance.
-
-    Returns
-    -------
-    RecordedDrive
-        Inputs are float32 numbers.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or the tuning case is shorter.
-    """
+    """Run the tuning case and keep what went into every task and came out."""
     _tuning_case(ticks)  # before anything takes time
     plant = plant_variant(device, "real", "none", seed)
     loop = ClosedLoop(device.system, plant, "f32")
@@ -148,19 +102,7 @@ class _Listener:
 def block_streams(device: Device, drive: RecordedDrive, steps: int) -> dict[str, Stream]:
     """What each Block of a drive is given in the recorded case.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    drive : RecordedDrive
-        Long enough: ``steps`` runs of the slowest task.
-    steps : int
-        Length of each stream, from the start.
-
-    Returns
-    -------
-    dict of str to Stream
-        By instance; float32 numbers, computed by the symbolic System from the recorded inputs.
+    return: by instance; float32 numbers, computed by the symbolic System from the recorded inputs.
     """
     board = SystemSimulator(device.system)
     heard = {i: _Listener(s) for i, s in board.blocks.items()}
@@ -221,27 +163,8 @@ class _KeepingBoard(CBoard):
 def task_rows(device: Device, drive: RecordedDrive, runs: Mapping[str, int]) -> dict[str, Array]:
     """Everything that each task reads in the recorded case, as its f32 C finds it.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    drive : RecordedDrive
-        The case.
-    runs : mapping of str to int
-        How many runs of each task.
-
-    Returns
-    -------
-    dict of str to ndarray
-        By task, shape (runs, numbers): the external inputs, then the latches that the task holds
-        when it starts, element by element.
-
-    Raises
-    ------
-    ValueError
-        When the recording is shorter.
-    RuntimeError
-        When the replay does not give the bits of the closed loop.
+    return: by task, shape (runs, numbers): the external inputs, then the latches that the task
+        holds when it starts, element by element.
     """
     system = device.system
     board = _KeepingBoard(compile_device(device, "f32"))

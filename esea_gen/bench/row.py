@@ -15,18 +15,9 @@ MEASURE_S = 0.0015  # one measurement; long against the clock, short against wha
 class Row:
     """One comparison.
 
-    Parameters
-    ----------
-    name : str
-        What against what.
-    ours, peer : float
-        The two figures.
-    ratio : float
-        Peer over ours: how many times less ours takes.
-    unit : str
-        ``ns``, ``s`` or ``instructions``.
-    low, high : float
-        Range of the middle half of the ratios; not part of the JSON.
+    ratio: peer over ours: how many times less ours takes.
+    unit: ``ns``, ``s`` or ``instructions``.
+    low, high: range of the middle half of the ratios; not part of the JSON.
     """
 
     name: str
@@ -49,44 +40,12 @@ class Row:
 
     @classmethod
     def exact(cls, name: str, ours: float, peer: float, unit: str) -> Row:
-        """A row of two figures that do not scatter.
-
-        Parameters
-        ----------
-        name : str
-            What against what.
-        ours, peer : float
-            The two figures.
-        unit : str
-            Their unit.
-
-        Returns
-        -------
-        Row
-            Its range is the ratio itself.
-        """
+        """A row of two figures that do not scatter."""
         return cls(name, ours, peer, peer / ours, unit, peer / ours, peer / ours)
 
 
 def compare(name: str, ours: Peer, peer: Peer, steps: int, pairs: int) -> Row:
-    """Time two peers in turns.
-
-    Parameters
-    ----------
-    name : str
-        Name of the row.
-    ours, peer : Peer
-        What to time.
-    steps : int
-        Steps in a pass.
-    pairs : int
-        How many pairs.
-
-    Returns
-    -------
-    Row
-        In ns a step.
-    """
+    """Time two peers in turns."""
     passes = {}
     for p in (ours, peer):
         p.run(1)

@@ -47,19 +47,7 @@ CYCLES_PER_INSTRUCTION = (1.0, 2.0)
 
 @dataclass(frozen=True)
 class Subject:
-    """A Block whose step is measured.
-
-    Parameters
-    ----------
-    name : str
-        Name in the table.
-    block : Block
-        The Block.
-    system : System
-        A System that holds it.
-    stream : Stream
-        What it runs on.
-    """
+    """A Block whose step is measured."""
 
     name: str
     block: Block
@@ -68,20 +56,7 @@ class Subject:
 
 
 def torque_chirp(device: Device, steps: int) -> Stream:
-    """A request that sweeps through 90 % of full scale.
-
-    Parameters
-    ----------
-    device : Device
-        Its full scale and rate.
-    steps : int
-        Length.
-
-    Returns
-    -------
-    Stream
-        From rest to 1 Hz, float32 numbers.
-    """
+    """A request that sweeps through 90 % of full scale."""
     t = np.arange(steps) * device.period_s
     size = 0.9 * device.tau_full_scale_Nm
     return Stream("sweep", {"tau_Nm": single(size * np.sin(np.pi * t * t / max(t[-1], 1e-9)))})
@@ -90,18 +65,8 @@ def torque_chirp(device: Device, steps: int) -> Stream:
 def subjects(device: Device, steps: int) -> list[Subject]:
     """What is measured of a device.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    steps : int
-        Length of the streams.
-
-    Returns
-    -------
-    list of Subject
-        Sensor, velocity, exact inverse, published inverse with every filter; the inverses only for
-        a device whose model has one.
+    return: sensor, velocity, exact inverse, published inverse with every filter; the inverses only
+        for a device whose model has one.
     """
     theta = domain_chirp(device, steps * device.period_s)[:steps]
     felt = recorded_stream(device, theta, "chirp in the domain")
@@ -122,17 +87,8 @@ def subjects(device: Device, steps: int) -> list[Subject]:
 def alone(device: Device, block: Block) -> System:
     """A System of one Block, so that nothing else is compiled with it.
 
-    Parameters
-    ----------
-    device : Device
-        Gives the name, so that the C is the same as in its own System.
-    block : Block
-        The Block.
-
-    Returns
-    -------
-    System
-        Task ``run``: every input and output of the Block is external.
+    device: gives the name, so that the C is the same as in its own System.
+    return: task ``run``: every input and output of the Block is external.
     """
     return System(
         device.name,
@@ -148,19 +104,7 @@ def alone(device: Device, block: Block) -> System:
 def drive_subjects(device: Device, drive: RecordedDrive, steps: int) -> list[Subject]:
     """Every Block of a drive, on what it is given in closed loop.
 
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    drive : RecordedDrive
-        What was recorded, long enough for ``steps`` runs of the slowest task.
-    steps : int
-        Length of the streams.
-
-    Returns
-    -------
-    list of Subject
-        In the order in which they run.
+    drive: what was recorded, long enough for ``steps`` runs of the slowest task.
     """
     found = block_streams(device, drive, steps)
     blocks = device.system.blocks
@@ -172,22 +116,7 @@ def drive_subjects(device: Device, drive: RecordedDrive, steps: int) -> list[Sub
 
 
 def task_sources(device: Device, task: Task, rows: Array) -> Sources:
-    """A task of a device as it ships, over a stream, for a board.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    task : Task
-        Which.
-    rows : ndarray
-        From :func:`esea_gen.bench.recorded.task_rows`.
-
-    Returns
-    -------
-    Sources
-        The device's f32 files with a loop of their own.
-    """
+    """A task of a device as it ships, over a stream, for a board."""
     system = device.system
     renderer = Renderer(system, FORMATS["f32"], "-", "-", device.title)
     renderer.env.filters["number17"] = repr
@@ -224,28 +153,7 @@ def task_cost_rows(
 ) -> list[Row]:
     """Instructions of each task of a drive, beside the sum of its Blocks' own.
 
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    drive : RecordedDrive
-        Long enough for ``runs`` runs of the slowest task.
-    blocks : list of Row
-        From :func:`step_cost_rows` on :func:`drive_subjects`; a board without them is left out.
-    say : callable
-        Told in words what is being done.
-    runs : int
-        How many runs of each task.
-
-    Returns
-    -------
-    list of Row
-        In instructions.
-
-    Raises
-    ------
-    RuntimeError
-        When a board's results differ from the closed loop's in any bit.
+    blocks: from :func:`step_cost_rows` on :func:`drive_subjects`; a board without them is left out.
     """
     system = device.system
     known = {r.name: r.ours for r in blocks}
@@ -278,24 +186,7 @@ def task_cost_rows(
 def drive_rows(
     device: Device, pairs: int, say: Callable[[str], None], steps: int = 400
 ) -> list[Row]:
-    """Cost of every Block and task of a drive.
-
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    pairs : int
-        Pairs of time measurements.
-    say : callable
-        Told in words what is being done, and what is left out.
-    steps : int
-        Length of the streams of the Blocks.
-
-    Returns
-    -------
-    list of Row
-        Instructions by board, and ns here.
-    """
+    """Cost of every Block and task of a drive."""
     longest = max(steps, TASK_RUNS)
     say(f"{device.name}, recording the tuning case")
     drive = record_drive(device, max(t.phase + longest * t.every for t in device.system.tasks))
@@ -305,20 +196,7 @@ def drive_rows(
 
 
 def drive_load(device: Device, rows: list[Row]) -> list[str]:
-    """What the instructions allow, under assumed cycles an instruction.
-
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    rows : list of Row
-        With those of :func:`drive_rows`.
-
-    Returns
-    -------
-    list of str
-        Lines; empty when the tasks were not counted.
-    """
+    """What the instructions allow, under assumed cycles an instruction."""
     counts = {}
     for task in device.system.tasks:
         name = _row_name(f"{device.name} task {task.name}", AIM_BOARD, BLOCKS)
@@ -345,29 +223,7 @@ def drive_load(device: Device, rows: list[Row]) -> list[str]:
 def step_cost_rows(
     device: Device, pairs: int, say: Callable[[str], None], steps: int, host_steps: int
 ) -> list[Row]:
-    """Cost of every step; a board whose tools are not installed is left out.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    pairs : int
-        Pairs of time measurements.
-    say : callable
-        Told in words what is being done, and what is left out.
-    steps, host_steps : int
-        Length of the streams on the boards and here.
-
-    Returns
-    -------
-    list of Row
-        Instructions by board, and ns here.
-
-    Raises
-    ------
-    RuntimeError
-        When a board's f32 results differ from the host's in any bit.
-    """
+    """Cost of every step; a board whose tools are not installed is left out."""
     both = zip(subjects(device, steps), subjects(device, host_steps), strict=True)
     return _cost_rows(device, list(both), pairs, say)
 
@@ -426,15 +282,7 @@ def _row_name(subject: str, where: str, peer: str = CASADI) -> str:
 def step_table(rows: list[Row]) -> list[str]:
     """The steps' costs as a table, and whether the aims are met.
 
-    Parameters
-    ----------
-    rows : list of Row
-        Any rows; only those of :func:`step_cost_rows` are shown.
-
-    Returns
-    -------
-    list of str
-        Lines; empty without such rows.
+    rows: any rows; only those of :func:`step_cost_rows` are shown.
     """
     cells: dict[str, dict[str, float]] = {}
     for row in rows:

@@ -38,22 +38,7 @@ ERROR = "torque error of the twin's plant, {} "
 
 
 def compare_twins(name: str, ours: TwinPeer, peer: TwinPeer, pairs: int) -> Row:
-    """Time two simulations in turns.
-
-    Parameters
-    ----------
-    name : str
-        Name of the row.
-    ours, peer : TwinPeer
-        What to time.
-    pairs : int
-        How many pairs.
-
-    Returns
-    -------
-    Row
-        In ns a simulated millisecond.
-    """
+    """Time two simulations in turns."""
     return _paired(name, *_in_turns(ours, peer, pairs))
 
 
@@ -73,20 +58,7 @@ def _paired(name: str, ours: Array, peer: Array) -> Row:
 
 
 def torque_errors(torque_Nm: Array, truth_Nm: Array) -> tuple[float, float]:
-    """How far a simulation is off.
-
-    Parameters
-    ----------
-    torque_Nm : ndarray
-        Torque at the end of each millisecond.
-    truth_Nm : ndarray
-        The same, tightly integrated.
-
-    Returns
-    -------
-    rms_Nm, largest_Nm : float
-        Over the milliseconds that both have.
-    """
+    """How far a simulation is off."""
     n = min(len(torque_Nm), len(truth_Nm))
     error = torque_Nm[:n] - truth_Nm[:n]
     return float(np.sqrt(np.mean(error * error))), float(np.max(np.abs(error)))
@@ -101,27 +73,8 @@ def twin_rows(
 ) -> list[Row]:
     """Speed and accuracy of the virtual exoskeleton.
 
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    pairs : int
-        Pairs of measurements; a tenth of it against Python.
-    say : callable
-        Told in words what is being done.
-    fast_ms, slow_ms : int
-        Milliseconds simulated in C and in Python.
-
-    Returns
-    -------
-    list of Row
-        ns a simulated millisecond (``ratio`` against real time is simulated seconds per second),
-        then the torque's errors in Nm.
-
-    Raises
-    ------
-    RuntimeError
-        When the plant alone does not give the bits that it gave in the loop.
+    return: ns a simulated millisecond (``ratio`` against real time is simulated seconds per
+        second), then the torque's errors in Nm.
     """
     say("twin: compiling")
     plant = plant_variant(device, "real", "none", 0)
@@ -165,18 +118,7 @@ def twin_rows(
 
 
 def twin_table(rows: list[Row]) -> list[str]:
-    """Speed and accuracy beside each other, and whether the goal is met.
-
-    Parameters
-    ----------
-    rows : list of Row
-        Any rows; only those of :func:`twin_rows` are shown.
-
-    Returns
-    -------
-    list of str
-        Lines; empty without such rows.
-    """
+    """Speed and accuracy beside each other, and whether the goal is met."""
     found = {r.name: r for r in rows}
     whole = found.get(f"{LOOP} vs {REAL_TIME}")
     if whole is None:

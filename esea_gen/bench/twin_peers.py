@@ -29,14 +29,8 @@ class PlantEquations:
     stop operator is a closed form of the deflection as long as that does not turn; ``turned`` takes
     hold of it.
 
-    Parameters
-    ----------
-    device : Device
-        Whose elastomer.
-    plant : PlantVariant
-        With a cable, and the load clamped at 0.
-    defaults : mapping of str to float
-        Tunables of the Block ``plant`` that the variant does not name.
+    plant: with a cable, and the load clamped at 0.
+    defaults: tunables of the Block ``plant`` that the variant does not name.
     """
 
     def __init__(self, device: Device, plant: PlantVariant, defaults: Mapping[str, float]) -> None:
@@ -54,30 +48,13 @@ class PlantEquations:
     def rest(self) -> tuple[list[float], tuple[float, list[float]]]:
         """State and memory at rest, everything at 0.
 
-        Returns
-        -------
-        state : list of float
-            Gear angle and speed, motor-side angle and speed, motor torque, Maxwell torque.
-        memory : tuple
-            Deflection at the last turn, and the stops' deflections there.
+        return: gear angle and speed, motor-side angle and speed, motor torque, Maxwell torque.
+        return: deflection at the last turn, and the stops' deflections there.
         """
         return [0.0] * 6, (0.0, [0.0] * len(self.stops))
 
     def torque_Nm(self, y: Any, memory: tuple[float, list[float]]) -> float:
-        """Torque of the coupling.
-
-        Parameters
-        ----------
-        y : sequence of float
-            State.
-        memory : tuple
-            From :meth:`turned`.
-
-        Returns
-        -------
-        float
-            (3.1), scaled, with the coupling's stop.
-        """
+        """Torque of the coupling."""
         e, p, x, v = self.e, self.p, y[2], y[3]
         since = x - memory[0]
         held = 0.0
@@ -96,22 +73,7 @@ class PlantEquations:
     def slopes(
         self, _: float, y: Any, u_Nm: float, memory: tuple[float, list[float]]
     ) -> list[float]:
-        """Right sides.
-
-        Parameters
-        ----------
-        y : sequence of float
-            State.
-        u_Nm : float
-            Motor command.
-        memory : tuple
-            From :meth:`turned`.
-
-        Returns
-        -------
-        list of float
-            Its derivative.
-        """
+        """Right sides."""
         p, e = self.p, self.e
         xg, vg, xm, vm, u_a, tau_r = (float(a) for a in y)
         drive = self.ratio * u_a - p["fv_Nms_rad"] * vg
@@ -136,20 +98,7 @@ class PlantEquations:
         ]
 
     def turned(self, y: Any, memory: tuple[float, list[float]]) -> tuple[float, list[float]]:
-        """Take hold of the stop operators.
-
-        Parameters
-        ----------
-        y : sequence of float
-            State.
-        memory : tuple
-            What was held before.
-
-        Returns
-        -------
-        tuple
-            As :meth:`rest` gives it.
-        """
+        """Take hold of the stop operators."""
         x = float(y[2])
         since = x - memory[0]
         held = [min(max(z + since, -r), r) for (r, _), z in zip(self.stops, memory[1], strict=True)]
@@ -163,32 +112,14 @@ class TwinPeer(Protocol):
     milliseconds: int
 
     def run(self) -> float:
-        """Simulate once.
-
-        Returns
-        -------
-        float
-            Seconds of this thread's own time.
-        """
+        """Simulate once."""
 
     def torque_Nm(self) -> Array:
         """The coupling's torque at the end of each millisecond of the last run."""
 
 
 class LoopPeer:
-    """A controller's C with the plant's C, encoders and recording included.
-
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    loop : ClosedLoop
-        The two.
-    signals : mapping of str to ndarray
-        What the controller is told.
-    plant : PlantVariant
-        The plant.
-    """
+    """A controller's C with the plant's C, encoders and recording included."""
 
     def __init__(
         self, name: str, loop: ClosedLoop, signals: Mapping[str, Array], plant: PlantVariant
@@ -198,13 +129,7 @@ class LoopPeer:
         self.result: ClosedLoopRun | None = None
 
     def run(self) -> float:
-        """Simulate once.
-
-        Returns
-        -------
-        float
-            Seconds of this thread's own time.
-        """
+        """Simulate once."""
         start_s = time.thread_time()
         self.result = self._loop.run(self._signals, self._plant.values)
         return time.thread_time() - start_s
@@ -217,18 +142,7 @@ class LoopPeer:
 
 
 def replay_system(device: Device) -> System:
-    """A controller that only hands a recorded motor command on.
-
-    Parameters
-    ----------
-    device : Device
-        Its period.
-
-    Returns
-    -------
-    System
-        ``u_recorded_Nm`` in, ``u_Nm`` out.
-    """
+    """A controller that only hands a recorded motor command on."""
     block = Block.define(
         "replay",
         "A recorded motor command",
@@ -255,20 +169,8 @@ Method = Literal["LSODA", "RK45"]
 class SolvePeer:
     """``solve_ivp``, started anew whenever the command changes: at every millisecond.
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    equations : PlantEquations
-        The plant.
-    u_Nm : ndarray
-        Command of each millisecond.
-    method : {"LSODA", "RK45"}
-        Integrator.
-    rtol, atol : float
-        Its tolerances; scipy's defaults are 1e-3 and 1e-6.
-    pieces : int
-        Pieces of a millisecond, after each of which the stop operators are taken hold of.
+    rtol, atol: its tolerances; scipy's defaults are 1e-3 and 1e-6.
+    pieces: pieces of a millisecond, after each of which the stop operators are taken hold of.
     """
 
     def __init__(
@@ -287,13 +189,7 @@ class SolvePeer:
         self._torque_Nm = np.zeros(len(u_Nm))
 
     def run(self) -> float:
-        """Simulate once.
-
-        Returns
-        -------
-        float
-            Seconds of this thread's own time.
-        """
+        """Simulate once."""
         start_s = time.thread_time()
         model, span = self._equations, (0.0, MS / self._pieces)
         state, memory = model.rest()
@@ -320,19 +216,7 @@ class SolvePeer:
 
 
 class FixedStepPeer:
-    """A loop in Python with the classical Runge-Kutta step, as long as the C's.
-
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    equations : PlantEquations
-        The plant.
-    u_Nm : ndarray
-        Command of each millisecond.
-    step_s : float
-        Step.
-    """
+    """A loop in Python with the classical Runge-Kutta step, as long as the C's."""
 
     def __init__(
         self, name: str, equations: PlantEquations, u_Nm: Array, step_s: float = STEP_S
@@ -342,13 +226,7 @@ class FixedStepPeer:
         self._torque_Nm = np.zeros(len(u_Nm))
 
     def run(self) -> float:
-        """Simulate once.
-
-        Returns
-        -------
-        float
-            Seconds of this thread's own time.
-        """
+        """Simulate once."""
         start_s = time.thread_time()
         model, h = self._equations, self._step_s
         steps = round(MS / h)
@@ -377,17 +255,7 @@ class FixedStepPeer:
 def python_peers(equations: PlantEquations, u_Nm: Array) -> list[TwinPeer]:
     """The plant in Python, in four ways.
 
-    Parameters
-    ----------
-    equations : PlantEquations
-        The plant.
-    u_Nm : ndarray
-        Command of each millisecond.
-
-    Returns
-    -------
-    list of TwinPeer
-        Tight and default tolerances, scipy's default method, fixed step.
+    return: tight and default tolerances, scipy's default method, fixed step.
     """
     return [
         SolvePeer("solve_ivp, LSODA, 1e-8", equations, u_Nm, "LSODA", 1e-8, 1e-10),

@@ -90,22 +90,7 @@ def emulate(
 def emulate_deflections(
     loaded: Device, board: str, deflections: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
-    """Build firmware and run deflection streams on the emulated board.
-
-    Parameters
-    ----------
-    loaded : Device
-        The device.
-    board : str
-        Board.
-    deflections : dict of str to ndarray
-        Deflections at the sensing rate, by name.
-
-    Returns
-    -------
-    dict of str to dict
-        JSON-ready result of each.
-    """
+    """Build firmware and run deflection streams on the emulated board."""
     from esea_gen.verify.emulator import run_in_emulator
     from esea_gen.verify.firmware import build_firmware
     from esea_gen.verify.streams import deflection_inputs
@@ -156,22 +141,7 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
 
 
 def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
-    """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop.
-
-    Parameters
-    ----------
-    loaded : Device
-        A device with a drive.
-    board : str
-        Board.
-    ticks : int
-        How many milliseconds of the tuning case.
-
-    Returns
-    -------
-    dict of str to EmulatorResult
-        By task.
-    """
+    """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop."""
     from esea_gen.bench.recorded import record_drive
     from esea_gen.verify.emulator import run_tasks_in_emulator
     from esea_gen.verify.firmware import build_firmware, find_board

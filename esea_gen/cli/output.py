@@ -17,20 +17,7 @@ from esea_gen.errors import UserError
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Where.
-    text : str
-        What.
-
-    Raises
-    ------
-    UserError
-        When it cannot be written.
-    """
+    """Write a file whole or not at all."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(
@@ -59,15 +46,7 @@ def progress_line() -> Iterator[Callable[[str], None]]:
 
 
 def write_json(path: Path | None, content: Any) -> None:
-    """Write a result as JSON, if a file was named.
-
-    Parameters
-    ----------
-    path : Path or None
-        Where.
-    content : object
-        JSON-ready content.
-    """
+    """Write a result as JSON, if a file was named."""
     if path is not None:
         write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 

@@ -27,35 +27,16 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
     The reference Block starts a law from the measured torque: an offset makes up the difference and
     fades.  Along the horizon the offset fades as it will: bumpless with a known future too.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    horizon : Horizon
-        Grid of the prediction.
-    given : bool
-        Whether the future is an input (one value for the end of each interval); else the wanted
+    given: whether the future is an input (one value for the end of each interval); else the wanted
         torque and the wanted rate hold from now on.
-    one_layer : bool
-        Whether the predictive controller holds the impedance law itself; else its reference in
-        impedance mode is the set torque, which holds from now on.
+    one_layer: whether the predictive controller holds the impedance law itself; else its reference
+        in impedance mode is the set torque, which holds from now on.
+    return: inputs: from the reference Block ``mode``, ``offset_Nm``, ``keep`` and ``tau_range_Nm``;
+        the wanted torque, ``tau_preview_Nm`` or ``tau_wanted_Nm``; in two layers ``tau_set_Nm``; in
+        one layer the gains, the wanted path and the load side's motion. Outputs: ``tau_d_Nm``, in
+        one layer also ``theta_d_rad``, ``omega_d_rad_s`` and the gains (0 outside impedance mode),
+        ``mode`` and a status word.
 
-    Returns
-    -------
-    Block
-        Inputs: from the reference Block ``mode``, ``offset_Nm``, ``keep`` and ``tau_range_Nm``;
-        the wanted torque, ``tau_preview_Nm`` or ``tau_wanted_Nm``; in two layers ``tau_set_Nm``;
-        in one layer the gains, the wanted path and the load side's motion.  Outputs: ``tau_d_Nm``,
-        in one layer also ``theta_d_rad``, ``omega_d_rad_s`` and the gains (0 outside impedance
-        mode), ``mode`` and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive.
-
-    Notes
-    -----
     In one layer the path stays so near to the load side, as it moves on by itself, that the
     stiffness asks for ``tau_range_Nm`` at most: as the set torque's clip does in two layers.
     """

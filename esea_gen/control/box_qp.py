@@ -51,18 +51,7 @@ FLAGS = (
 
 
 def packed(i: int, j: int) -> int:
-    """Place of an element of a symmetric matrix, lower triangle row by row.
-
-    Parameters
-    ----------
-    i, j : int
-        Row and column, either way round.
-
-    Returns
-    -------
-    int
-        Index into the packed array of n (n + 1) / 2 elements.
-    """
+    """Place of an element of a symmetric matrix, lower triangle row by row."""
     a, b = max(i, j), min(i, j)
     return a * (a + 1) // 2 + b
 
@@ -71,18 +60,10 @@ def packed(i: int, j: int) -> int:
 class QpMemory:
     """Arrays of a box QP inside a Program.
 
-    Parameters
-    ----------
-    H, f, low, high : Memory
-        The problem: packed Hessian, gradient at 0, bounds.
-    x : Memory
-        Start (any numbers; they are clipped) and result.
-    convex, capped, optimal : Memory
-        One element each, 1 or 0.
-    iterations : Memory
-        Changes of the active set after the first sweep over all variables.
-    residual : Memory
-        Largest distance between x and its projected gradient step, each gradient over its own
+    H, f, low, high: the problem: packed Hessian, gradient at 0, bounds.
+    x: start (any numbers; they are clipped) and result.
+    iterations: changes of the active set after the first sweep over all variables.
+    residual: largest distance between x and its projected gradient step, each gradient over its own
         diagonal element of H.
     """
 
@@ -99,33 +80,14 @@ class QpMemory:
 
 
 def flags_of(*conditions: Any) -> ca.SX:
-    """A status word from conditions.
-
-    Parameters
-    ----------
-    *conditions : casadi.SX
-        1 or 0 each, first flag first.
-
-    Returns
-    -------
-    casadi.SX
-        The word.
-    """
+    """A status word from conditions."""
     return flag_word(ca.SX(c) for c in conditions)
 
 
 def iteration_cap(n: int) -> int:
     """Cap on the changes of the active set after the first sweep over all variables.
 
-    Parameters
-    ----------
-    n : int
-        Number of variables.
-
-    Returns
-    -------
-    int
-        ``3 n``; the most seen on our random and worst-case problems is about ``2 n``.
+    return: ``3 n``; the most seen on our random and worst-case problems is about ``2 n``.
     """
     return 3 * n
 
@@ -133,24 +95,7 @@ def iteration_cap(n: int) -> int:
 def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
     """Add the parts ``qp_sweep`` and ``qp_solve`` to a Program.
 
-    Parameters
-    ----------
-    b : Builder
-        Where, with no part open.
-    n : int
-        Number of variables, 1 to 100.
-    cap : int, optional
-        Cap on the iterations, :func:`iteration_cap` when not given.
-
-    Returns
-    -------
-    QpMemory
-        Fill in H, f, low, high and x, then invoke ``qp_solve``.
-
-    Raises
-    ------
-    UserError
-        For a size or cap outside its range.
+    cap: cap on the iterations, :func:`iteration_cap` when not given.
     """
     if not SIZES[0] <= n <= SIZES[1]:
         raise UserError(
@@ -502,28 +447,10 @@ def box_qp(
 ) -> Program:
     """The solver alone as a Program.
 
-    Parameters
-    ----------
-    n : int
-        Number of variables, 1 to 100.
-    cap : int, optional
-        Cap on the iterations.
-    period_s : float
-        Period of the task that would run it.
-    largest : float
-        Largest magnitude of an input; beyond it the input is invalid.
-
-    Returns
-    -------
-    Program
-        Inputs ``H`` (packed lower triangle), ``f``, ``low``, ``high``, ``start``; outputs ``x``,
-        ``residual`` and a status word.  With an invalid input or an indefinite H, x is the point
-        of the box nearest to 0 (0 for an invalid input) and the status says so.
-
-    Raises
-    ------
-    UserError
-        For a size or cap outside its range.
+    largest: largest magnitude of an input; beyond it the input is invalid.
+    return: inputs ``H`` (packed lower triangle), ``f``, ``low``, ``high``, ``start``; outputs
+        ``x``, ``residual`` and a status word. With an invalid input or an indefinite H, x is the
+        point of the box nearest to 0 (0 for an invalid input) and the status says so.
     """
     b = Builder()
     size = max(1, n * (n + 1) // 2)

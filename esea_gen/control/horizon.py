@@ -27,17 +27,10 @@ SUBSTEPS = (1, 50)
 class Horizon:
     """The grid of the prediction.
 
-    Parameters
-    ----------
-    intervals : int
-        Number of intervals, each with one constant input; 2 to 100.
-    interval_s : float
-        Length of an interval.
-    substeps : int
-        Integration steps in an interval; 1 to 50.
-    delay_s : float
-        From the measurement to the moment at which the command takes effect; the state is
-        predicted through it with the command in force, in steps no longer than a substep.  0 for
+    intervals: number of intervals, each with one constant input; 2 to 100.
+    substeps: integration steps in an interval; 1 to 50.
+    delay_s: from the measurement to the moment at which the command takes effect; the state is
+        predicted through it with the command in force, in steps no longer than a substep. 0 for
         none, the horizon's length at most.
     """
 
@@ -87,15 +80,7 @@ class Horizon:
 
 @dataclass(frozen=True)
 class Stops:
-    """Stop operators of the elastomer (3.5 to 3.11).
-
-    Parameters
-    ----------
-    r : tuple of float
-        Thresholds, rising.
-    p : tuple of float
-        Weights.
-    """
+    """Stop operators of the elastomer (3.5 to 3.11)."""
 
     r: tuple[float, ...]
     p: tuple[float, ...]
@@ -117,14 +102,9 @@ class Stops:
 class Entry:
     """A named value of a substep.
 
-    Parameters
-    ----------
-    symbol, value : casadi.SX
-        The name and what it stands for.
-    link : bool
-        Whether derivatives are chained over it.
-    slopes : list of (casadi.SX, casadi.SX), optional
-        Its partial derivatives where they are given.
+    symbol, value: the name and what it stands for.
+    link: whether derivatives are chained over it.
+    slopes: its partial derivatives where they are given.
     """
 
     symbol: ca.SX
@@ -146,17 +126,7 @@ class Tape:
 
         Worth it for a value that several others depend on, or that depends on several others.
 
-        Parameters
-        ----------
-        name : str
-            For comments.
-        value : casadi.SX
-            Scalar expression of the arguments and of names given before.
-
-        Returns
-        -------
-        casadi.SX
-            The name.
+        value: scalar expression of the arguments and of names given before.
         """
         return self._add(name, value, True, None)
 
@@ -165,40 +135,13 @@ class Tape:
     ) -> ca.SX:
         """Name a value that is computed once, but is not a link in the chain of derivatives.
 
-        Parameters
-        ----------
-        name : str
-            For comments.
-        value : casadi.SX
-            As in :meth:`let`.
-        slopes : mapping, optional
-            Its partial derivatives, written with the value itself: ``{x: lambda y: 1 - y * y}``
-            for ``y = tanh(x)``, so that nothing is computed twice.  CasADi's when not given.
-
-        Returns
-        -------
-        casadi.SX
-            The name.
+        slopes: its partial derivatives, written with the value itself: ``{x: lambda y: 1 - y * y}``
+            for ``y = tanh(x)``, so that nothing is computed twice. CasADi's when not given.
         """
         return self._add(name, value, False, slopes)
 
     def power(self, name: str, base: Any, exponent: float) -> ca.SX:
-        """A power whose derivative costs a division, not a second power.
-
-        Parameters
-        ----------
-        name : str
-            For comments.
-        base : casadi.SX
-            Positive.
-        exponent : float
-            Constant.
-
-        Returns
-        -------
-        casadi.SX
-            The power.
-        """
+        """A power whose derivative costs a division, not a second power."""
         b = self.keep(f"{name}_base", base)
         return self.keep(name, b**exponent, {b: lambda y: exponent * y / b})
 
@@ -215,23 +158,7 @@ class Tape:
         return symbol
 
     def memory(self, deflection: ca.SX) -> ca.SX:
-        """Torque of the stop operators at a deflection; once in a substep.
-
-        Parameters
-        ----------
-        deflection : casadi.SX
-            The value that :meth:`let` named last.
-
-        Returns
-        -------
-        casadi.SX
-            The torque.
-
-        Raises
-        ------
-        ValueError
-            When it is called twice, or with anything but the last name.
-        """
+        """Torque of the stop operators at a deflection; once in a substep."""
         if self.memory_at is not None:
             raise ValueError("the memory is asked twice in one substep")
         last = self.entries[-1] if self.entries else None
@@ -251,50 +178,29 @@ SubstepFn = Callable[
 class Model:
     """A plant, its cost, and the ports that feed them.
 
-    Parameters
-    ----------
-    states : tuple of str
-        States that are rolled out, beside the stop operators.
-    start : callable
-        ``start(inputs, tau_memory) -> states``: state at the measurement from guarded inputs.
-    substep : callable
-        ``substep(tape, h, x, u, p, w) -> next states``: one step of length h with input u,
+    states: states that are rolled out, beside the stop operators.
+    start: ``start(inputs, tau_memory) -> states``: state at the measurement from guarded inputs.
+    substep: ``substep(tape, h, x, u, p, w) -> next states``: one step of length h with input u,
         parameters p (of :attr:`parameters`) and forecasts w.
-    error : callable
-        ``error(x, p, r) -> expressions``: what is to be 0 at the end of every interval, weights
+    error: ``error(x, p, r) -> expressions``: what is to be 0 at the end of every interval, weights
         included (the cost is the sum of squares); r holds the references.
-    effort : callable
-        ``effort(x, u, p) -> expressions``: the same at the start of every interval.
-    inputs : tuple of Port
-        Measured and wanted values; ``on_invalid`` numbers.
-    in_force : str
-        The input that holds the command in force until the new one takes effect.
-    references : mapping of str to (str, bool)
-        Reference to the input it is read from; True where that input has one value for each
+    effort: ``effort(x, u, p) -> expressions``: the same at the start of every interval.
+    inputs: measured and wanted values; ``on_invalid`` numbers.
+    in_force: the input that holds the command in force until the new one takes effect.
+    references: reference to the input it is read from; True where that input has one value for each
         interval's end (preview), False where one value holds for all.
-    forecasts : mapping of str to callable
-        Forecast to ``f(inputs, p, s) -> expression``, with the ``shape`` of time in the middle of
-        the interval.
-    shape : callable
-        ``shape(t_s) -> float``: what the forecasts take of the time since the measurement; a table
-        in the C.
-    parameters : tuple of str
-        Inputs and coefficients (by name) that the plant and the cost read as p.
-    u_max : float
-        Bound on the magnitude of the input.
-    enable : str
-        Input that is above 0.5 while the controller is to act; below, the command is 0 and the
-        plan empty.  Empty where it always acts.
-    u_name : str
-        Name of the output, with its unit.
-    stops : Stops, optional
-        The elastomer's memory; ``play`` and ``deflection`` go with it.
-    play : str
-        Input with the play states.
-    deflection : callable, optional
-        ``deflection(inputs) -> expression``: the memory's deflection at which they were taken.
-    constants, tunables, coefficients, prepare, equations
-        As in a Block.
+    forecasts: forecast to ``f(inputs, p, s) -> expression``, with the ``shape`` of time in the
+        middle of the interval.
+    shape: ``shape(t_s) -> float``: what the forecasts take of the time since the measurement; a
+        table in the C.
+    parameters: inputs and coefficients (by name) that the plant and the cost read as p.
+    u_max: bound on the magnitude of the input.
+    enable: input that is above 0.5 while the controller is to act; below, the command is 0 and the
+        plan empty. Empty where it always acts.
+    u_name: name of the output, with its unit.
+    stops: the elastomer's memory; ``play`` and ``deflection`` go with it.
+    deflection: ``deflection(inputs) -> expression``: the memory's deflection at which they were
+        taken.
     """
 
     states: tuple[str, ...]
@@ -327,22 +233,14 @@ class Model:
 class Linearised:
     """A substep split at the memory, with its derivative.
 
-    Parameters
-    ----------
-    before, after : casadi.Function
-        ``before(x, u, p, w) -> named values, deflection``;
-        ``after(x, u, p, w, named, tau, slope) -> next x, coefficients``, with the stiffness of the
-        free stop operators.
-    onward : casadi.Function
-        ``after`` without the coefficients, for what is not differentiated.
-    column, newest : casadi.Function
-        ``column(dx, coefficients, offset) -> next dx, d deflection`` for the inputs of earlier
-        intervals and, with the input's own seed, for the present one's; the sensitivity of the stop
-        operators' torque is the stiffness times that of the deflection, less the offset.
-    named : int
-        Number of values named before the memory.
-    coefficients : int
-        Number of derivatives that are not constants.
+    before, after: ``before(x, u, p, w) -> named values, deflection``; ``after(x, u, p, w, named,
+        tau, slope) -> next x, coefficients``, with the stiffness of the free stop operators.
+    onward: ``after`` without the coefficients, for what is not differentiated.
+    column, newest: ``column(dx, coefficients, offset) -> next dx, d deflection`` for the inputs of
+        earlier intervals and, with the input's own seed, for the present one's; the sensitivity of
+        the stop operators' torque is the stiffness times that of the deflection, less the offset.
+    named: number of values named before the memory.
+    coefficients: number of derivatives that are not constants.
     """
 
     before: ca.Function
@@ -381,27 +279,7 @@ class _Coefficients:
 
 
 def linearise(model: Model, h: float, u_scale: float) -> Linearised:
-    """Split and differentiate a model's substep.
-
-    Parameters
-    ----------
-    model : Model
-        The plant.
-    h : float
-        Length of the substep.
-    u_scale : float
-        The sensitivities are to the input divided by this.
-
-    Returns
-    -------
-    Linearised
-        Its kernels.
-
-    Raises
-    ------
-    ValueError
-        For a substep that does not give every state, or asks the memory where there is none.
-    """
+    """Split and differentiate a model's substep."""
     x_all, x = _scalars(model.states)
     p_all, p = _scalars(model.parameters)
     w_all, w = _scalars(tuple(model.forecasts))

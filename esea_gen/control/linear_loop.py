@@ -48,12 +48,7 @@ _STATES += ("u_held", "u_a_model", "d4", "integral", "u_pending", "u_now")
 class Mode:
     """A swinging mode of the loop.
 
-    Parameters
-    ----------
-    damping : float
-        Damping ratio; below 0 it grows.
-    frequency_Hz : float
-        Natural frequency.
+    damping: damping ratio; below 0 it grows.
     """
 
     damping: float
@@ -63,27 +58,8 @@ class Mode:
 def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = None) -> Mode:
     """The least damped mode of the sliding mode's loop inside its layer.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    lead : float
-        Tunable ``lead`` of the law.
-    lambda_1_s : float, optional
-        Slope of the surface; the device file's when not given.
+    return: of the coupling's least and largest stiffness the worse one.
 
-    Returns
-    -------
-    Mode
-        Of the coupling's least and largest stiffness the worse one.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive.
-
-    Notes
-    -----
     The switching gain's part that grows with the wanted acceleration (5.20) counts as if it always
     pushed on: the law then acts on ``J + J_unc``.
     """
@@ -98,20 +74,7 @@ def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = Non
 
 
 def check_loop(device: DeviceData, lead: float) -> None:
-    """Refuse a device file whose loop swings.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    lead : float
-        Tunable ``lead`` of the law.
-
-    Raises
-    ------
-    UserError
-        With the mode that grows, and the slope of the surface from which on it does not.
-    """
+    """Refuse a device file whose loop swings."""
     found = least_damped(device, lead)
     if found.damping >= LEAST_DAMPING:
         return

@@ -50,24 +50,9 @@ def predictive_program(
 ) -> Program:
     """The controller of a model as a Program.
 
-    Parameters
-    ----------
-    model : Model
-        Plant, cost, ports.
-    horizon : Horizon
-        Grid of the prediction.
-    period_s : float
-        Period of the control task; the last plan is shifted by it.
-    name, title : str
-        As in a Block.
-    cap : int, optional
-        Cap on the QP's iterations.
-
-    Returns
-    -------
-    Program
-        The model's inputs; outputs the command (named ``model.u_name``), the QP's residual and a
-        status word; the plan is what it carries from step to step.
+    period_s: period of the control task; the last plan is shifted by it.
+    return: the model's inputs; outputs the command (named ``model.u_name``), the QP's residual and
+        a status word; the plan is what it carries from step to step.
     """
     return _Writer(model, horizon, period_s, cap).program(name, title)
 

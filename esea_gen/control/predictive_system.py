@@ -28,23 +28,9 @@ REPLACED = ("smc", "inverse", "setpoint", "set_rate", "human")
 def with_outputs(block: Block, more: Sequence[tuple[Port, str]]) -> Block:
     """A Block that also gives out what it reads or makes anyway.
 
-    Parameters
-    ----------
-    block : Block
-        Any Block.
-    more : sequence of (Port, str)
-        Each further output with what it shows, by its name in ``labelled_step``: ``next_...`` a new
-        state, ``c_...`` a coefficient, ``label_...`` a labelled value.
-
-    Returns
-    -------
-    Block
-        The same Block with these outputs after its own; no operation is added.
-
-    Raises
-    ------
-    ValueError
-        When there is no such value, or an output has that name already.
+    more: each further output with what it shows, by its name in ``labelled_step``: ``next_...`` a
+        new state, ``c_...`` a coefficient, ``label_...`` a labelled value.
+    return: the same Block with these outputs after its own; no operation is added.
     """
     labelled = block.labelled_step
     arguments = labelled.sx_in()
@@ -79,24 +65,7 @@ def with_outputs(block: Block, more: Sequence[tuple[Port, str]]) -> Block:
 def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
     """A Block that also gives one of its new states as an output.
 
-    Parameters
-    ----------
-    block : Block
-        Any Block.
-    name : str
-        The state.
-    meaning : str
-        What the output means.
-
-    Returns
-    -------
-    Block
-        The same Block with one more output of the state's name; no operation is added.
-
-    Raises
-    ------
-    ValueError
-        When there is no such state, or an output has that name already.
+    return: the same Block with one more output of the state's name; no operation is added.
     """
     port = next((p for p in block.state if p.name == name), None)
     if port is None:
@@ -108,15 +77,7 @@ def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
 def predictive_delay_s(device: DeviceData) -> float:
     """From a measurement to the moment at which a command that rests on it takes effect.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    float
-        One sensing period, after which the measurement is released, and the control task's own
+    return: one sensing period, after which the measurement is released, and the control task's own
         release (its period where the file gives none).
     """
     release = device.file.timing.control_release_s
@@ -127,25 +88,7 @@ def predictive_delay_s(device: DeviceData) -> float:
 def device_predictive_system(
     device: DeviceData, velocity: Block, sensor: Block, inverse: Block
 ) -> System:
-    """The System that a device file's section ``[predictive]`` asks for.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with that section.
-    velocity, sensor, inverse : Block
-        As for :func:`predictive_system`.
-
-    Returns
-    -------
-    System
-        The System.
-
-    Raises
-    ------
-    UserError
-        When the device lacks a section that torque control needs.
-    """
+    """The System that a device file's section ``[predictive]`` asks for."""
     asked = device.file.predictive
     assert asked is not None
     return predictive_system(
@@ -164,21 +107,8 @@ def device_predictive_system(
 def device_horizon(device: DeviceData) -> Horizon:
     """Grid of the prediction of a device.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Horizon
-        As its section ``[predictive]`` says, 10 intervals of 20 ms with 4 substeps where there is
-        none; the delay is :func:`predictive_delay_s`.
-
-    Raises
-    ------
-    UserError
-        When a number of the horizon is outside its range.
+    return: as its section ``[predictive]`` says, 10 intervals of 20 ms with 4 substeps where there
+        is none; the delay is :func:`predictive_delay_s`.
     """
     asked, delay_s = device.file.predictive, predictive_delay_s(device)
     if asked is None:
@@ -202,35 +132,17 @@ def predictive_system(
 ) -> System:
     """The controlling System with predictive control in place of sliding mode.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    velocity, sensor, inverse : Block
-        As for :func:`esea_gen.control.system.torque_control_system`, whose wiring is kept; the
-        inverse drops out with the sliding mode.
-    horizon : Horizon, optional
-        Grid of the prediction; :func:`device_horizon` when not given.
-    preview : bool
-        Whether the control task has an external input ``tau_preview_Nm`` with the wanted torque at
-        the end of every interval (in one layer also ``theta_preview_rad`` and
+    velocity, sensor, inverse: as for :func:`esea_gen.control.system.torque_control_system`, whose
+        wiring is kept; the inverse drops out with the sliding mode.
+    horizon: grid of the prediction; :func:`device_horizon` when not given.
+    preview: whether the control task has an external input ``tau_preview_Nm`` with the wanted
+        torque at the end of every interval (in one layer also ``theta_preview_rad`` and
         ``omega_preview_rad_s``); without, what is wanted now holds over the horizon.
-    one_layer : bool
-        Whether the predictive controller holds the impedance law itself; else the reference Block
-        sets the torque in impedance mode as for the sliding mode.
-    person, weights
-        As in :func:`esea_gen.control.predictive_drive.predictive_controller`.
-
-    Returns
-    -------
-    System
-        External inputs and outputs as the sliding mode's, less those of Blocks that dropped out;
-        ``predictive_status`` and ``iterations`` among the outputs.
-
-    Raises
-    ------
-    UserError
-        When the device lacks a section that torque control needs.
+    one_layer: whether the predictive controller holds the impedance law itself; else the reference
+        Block sets the torque in impedance mode as for the sliding mode.
+    person, weights: as in :func:`esea_gen.control.predictive_drive.predictive_controller`.
+    return: external inputs and outputs as the sliding mode's, less those of Blocks that dropped
+        out; ``predictive_status`` and ``iterations`` among the outputs.
     """
     base = torque_control_parts(device, velocity, sensor, inverse, None)
     grid = horizon or device_horizon(device)

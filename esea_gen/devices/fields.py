@@ -368,20 +368,7 @@ class DeviceFile(Section):
 
 
 def quantities_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
-    """Every number of a section, with those of its sub-sections.
-
-    Parameters
-    ----------
-    section : BaseModel
-        The section.
-    prefix : str
-        Put before the keys.
-
-    Yields
-    ------
-    tuple of (str, Quantity)
-        Dotted key and number, in file order.
-    """
+    """Every number of a section, with those of its sub-sections."""
     for key in type(section).model_fields:
         value = getattr(section, key)
         if isinstance(value, Quantity):
@@ -391,20 +378,7 @@ def quantities_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Q
 
 
 def series_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Series]]:
-    """Every row of numbers of a section, with those of its sub-sections.
-
-    Parameters
-    ----------
-    section : BaseModel
-        The section.
-    prefix : str
-        Put before the keys.
-
-    Yields
-    ------
-    tuple of (str, Series)
-        Dotted key and row, in file order.
-    """
+    """Every row of numbers of a section, with those of its sub-sections."""
     for key in type(section).model_fields:
         value = getattr(section, key)
         if isinstance(value, Series):
@@ -416,33 +390,14 @@ def series_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Serie
 def models_of(annotation: Any) -> list[type[BaseModel]]:
     """The models among an annotation and, for an optional one, its members.
 
-    Parameters
-    ----------
-    annotation : type
-        Of a field.
-
-    Returns
-    -------
-    list of type
-        The models, :class:`Quantity` and :class:`Series` included.
+    return: the models, :class:`Quantity` and :class:`Series` included.
     """
     candidates = [annotation, *get_args(annotation)]
     return [a for a in candidates if isinstance(a, type) and issubclass(a, BaseModel)]
 
 
 def section_at(names: Iterable[str]) -> type[BaseModel] | None:
-    """The section that a path of keys leads to.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Keys from the top.
-
-    Returns
-    -------
-    type or None
-        Its model; None where there is no such section.
-    """
+    """The section that a path of keys leads to."""
     model: type[BaseModel] = DeviceFile
     for name in names:
         field = model.model_fields.get(name)
@@ -456,15 +411,7 @@ def section_at(names: Iterable[str]) -> type[BaseModel] | None:
 def field_facts(key: str) -> dict[str, Any]:
     """What is known of a number of the file: ``low``, ``high``, ``whole``, ``text``.
 
-    Parameters
-    ----------
-    key : str
-        Dotted key, ``elastomer.maxwell.kv_Nm_rad``.
-
-    Returns
-    -------
-    dict
-        Its bounds, whether it is a whole number, and its description.
+    return: its bounds, whether it is a whole number, and its description.
     """
     *sections, last = key.split(".")
     model = section_at(sections)

@@ -49,12 +49,7 @@ FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for thi
 class DeviceData:
     """A validated device's numbers: what the models are built from.
 
-    Parameters
-    ----------
-    file : DeviceFile
-        The validated content.
-    origin : str
-        Name of the file it was read from, for messages.
+    origin: name of the file it was read from, for messages.
     """
 
     def __init__(self, file: DeviceFile, origin: str) -> None:
@@ -91,18 +86,7 @@ class DeviceData:
         yield from quantities_of(self.file)
 
     def constants(self, section: str) -> tuple[Constant, ...]:
-        """The numbers of one section, as Block constants.
-
-        Parameters
-        ----------
-        section : str
-            Dotted name of the section, such as ``elastomer``.
-
-        Returns
-        -------
-        tuple of Constant
-            Sub-sections included; names without the section.
-        """
+        """The numbers of one section, as Block constants."""
         return tuple(
             Constant(key.rsplit(".", 1)[-1], q.value, q.source, q.status)
             for key, q in self.quantities()
@@ -133,20 +117,7 @@ def shipped_devices() -> dict[str, Path]:
 def read_file(name_or_path: str | Path) -> tuple[str, str]:
     """Text of a device file.
 
-    Parameters
-    ----------
-    name_or_path : str or Path
-        Name of a shipped device (``elbow``) or path of a TOML file.
-
-    Returns
-    -------
-    text, origin : str
-        TOML, and the file's name for messages.
-
-    Raises
-    ------
-    UserError
-        When there is no such device, or it cannot be read as text.
+    name_or_path: name of a shipped device (``elbow``) or path of a TOML file.
     """
     shipped = shipped_devices()
     path = shipped.get(str(name_or_path), Path(name_or_path))
@@ -167,26 +138,7 @@ def read_file(name_or_path: str | Path) -> tuple[str, str]:
 
 
 def parse_file(text: str, origin: str) -> DeviceFile:
-    """Validate the text of a device file.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-    origin : str
-        File name for messages.
-
-    Returns
-    -------
-    DeviceFile
-        The validated content, what it extends filled in.
-
-    Raises
-    ------
-    UserError
-        When it is not TOML, or a key, unit, value or relation is wrong; the message names file,
-        key, value, limit and fix.
-    """
+    """Validate the text of a device file."""
     document = _resolved(text, origin)
     try:
         file = DeviceFile.model_validate(document)
@@ -544,15 +496,7 @@ def _explain(error: ValidationError, document: Any, origin: str) -> UserError:
 def render_toml(file: DeviceFile) -> str:
     """Write a device file with a comment for every key.
 
-    Parameters
-    ----------
-    file : DeviceFile
-        Content.
-
-    Returns
-    -------
-    str
-        TOML that :func:`parse_device` reads back to an equal content.
+    return: TOML that :func:`parse_device` reads back to an equal content.
     """
     lines = [
         "# Device file of esea-gen.  A number is a value in the unit of its key's suffix, a status",
@@ -607,23 +551,6 @@ def copied_file(base: DeviceData, name: str) -> DeviceFile:
 
     None of them is published or identified for the new device: each becomes ``assumed``, and its
     source says where it was copied from.
-
-    Parameters
-    ----------
-    base : DeviceData
-        Whose numbers.
-    name : str
-        Name of the new device.
-
-    Returns
-    -------
-    DeviceFile
-        The new device's content.
-
-    Raises
-    ------
-    UserError
-        For a name that is no lower case C identifier of 1 to 15 characters, or a shipped device's.
     """
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
@@ -657,11 +584,6 @@ def json_schema() -> dict[str, Any]:
     """JSON schema of the device file, for editors.
 
     It is written without references, so that every editor shows a key's own description and bounds.
-
-    Returns
-    -------
-    dict
-        The schema, draft 7, which TOML editors know.
     """
     content = _schema_of(DeviceFile)
     content["properties"] = {

@@ -54,20 +54,9 @@ FAULTS = (
 class Field:
     """A field of a message.
 
-    Parameters
-    ----------
-    c_type : str
-        Type on the wire.
-    name : str
-        Name, the port's.
-    description : str
-        Meaning, unit and range.
-    size : int
-        Elements; above 1 the field is an array.
-    units : str
-        Unit, where MAVLink's schema knows it; else empty.
-    enum : str
-        Enum of a status word's bits, or empty.
+    size: elements; above 1 the field is an array.
+    units: unit, where MAVLink's schema knows it; else empty.
+    enum: enum of a status word's bits, or empty.
     """
 
     c_type: str
@@ -90,19 +79,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Message:
-    """A message of the dialect.
-
-    Parameters
-    ----------
-    id : int
-        Message id, 24 bits.
-    name : str
-        Upper case name.
-    description : str
-        What it is for.
-    fields : tuple of Field
-        In order.
-    """
+    """A message of the dialect."""
 
     id: int
     name: str
@@ -119,14 +96,7 @@ class Message:
 class StatusWord:
     """Enum of a status word's bits.
 
-    Parameters
-    ----------
-    enum : str
-        Name of the enum.
-    meaning : str
-        What the word tells.
-    flags : tuple of Flag
-        Its bits, least significant first.
+    flags: its bits, least significant first.
     """
 
     enum: str
@@ -136,13 +106,7 @@ class StatusWord:
 
 @cache
 def mavlink_units() -> frozenset[str]:
-    """Units that MAVLink's own schema knows.
-
-    Returns
-    -------
-    frozenset of str
-        As written in a ``units`` attribute.
-    """
+    """Units that MAVLink's own schema knows."""
     schema = resources.files("pymavlink") / "generator" / "mavschema.xsd"
     root = ElementTree.fromstring(schema.read_bytes())
     ns = "{http://www.w3.org/2001/XMLSchema}"
@@ -200,23 +164,7 @@ _INFO = (
 
 
 def messages(system: System) -> tuple[Message, ...]:
-    """The messages of a System beside the three standard ones.
-
-    Parameters
-    ----------
-    system : System
-        Whose tasks get messages.
-
-    Returns
-    -------
-    tuple of Message
-        ``ESEA_INFO``, then input and output of every task.
-
-    Raises
-    ------
-    UserError
-        When a task has more inputs or outputs than a frame takes.
-    """
+    """The messages of a System beside the three standard ones."""
     found = [
         Message(
             FIRST_ID, "ESEA_INFO", "What runs on the board, and its counters; on request.", _INFO
@@ -258,18 +206,7 @@ def messages(system: System) -> tuple[Message, ...]:
 
 
 def status_words(system: System) -> tuple[StatusWord, ...]:
-    """Enums of the status words among a System's outputs.
-
-    Parameters
-    ----------
-    system : System
-        Whose outputs.
-
-    Returns
-    -------
-    tuple of StatusWord
-        One an output that is a status word.
-    """
+    """Enums of the status words among a System's outputs."""
     return tuple(
         StatusWord(f"ESEA_{system.name}_{x.name}".upper(), x.port.meaning, x.port.flags)
         for x in system.outputs
@@ -281,23 +218,8 @@ def status_words(system: System) -> tuple[StatusWord, ...]:
 def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
     """Run MAVLink's generator on a definition.
 
-    Parameters
-    ----------
-    name : str
-        Name of the dialect.
-    xml : str
-        The definition.
-
-    Returns
-    -------
-    mapping of str to str
-        Relative path to text: ``mavlink/...`` (C headers without ``version.h`` and test suite) and
-        ``python/<name>.py``.
-
-    Raises
-    ------
-    RuntimeError
-        When mavgen refuses the definition, with what it said.
+    return: relative path to text: ``mavlink/...`` (C headers without ``version.h`` and test suite)
+        and ``python/<name>.py``.
     """
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -325,18 +247,7 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
 
 
 def dialect_files(renderer: Renderer) -> dict[str, str]:
-    """Every file of a dialect folder but the manifest.
-
-    Parameters
-    ----------
-    renderer : Renderer
-        Of the System, in the number format that the board runs.
-
-    Returns
-    -------
-    dict of str to str
-        Relative path to text.
-    """
+    """Every file of a dialect folder but the manifest."""
     system, prefix = renderer.system, renderer.prefix
     own = messages(system)
     context: dict[str, Any] = {
@@ -361,21 +272,8 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
 def render_dialect(device: Device) -> Bundle:
     """Render a device's MAVLink dialect in memory.
 
-    Parameters
-    ----------
-    device : Device
-        What to render for.
-
-    Returns
-    -------
-    Bundle
-        Folder ``dialect``: ``esea_<device>.xml``, the binding header ``esea_<device>_link.h``,
+    return: folder ``dialect``: ``esea_<device>.xml``, the binding header ``esea_<device>_link.h``,
         mavgen's C headers below ``mavlink/`` and its Python module below ``python/``.
-
-    Raises
-    ------
-    UserError
-        When a task's values do not fit a frame.
     """
     digest = device_hash(device)
     command = build_command(device)
@@ -385,20 +283,7 @@ def render_dialect(device: Device) -> Bundle:
 
 
 def load_module(name: str, text: str) -> Any:
-    """Load a dialect's Python module from its text.
-
-    Parameters
-    ----------
-    name : str
-        Name of the dialect.
-    text : str
-        The module that mavgen made.
-
-    Returns
-    -------
-    module
-        With ``MAVLink`` and a class per message.
-    """
+    """Load a dialect's Python module from its text."""
     module = types.ModuleType(name)
     exec(compile(text, f"{name}.py", "exec"), module.__dict__)
     return module
@@ -410,17 +295,6 @@ def _load(device_name: str, text: str) -> Any:
 
 
 def load_dialect(device: Device) -> Any:
-    """The Python module of a device's dialect.
-
-    Parameters
-    ----------
-    device : Device
-        Whose.
-
-    Returns
-    -------
-    module
-        With ``MAVLink`` and a class per message.
-    """
+    """The Python module of a device's dialect."""
     name = f"esea_{device.name}"
     return _load(name, render_dialect(device).files[f"python/{name}.py"])

@@ -29,18 +29,7 @@ SELECTING = frozenset({"if_else_zero", "select"})
 class Format:
     """A number format.
 
-    Parameters
-    ----------
-    name : str
-        ``f64``, ``f32`` or ``q31``.
-    c_type : str
-        C type of a real number.
-    dtype : numpy dtype
-        The same for numpy.
-    epsilon : float
-        Unit roundoff.
-    needs_libm : bool
-        Whether the emitted C links the platform's libm.
+    needs_libm: whether the emitted C links the platform's libm.
     """
 
     name: str
@@ -50,38 +39,11 @@ class Format:
     needs_libm: bool
 
     def passes(self, kernel: Kernel) -> Kernel:
-        """Rewrite a kernel for this format.
-
-        Parameters
-        ----------
-        kernel : Kernel
-            As walked.
-
-        Returns
-        -------
-        Kernel
-            What is printed.
-        """
+        """Rewrite a kernel for this format."""
         return kernel if self.name == "f64" else calls_first(fuse_selects(kernel))
 
     def literal(self, value: float) -> str:
-        """Shortest C literal that reads back as the value in this format.
-
-        Parameters
-        ----------
-        value : float
-            The number.
-
-        Returns
-        -------
-        str
-            C literal with the format's suffix.
-
-        Raises
-        ------
-        UnsupportedOperationError
-            For NaN, infinity, or a number outside the format's range.
-        """
+        """Shortest C literal that reads back as the value in this format."""
         if not np.isfinite(value):
             raise UnsupportedOperationError(f"constant {value} cannot be emitted")
         if self.name == "f64":
@@ -99,24 +61,7 @@ class Format:
     def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
         """C expression of one operation.
 
-        Parameters
-        ----------
-        node : Node
-            The operation.
-        args : sequence of str
-            C text of its operands, each an atom (a name, literal or bracketed expression).
-        kernel : Kernel
-            The kernel it stands in, for constant operands.
-
-        Returns
-        -------
-        str
-            The expression, not bracketed.
-
-        Raises
-        ------
-        UnsupportedOperationError
-            When this format has no such operation.
+        args: c text of its operands, each an atom (a name, literal or bracketed expression).
         """
         op = node.op
         if op in _INFIX:
@@ -174,16 +119,7 @@ ALL_FORMATS = FORMATS | {"q31": Q31}
 class Statement:
     """A line of a printed kernel.
 
-    Parameters
-    ----------
-    c_type : str
-        Type of the constant it defines.
-    name : str
-        Its name.
-    expression : str
-        What it is.
-    comment : str
-        Comment above it, or empty.
+    c_type: type of the constant it defines.
     """
 
     c_type: str
@@ -196,14 +132,7 @@ class Statement:
 class PrintedKernel:
     """A kernel as C text.
 
-    Parameters
-    ----------
-    statements : tuple of Statement
-        In order.
-    results : tuple of tuple of str
-        Per result, per element, the C atom that holds it.
-    used_arguments : frozenset of int
-        Arguments that are read.
+    results: per result, per element, the C atom that holds it.
     """
 
     statements: tuple[Statement, ...]
@@ -215,12 +144,7 @@ class PrintedKernel:
 class StatusWord:
     """A status word found in a kernel.
 
-    Parameters
-    ----------
-    flags : tuple of (int, int)
-        Node of the condition, and its bit.
-    parts : frozenset of int
-        Nodes that nothing else needs.
+    flags: node of the condition, and its bit.
     """
 
     flags: tuple[tuple[int, int], ...]
@@ -230,22 +154,7 @@ class StatusWord:
 def status_words(
     kernel: Kernel, words: Sequence[int], uses: Sequence[int]
 ) -> dict[int, StatusWord]:
-    """Find the status words that ``flag_word`` built.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        Where.
-    words : sequence of int
-        Results that are status words.
-    uses : sequence of int
-        How often each node is used as an operand.
-
-    Returns
-    -------
-    dict of int to StatusWord
-        By the node of the word.
-    """
+    """Find the status words that ``flag_word`` built."""
     # A sum of (condition ? power of two : 0), each power once, as flag_word builds it.
     found = {}
     for word in words:
@@ -282,23 +191,8 @@ def print_kernel(
 ) -> PrintedKernel:
     """Print a kernel as a list of C definitions.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        What to print, already rewritten for the format.
-    fmt : Format
-        Number format.
-    access : callable
-        ``access(argument, element) -> (local name, C expression that reads it)``.
-    labels : dict
-        Name and comment of labelled nodes.
-    words : sequence of int
-        Results that are status words; f32 puts these together as integers, f64 as CasADi does.
-
-    Returns
-    -------
-    PrintedKernel
-        Text pieces for the templates.
+    access: ``access(argument, element) -> (local name, C expression that reads it)``.
+    words: results that are status words; f32 puts these together as integers, f64 as CasADi does.
     """
     uses = [0] * len(kernel.nodes)
     for n in kernel.nodes:

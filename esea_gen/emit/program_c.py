@@ -39,16 +39,9 @@ _POINTERS = ("coeffs", "state", "in", "out")
 class LoopBound:
     """What is known of one printed loop, for one whole step.
 
-    Parameters
-    ----------
-    part : str
-        The part.
-    var : str
-        Its index variable in the C; no other loop has it.
-    entries : int
-        How often it is entered at most.
-    passes : int
-        How often its body runs at most, all entries together.
+    var: its index variable in the C; no other loop has it.
+    entries: how often it is entered at most.
+    passes: how often its body runs at most, all entries together.
     """
 
     part: str
@@ -61,22 +54,7 @@ class LoopBound:
 class PrintedPart:
     """A part as C text.
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    pointers : tuple of str
-        Which of coeffs, state, in and out it takes.
-    params : tuple of str
-        Index parameters.
-    locals : tuple of Memory
-        Arrays on its stack.
-    indices : tuple of str
-        Index variables to declare.
-    lines : tuple of str
-        Its body.
-    comment : str
-        One sentence.
+    pointers: which of coeffs, state, in and out it takes.
     """
 
     name: str
@@ -92,22 +70,8 @@ class PrintedPart:
 class EmittedProgram:
     """A Program with its body printed in one number format.
 
-    Parameters
-    ----------
-    block : Program
-        The Program.
-    prepare : PrintedKernel or None
-        None without tunables.
-    init : PrintedKernel
-        Of what is carried.
-    parts : tuple of PrintedPart
-        Each after those it invokes; ``step`` last.
-    tables : tuple of (str, str, tuple of str)
-        C type, name and literals of each table.
-    loops : tuple of LoopBound
-        Every printed loop.
-    template : str
-        What prints it.
+    parts: each after those it invokes; ``step`` last.
+    tables: c type, name and literals of each table.
     """
 
     block: Program
@@ -120,25 +84,7 @@ class EmittedProgram:
 
 
 def emit_program(program: Program, fmt: Format) -> EmittedProgram:
-    """Print a Program.
-
-    Parameters
-    ----------
-    program : Program
-        What to print.
-    fmt : Format
-        Number format, f64 or f32.
-
-    Returns
-    -------
-    EmittedProgram
-        For the template.
-
-    Raises
-    ------
-    UserError
-        For another number format.
-    """
+    """Print a Program."""
     if fmt.name not in EPSILON:
         raise UserError(
             f"The program {program.name} cannot be emitted in {fmt.name}.",
@@ -161,15 +107,7 @@ def loop_totals(program: Program) -> dict[LoopKey, tuple[int, int]]:
     around, through calls too, are evaluated, so that a triangle counts as a triangle.  A loop's own
     ``total``, where it states one, is taken when it is less.
 
-    Parameters
-    ----------
-    program : Program
-        The Program.
-
-    Returns
-    -------
-    dict
-        Index variable, with the values of the unrolled loops around, to (entries, passes).
+    return: index variable, with the values of the unrolled loops around, to (entries, passes).
     """
     tables = program.index_tables
     totals: dict[LoopKey, tuple[int, int]] = {}
@@ -476,13 +414,7 @@ class ProgramRenderer(Renderer):
     """Renders a System of one Program: its C files only, no example and no reference."""
 
     def files(self) -> dict[str, str]:
-        """The C files.
-
-        Returns
-        -------
-        dict of str to str
-            Relative path to text.
-        """
+        """The C files."""
         p = self.prefix
         out = {
             f"{p}.h": self.render("device/esea_device.h.j2"),
@@ -497,20 +429,7 @@ class ProgramRenderer(Renderer):
 
 
 def program_system(program: Program, device: str = "program") -> System:
-    """A System of one Program: every input and output external.
-
-    Parameters
-    ----------
-    program : Program
-        The Program.
-    device : str
-        Name of the System.
-
-    Returns
-    -------
-    System
-        Task ``control``.
-    """
+    """A System of one Program: every input and output external."""
     name = program.name
     blocks: Any = {name: program}
     return System(
@@ -525,46 +444,13 @@ def program_system(program: Program, device: str = "program") -> System:
 
 
 def render_program(program: Program, real: str, device: str = "program") -> ProgramRenderer:
-    """Renderer of a System of one Program.
-
-    Parameters
-    ----------
-    program : Program
-        The Program.
-    real : str
-        Number format.
-    device : str
-        Name of the System.
-
-    Returns
-    -------
-    ProgramRenderer
-        Ready to give its files.
-    """
+    """Renderer of a System of one Program."""
     system = program_system(program, device)
     return ProgramRenderer(system, FORMATS[real], "-", "-", program.title)
 
 
 def loop_lines(text: str, loops: Sequence[LoopBound]) -> dict[str, tuple[int, int]]:
-    """First and last line of every printed loop.
-
-    Parameters
-    ----------
-    text : str
-        The rendered C file.
-    loops : sequence of LoopBound
-        What was printed.
-
-    Returns
-    -------
-    dict of str to (int, int)
-        Index variable to lines, counted from 1, both inside.
-
-    Raises
-    ------
-    ProgramError
-        When a loop is not found exactly once.
-    """
+    """First and last line of every printed loop."""
     lines = text.splitlines()
     found = {}
     for loop in loops:

@@ -44,23 +44,9 @@ class RangeError(Exception):
 class Value:
     """Range and error of one value; never changed once made.
 
-    Parameters
-    ----------
-    low, high : float
-        Interval of the exact value.
-    a, r : float
-        Error model: ``|computed - exact| <= a + r |exact|``.
-    computed_low, computed_high : float
-        Interval of the computed value.
-    whole : bool
-        The exact value is a whole number that the format holds, and the computed one is it.
-
-    Attributes
-    ----------
-    magnitude : float
-        Largest |exact value|.
-    error : float
-        Largest |computed - exact|.
+    a, r: error model: ``|computed - exact| <= a + r |exact|``.
+    computed_low, computed_high: interval of the computed value.
+    whole: the exact value is a whole number that the format holds, and the computed one is it.
     """
 
     low: float
@@ -91,12 +77,7 @@ class Value:
 class Analysis:
     """Result of an analysis.
 
-    Parameters
-    ----------
-    results : tuple of tuple of Value
-        Per result and element.
-    assumptions : tuple of str
-        Decisions that rounding could turn: taken as equal.
+    assumptions: decisions that rounding could turn: taken as equal.
     """
 
     results: tuple[tuple[Value, ...], ...]
@@ -276,28 +257,8 @@ def analyse(
 ) -> Analysis:
     """Push ranges and errors through a kernel.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        As walked; selects are fused here.
-    fmt : Format
-        Number format.
-    arguments : sequence of sequence of Value
-        Per argument and element.
-    flag_results : sequence of int
-        Results that are status words: a decision that only they use is no assumption.
-    facts : mapping of int to (low, high), optional
-        Ranges of nodes known from algebra; the kernel must then be fused already.
-
-    Returns
-    -------
-    Analysis
-        Ranges and errors of the results.
-
-    Raises
-    ------
-    RangeError
-        For a division by a range holding zero and the like.
+    flag_results: results that are status words: a decision that only they use is no assumption.
+    facts: ranges of nodes known from algebra; the kernel must then be fused already.
     """
     if facts is None:
         kernel = fuse_selects(kernel)
@@ -409,19 +370,10 @@ def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[Value])
 class Bound:
     """Worst-case error of a Block in a number format, against exact arithmetic.
 
-    Parameters
-    ----------
-    format : str
-        Number format.
-    steps : float
-        Number of steps it holds for: ``inf`` when the Block forgets its errors; 1 for what one
+    steps: number of steps it holds for: ``inf`` when the Block forgets its errors; 1 for what one
         step adds, from the same memory.
-    outputs, states : dict of str to float
-        Largest |error| per port.
-    method : str
-        ``fixed point``, ``linear`` or ``one step``.
-    assumptions : tuple of str
-        Decisions taken as equal; inputs taken as whole numbers.
+    method: ``fixed point``, ``linear`` or ``one step``.
+    assumptions: decisions taken as equal; inputs taken as whole numbers.
     """
 
     format: str
@@ -448,16 +400,8 @@ def _coefficients(block: Block, fmt: Format) -> list[list[Value]]:
 def counts(port: Port) -> bool:
     """Whether a port counts: a mode, a number of frames, a stamp.
 
-    Parameters
-    ----------
-    port : Port
-        Input or state.
-
-    Returns
-    -------
-    bool
-        True without a unit, with whole ends more than one apart and a whole initial value, all
-        below 2^24.  An input of that kind is given whole numbers; a state of that kind is one where
+    return: true without a unit, with whole ends more than one apart and a whole initial value, all
+        below 2^24. An input of that kind is given whole numbers; a state of that kind is one where
         the analysis finds that every step makes it one.
     """
     values = (port.low, port.high, port.init)
@@ -471,12 +415,7 @@ def counts(port: Port) -> bool:
 class _Step:
     """One step of a Block under the error analysis, over its ranges.
 
-    Parameters
-    ----------
-    block, fmt, ranges
-        As :func:`block_bound`.
-    room : float
-        Share of each range that inputs and states may lie beyond it: the guard's own comparisons
+    room: share of each range that inputs and states may lie beyond it: the guard's own comparisons
         then stay undecided, and what follows an invalid input or a corrupt state counts as well.
     """
 
@@ -574,25 +513,8 @@ def block_bound(
     linear Block, whose stability intervals cannot see, one step's own error is summed through the
     powers of its state matrix instead.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fmt : Format
-        Number format.
-    ranges : mapping, optional
-        ``{"u_theta_rad": (low, high), "s_tau_r_Nm": ...}``: inputs and states that stay inside
+    ranges: ``{"u_theta_rad": (low, high), "s_tau_r_Nm": ...}``: inputs and states that stay inside
         these ranges instead of their ports'.
-
-    Returns
-    -------
-    Bound
-        Per output and state.
-
-    Raises
-    ------
-    RangeError
-        When neither way gives a finite bound; :func:`step_bound` may still.
     """
     once = _Step(block, fmt, ranges)
     limits = once.limits
@@ -623,21 +545,8 @@ def step_bound(
     For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
     adds its rounding errors up.
 
-    Parameters
-    ----------
-    block, fmt, ranges
-        As :func:`block_bound`.
-
-    Returns
-    -------
-    Bound
-        With ``steps`` 1: of the outputs, and of the states after the step.  It holds for corrupt
+    return: with ``steps`` 1: of the outputs, and of the states after the step. It holds for corrupt
         states and invalid inputs too.
-
-    Raises
-    ------
-    RangeError
-        When a value of the step has no finite range.
     """
     once = _Step(block, fmt, ranges, BEYOND)
     final = once(once.zero)
@@ -647,19 +556,7 @@ def step_bound(
 def node_errors(block: Block, fmt: Format) -> tuple[Kernel, list[float]]:
     """Largest |error| of every value of a step, from the same memory.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fmt : Format
-        Number format.
-
-    Returns
-    -------
-    kernel : Kernel
-        The step, its selects fused.
-    errors : list of float
-        Per node, given that all decisions before it are the same.
+    return: per node, given that all decisions before it are the same.
     """
     once = _Step(block, fmt, None, BEYOND)
     kernel = once.kernel
@@ -670,19 +567,7 @@ def node_errors(block: Block, fmt: Format) -> tuple[Kernel, list[float]]:
 def whole_nodes(block: Block, kernel: Kernel, fmt: Format) -> frozenset[int]:
     """Values of a step that are whole numbers, as long as what counts is given whole numbers.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    kernel : Kernel
-        Its step.
-    fmt : Format
-        Number format.
-
-    Returns
-    -------
-    frozenset of int
-        Nodes of ``kernel``; empty when the analysis finds no finite range for one.
+    return: nodes of ``kernel``; empty when the analysis finds no finite range for one.
     """
     everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
     try:
@@ -710,22 +595,7 @@ def limits_of(
 ) -> dict[str, tuple[float, float]]:
     """Ranges of a Block's states (``s_...``) and inputs (``u_...``).
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    ranges : mapping of str to (low, high)
-        Ranges to use instead of the ports'.
-
-    Returns
-    -------
-    dict of str to (low, high)
-        By name.
-
-    Raises
-    ------
-    ValueError
-        For a name that is no state or input.
+    ranges: ranges to use instead of the ports'.
     """
     own = {f"s_{p.name}": (p.low, p.high) for p in block.state}
     own |= {f"u_{p.name}": (p.low, p.high) for p in block.inputs}
@@ -742,17 +612,7 @@ def boxes_of(
 
     Cuts of labelled values are left out: only the analysis of whole numbers takes them.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    limits : mapping of str to (low, high)
-        From :func:`limits_of`.
-
-    Returns
-    -------
-    list of dict
-        Ranges by name, one dict a box.
+    limits: from :func:`limits_of`.
     """
     axes = []
     for name, cuts in block.split.items():
@@ -764,17 +624,8 @@ def boxes_of(
 def pieces(limits: tuple[float, float], cuts: Sequence[float]) -> list[tuple[float, float]]:
     """Cut a range at magnitudes.
 
-    Parameters
-    ----------
-    limits : (float, float)
-        The range.
-    cuts : sequence of float
-        Magnitudes; each cuts on both sides of zero, where the range holds it.
-
-    Returns
-    -------
-    list of (float, float)
-        Adjoining pieces, from low to high.
+    limits: the range.
+    cuts: magnitudes; each cuts on both sides of zero, where the range holds it.
     """
     low, high = limits
     inside = sorted({c for m in cuts for c in (m, -m) if low < c < high})
@@ -807,19 +658,8 @@ def fixed_point(
 ) -> Errors | None:
     """Find errors of the states that one step does not make larger.
 
-    Parameters
-    ----------
-    once : callable
-        Errors of the results of one step from errors of the states.
-    state_errors : callable
-        Errors of the next states from these.
-    zero : list of list of float
-        No error, per state and element.
-
-    Returns
-    -------
-    list of list of float or None
-        An inductive bound per state and element; None when none is found.
+    once: errors of the results of one step from errors of the states.
+    return: an inductive bound per state and element; None when none is found.
     """
 
     def image(errors: Errors) -> Errors:
@@ -862,20 +702,7 @@ def fixed_point(
 
 
 def is_linear(kernel: Kernel, coefficients: int) -> bool:
-    """Whether states and inputs enter a step only linearly, up to clips and selections.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        The step.
-    coefficients : int
-        Number of its first arguments that are coefficients.
-
-    Returns
-    -------
-    bool
-        True for a linear step.
-    """
+    """Whether states and inputs enter a step only linearly, up to clips and selections."""
     varies: list[bool] = []
     for n in kernel.nodes:
         moving = [varies[k] for k in n.args]
@@ -895,17 +722,7 @@ def is_linear(kernel: Kernel, coefficients: int) -> bool:
 def linear_bound(block: Block, local: Errors) -> Errors | None:
     """Sum one step's own errors through the powers of a linear Block's state matrix.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    local : list of list of float
-        Errors that one step adds, per state and element.
-
-    Returns
-    -------
-    list of list of float or None
-        Bound for any number of steps; None when the matrix varies or is not stable.
+    return: bound for any number of steps; None when the matrix varies or is not stable.
     """
     state = block.step.sx_in()
     n_c = len(block.coefficients)

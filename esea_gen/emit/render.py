@@ -54,13 +54,7 @@ _COMPILED = _Compiled()
 
 
 def environment() -> jinja2.Environment:
-    """The Jinja environment: an undefined name is an error, never an empty string.
-
-    Returns
-    -------
-    jinja2.Environment
-        With the project's filters.
-    """
+    """The Jinja environment: an undefined name is an error, never an empty string."""
     env = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()),
         undefined=jinja2.StrictUndefined,
@@ -76,22 +70,7 @@ def environment() -> jinja2.Environment:
 
 
 def comment(text: str, indent: int = 0, width: int = 98) -> str:
-    """A C comment, wrapped.
-
-    Parameters
-    ----------
-    text : str
-        Its text; a comment's end inside it is taken apart.
-    indent : int
-        Columns before it.
-    width : int
-        Last column.
-
-    Returns
-    -------
-    str
-        One or more lines, without a newline at the end.
-    """
+    """A C comment, wrapped."""
     pad = " " * indent
     safe = " ".join(text.replace("*/", "* /").split())
     lines = textwrap.wrap(safe, width - indent - 6)
@@ -108,18 +87,7 @@ def comment(text: str, indent: int = 0, width: int = 98) -> str:
 class EmittedBlock:
     """A Block with its kernels printed in one number format.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    prepare : PrintedKernel or None
-        None without tunables.
-    init, step : PrintedKernel
-        The other kernels.
-    stores : tuple of tuple of str
-        Per statement of the step, the state that it completes.
-    template : str
-        What renders it.
+    stores: per statement of the step, the state that it completes.
     """
 
     block: Block
@@ -131,18 +99,7 @@ class EmittedBlock:
 
 
 def block_kernels(block: Block) -> dict[str, Kernel]:
-    """The kernels of a Block, as walked.
-
-    Parameters
-    ----------
-    block : Block
-        Any Block.
-
-    Returns
-    -------
-    dict of str to Kernel
-        ``prepare`` (with tunables), ``init`` and ``step``.
-    """
+    """The kernels of a Block, as walked."""
     kernels = {"init": walk(block.init), "step": walk(block.step)}
     if block.tunables:
         kernels["prepare"] = walk(block.prepare)
@@ -170,20 +127,7 @@ def _access(groups: list[tuple[str, tuple[Any, ...]]]) -> Callable[[int, int], t
 
 
 def emit_block(block: Block, fmt: Format) -> EmittedBlock:
-    """Print a Block's kernels.
-
-    Parameters
-    ----------
-    block : Block
-        What to print.
-    fmt : Format
-        Number format.
-
-    Returns
-    -------
-    EmittedBlock
-        For the templates.
-    """
+    """Print a Block's kernels."""
     emit = getattr(block, "emit", None)
     if emit is not None:  # a Program prints itself
         program: EmittedBlock = emit(fmt)
@@ -228,19 +172,7 @@ def early_stores(
     Stored at the end, every new state would stay alive until there; with ten stop operators and
     sixteen registers that costs a tenth of the step.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    step : PrintedKernel
-        Its step.
-    names : mapping of str to str, optional
-        C field by state port, where it is not the port's name.
-
-    Returns
-    -------
-    tuple of tuple of str
-        Per statement, the stores that follow it; the last one takes what waits for nothing.
+    return: per statement, the stores that follow it; the last one takes what waits for nothing.
     """
     count = len(step.statements)
     defined = {s.name: i for i, s in enumerate(step.statements)}
@@ -285,22 +217,6 @@ def content_hash(
 
     It covers the device file's content, the text of every emitted C file in every number format,
     the reference C, the dialect's templates and the versions that the emitted bytes depend on.
-
-    Parameters
-    ----------
-    system : System
-        What is emitted.
-    device_digest : str
-        Hash of the device file's content.
-    title : str
-        The device's title.
-    formats : iterable of Format
-        Number formats whose text it covers.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
     """
     h = hashlib.sha256()
 
@@ -332,18 +248,7 @@ def versions() -> dict[str, str]:
 
 
 def reference_c(system: System) -> dict[str, str]:
-    """CasADi's own C of every kernel, float64: the reference that ships beside ours.
-
-    Parameters
-    ----------
-    system : System
-        What to emit.
-
-    Returns
-    -------
-    dict of str to str
-        File name to text.
-    """
+    """CasADi's own C of every kernel, float64: the reference that ships beside ours."""
     stem = f"esea_{system.name}_casadi"
     generator = ca.CodeGenerator(
         f"{stem}.c", {"with_header": True, "prefix": f"{stem}_", "casadi_int": "int"}
@@ -373,15 +278,7 @@ def _rename(function: ca.Function, name: str) -> ca.Function:
 
 @dataclass(frozen=True)
 class ExampleSample:
-    """A sample of the example program: step, deflection in lattice counts, expected torque.
-
-    Parameters
-    ----------
-    step : int
-        Number of the step.
-    expected : float
-        Output that it must give.
-    """
+    """A sample of the example program: step, deflection in lattice counts, expected torque."""
 
     step: int
     expected: float
@@ -393,15 +290,7 @@ def example_stream(system: System) -> dict[str, Any]:
     The first input is a triangle on a lattice of a power of two, so that it is exact in every
     format; the others are 0.
 
-    Parameters
-    ----------
-    system : System
-        A System whose first task has a scalar first input.
-
-    Returns
-    -------
-    dict
-        ``shift`` (lattice 2**-shift), ``peak`` (counts), ``steps``, ``samples``, ``input``,
+    return: ``shift`` (lattice 2**-shift), ``peak`` (counts), ``steps``, ``samples``, ``input``,
         ``output`` and ``others`` (the inputs held at 0).
     """
     task = system.tasks[0]
@@ -434,20 +323,7 @@ def example_stream(system: System) -> dict[str, Any]:
 
 
 def triangle(k: int, peak: int) -> int:
-    """Whole-numbered triangle wave of period ``4 * peak``: 0, up, down through 0, back.
-
-    Parameters
-    ----------
-    k : int
-        Step.
-    peak : int
-        Largest value.
-
-    Returns
-    -------
-    int
-        Value in [-peak, peak].
-    """
+    """Whole-numbered triangle wave of period ``4 * peak``: 0, up, down through 0, back."""
     phase = k % (4 * peak)
     if phase <= peak:
         return phase
@@ -457,18 +333,7 @@ def triangle(k: int, peak: int) -> int:
 class Renderer:
     """Renders one System in one number format.
 
-    Parameters
-    ----------
-    system : System
-        What to render.
-    fmt : Format
-        Number format.
-    digest : str
-        Content hash.
-    command : str
-        Command that regenerates the files.
-    title : str
-        The device's title.
+    command: command that regenerates the files.
     """
 
     def __init__(self, system: System, fmt: Format, digest: str, command: str, title: str) -> None:
@@ -500,19 +365,7 @@ class Renderer:
     def field(self, port: Any, block: Block, group: str) -> str:
         """C declaration of a port as a struct field.
 
-        Parameters
-        ----------
-        port : Port or Tunable
-            What the field holds.
-        block : Block
-            Its Block.
-        group : str
-            Struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
-
-        Returns
-        -------
-        str
-            The declaration.
+        group: struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
         """
         name = self.naming.field(block, group, port)
         if getattr(port, "flags", ()):
@@ -521,64 +374,17 @@ class Renderer:
         return f"{self.fmt.c_type} {name}{'' if size == 1 else f'[{size}]'};"
 
     def literal(self, block: Block, group: str, port: Any, value: float) -> str:
-        """C literal of a port's value.
-
-        Parameters
-        ----------
-        block : Block
-            Its Block.
-        group : str
-            Struct.
-        port : Port or Tunable
-            What it is a value of.
-        value : float
-            In the port's unit.
-
-        Returns
-        -------
-        str
-            The literal; a raw number in q31.
-        """
+        """C literal of a port's value."""
         if self.fmt is not Q31:
             return self.fmt.literal(value)
         return str(plan_block(block).field(group, port.name).raw(value))
 
     def port_text(self, port: Any, block: Block | None = None, group: str = "") -> str:
-        """What a header says of a port.
-
-        Parameters
-        ----------
-        port : Port or Tunable
-            The port.
-        block : Block, optional
-            Its Block: then a q31 header says its raw numbers too.
-        group : str
-            Struct.
-
-        Returns
-        -------
-        str
-            One line.
-        """
+        """What a header says of a port."""
         return port_text(port) + self.naming.text(block, group, port)
 
     def feed(self, instance: str, port: Port, at: str) -> str:
-        """C expression of what feeds an input port.
-
-        Parameters
-        ----------
-        instance : str
-            Instance that reads.
-        port : Port
-            Its input port.
-        at : str
-            Index of the element in brackets, or empty.
-
-        Returns
-        -------
-        str
-            The expression.
-        """
+        """C expression of what feeds an input port."""
         source = self.system.feed(Signal(instance, port.name))
         sink = self.system.blocks[instance], port
         if isinstance(source, External):
@@ -594,30 +400,11 @@ class Renderer:
         return self.naming.convert(f"{text}{at}", made, *sink)
 
     def render(self, template: str, **context: Any) -> str:
-        """One file from one template, named by its path.
-
-        Parameters
-        ----------
-        template : str
-            Path below ``templates``.
-        **context : object
-            Further names for the template.
-
-        Returns
-        -------
-        str
-            The text.
-        """
+        """One file from one template, named by its path."""
         return self.env.get_template(template).render(template=template, **context)
 
     def files(self) -> dict[str, str]:
-        """Every file of the output folder but the manifest.
-
-        Returns
-        -------
-        dict of str to str
-            Relative path to text.
-        """
+        """Every file of the output folder but the manifest."""
         p = self.prefix
         out = {
             f"{p}.h": self.render("device/esea_device.h.j2"),
@@ -637,10 +424,7 @@ class Renderer:
     def example(self) -> dict[str, Any]:
         """The example program's stream; in q31 with raw numbers.
 
-        Returns
-        -------
-        dict
-            As :func:`example_stream`; in q31 ``scale`` turns a count into a raw input, and the
+        return: as :func:`example_stream`; in q31 ``scale`` turns a count into a raw input, and the
             samples and the tolerance are raw.
         """
         example = example_stream(self.system)
@@ -664,18 +448,7 @@ class Renderer:
 
 
 def port_text(port: Any) -> str:
-    """What a header says of a port: meaning, unit, range, equation.
-
-    Parameters
-    ----------
-    port : Port or Tunable
-        The port.
-
-    Returns
-    -------
-    str
-        One line.
-    """
+    """What a header says of a port: meaning, unit, range, equation."""
     parts = [port.meaning]
     if isinstance(port, Port) and port.size > 1:
         parts.append(f"{port.size} elements")

@@ -56,17 +56,9 @@ class UnsupportedOperationError(Exception):
 class Node:
     """One value of a kernel.
 
-    Parameters
-    ----------
-    op : str
-        ``input``, ``const``, an operation of the tables above, or ``select`` (condition, value if
+    op: ``input``, ``const``, an operation of the tables above, or ``select`` (condition, value if
         true, value if false), which only a number format's own pass makes.
-    args : tuple of int
-        Indices of its operands.
-    value : float
-        Of a constant.
-    source : tuple of int
-        Of an input: argument and element.
+    source: of an input: argument and element.
     """
 
     op: str
@@ -84,14 +76,8 @@ class Node:
 class Kernel:
     """A straight-line function in single-assignment form.
 
-    Parameters
-    ----------
-    name : str
-        Function name.
-    nodes : tuple of Node
-        In an order in which every operand stands before its use.
-    results : tuple of tuple of int
-        Per result, per element, the index of its node.
+    nodes: in an order in which every operand stands before its use.
+    results: per result, per element, the index of its node.
     """
 
     name: str
@@ -117,21 +103,9 @@ class Kernel:
 def walk(function: ca.Function) -> Kernel:
     """Turn a CasADi function into a kernel.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        Scalar expression graph (SX) with dense arguments and results.
-
-    Returns
-    -------
-    Kernel
-        The same operations in the same dependence, so that evaluating them in the same arithmetic
-        gives the same bits.
-
-    Raises
-    ------
-    UnsupportedOperationError
-        For an operation outside the tables.
+    function: scalar expression graph (SX) with dense arguments and results.
+    return: the same operations in the same dependence, so that evaluating them in the same
+        arithmetic gives the same bits.
     """
     nodes: list[Node] = []
     known: dict[Node, int] = {}
@@ -175,18 +149,7 @@ def walk(function: ca.Function) -> Kernel:
 
 
 def prune(kernel: Kernel) -> Kernel:
-    """Drop the nodes that no result needs.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        Any kernel.
-
-    Returns
-    -------
-    Kernel
-        The same results.
-    """
+    """Drop the nodes that no result needs."""
     needed = {i for r in kernel.results for i in r}
     for i in range(len(kernel.nodes) - 1, -1, -1):
         if i in needed:
@@ -206,16 +169,6 @@ def fuse_selects(kernel: Kernel) -> Kernel:
 
     Saves an addition and a test.  The value is the same but for the sign of a zero, so the f64
     format, which must equal CasADi's own C bit for bit, does not use it.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        Any kernel.
-
-    Returns
-    -------
-    Kernel
-        The fused kernel.
     """
     nodes = list(kernel.nodes)
     for i, n in enumerate(nodes):
@@ -240,16 +193,6 @@ def calls_first(kernel: Kernel) -> Kernel:
     A processor that works ahead does the second while the first are under way.  Within each third
     the order is depth first, so that few values are alive at a time.  No operation changes, so no
     bit does.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        Any kernel.
-
-    Returns
-    -------
-    Kernel
-        The same operations in another order.
     """
     nodes = kernel.nodes
     leads = [n.op in LONG for n in nodes]

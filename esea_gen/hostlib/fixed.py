@@ -24,17 +24,7 @@ INVALID = -(2**31)
 def to_raw(values: Any, fraction: int) -> Array:
     """Raw numbers of values, as the macro ``ESEA_Q31_FROM`` gives them.
 
-    Parameters
-    ----------
-    values : array_like
-        In the port's unit.
-    fraction : int
-        Fraction bits.
-
-    Returns
-    -------
-    ndarray
-        ``int32``, rounded half away from zero; NaN and what does not fit is ``INT32_MIN``.
+    return: ``int32``, rounded half away from zero; NaN and what does not fit is ``INT32_MIN``.
     """
     with np.errstate(all="ignore"):
         scaled = np.asarray(values, dtype=np.float64) * 2.0**fraction
@@ -44,36 +34,13 @@ def to_raw(values: Any, fraction: int) -> Array:
 
 
 def from_raw(raw: Array, fraction: int) -> Array:
-    """Values of raw numbers; exact.
-
-    Parameters
-    ----------
-    raw : ndarray
-        Raw numbers.
-    fraction : int
-        Fraction bits.
-
-    Returns
-    -------
-    ndarray
-        Float64, in the port's unit.
-    """
+    """Values of raw numbers; exact."""
     return np.asarray(raw, dtype=np.float64) * 2.0**-fraction
 
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a q31 struct.
-
-    Parameters
-    ----------
-    name : str
-        The port's or signal's name.
-    c_name : str
-        C name.
-    plan : FieldPlan
-        Its format.
-    """
+    """A field of a q31 struct."""
 
     name: str
     c_name: str
@@ -88,16 +55,7 @@ class Field:
 class FixedRunner(CRunner):
     """A compiled q31 Block or task, driven in the ports' units or with raw numbers.
 
-    Parameters
-    ----------
-    library : HostLibrary
-        Where it lives.
-    stem, prefix : str
-        As in :class:`CRunner`.
-    tuned : bool
-        Whether it takes coefficients.
-    inputs, outputs, state : sequence of Field
-        Its fields; the state empty for a task.
+    inputs, outputs, state: its fields; the state empty for a task.
     """
 
     def __init__(
@@ -126,32 +84,13 @@ class FixedRunner(CRunner):
         )
 
     def raw_inputs(self, inputs: Mapping[str, Any]) -> dict[str, Array]:
-        """Raw numbers of a stream in units.
-
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            One array per input.
-
-        Returns
-        -------
-        dict of str to ndarray
-            ``int32``, by the input's name.
-        """
+        """Raw numbers of a stream in units."""
         return {f.name: to_raw(inputs[f.name], f.plan.fraction) for f in self.in_fields}
 
     def pack(self, inputs: Mapping[str, Any]) -> Array:
         """Arrange a stream as the C's input structs.
 
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            One array per input: integers are raw numbers, floats are in units.
-
-        Returns
-        -------
-        ndarray
-            Structured, shape (steps,).
+        inputs: one array per input: integers are raw numbers, floats are in units.
         """
         steps = len(np.atleast_1d(next(iter(inputs.values())))) if inputs else 0
         packed = np.zeros(steps, self._in_type)
@@ -164,20 +103,7 @@ class FixedRunner(CRunner):
     def run_raw(
         self, inputs: Mapping[str, Any], trace: bool = True
     ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run over a stream and give raw numbers.
-
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            As in :meth:`pack`.
-        trace : bool
-            Whether to record the state after every step.
-
-        Returns
-        -------
-        outputs, states : dict of str to ndarray
-            By name; counters under their C names.
-        """
+        """Run over a stream and give raw numbers."""
         packed = self.pack(inputs)
         out = np.zeros(len(packed), self._out_type)
         states = np.zeros(len(packed) if trace else 0, self._state_type)
@@ -199,20 +125,7 @@ class FixedRunner(CRunner):
     def run(
         self, inputs: Mapping[str, Any], trace: bool = True
     ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run over a stream and give numbers in units.
-
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            As in :meth:`pack`.
-        trace : bool
-            Whether to record the state after every step.
-
-        Returns
-        -------
-        outputs, states : dict of str to ndarray
-            By name, float64; status words and counters as they are.
-        """
+        """Run over a stream and give numbers in units."""
         outputs, states = self.run_raw(inputs, trace)
         for fields, values in ((self.out_fields, outputs), (self.state_fields, states)):
             for f in fields:
@@ -223,10 +136,7 @@ class FixedRunner(CRunner):
     def put_state(self, values: Mapping[str, Any]) -> None:
         """Overwrite part of the state.
 
-        Parameters
-        ----------
-        values : mapping of str to array
-            By state port, in units; integers are raw numbers; counters by their C names.
+        values: by state port, in units; integers are raw numbers; counters by their C names.
         """
         state = self.state
         known = {f.name: f for f in self.state_fields}
@@ -246,20 +156,7 @@ class FixedRunner(CRunner):
 
 
 def fixed_block(library: HostLibrary, name: str) -> FixedRunner:
-    """A compiled q31 Block.
-
-    Parameters
-    ----------
-    library : HostLibrary
-        A q31 library.
-    name : str
-        The Block's name.
-
-    Returns
-    -------
-    FixedRunner
-        Freshly initialised.
-    """
+    """A compiled q31 Block."""
     block = next(b for b in library.system.kinds if b.name == name)
     stem, fields = f"{library.prefix}_{name}", plan_block(block).fields
     groups = ([Field(f.port.name, f.name, f) for f in fields[g]] for g in ("in", "out", "state"))
@@ -267,20 +164,7 @@ def fixed_block(library: HostLibrary, name: str) -> FixedRunner:
 
 
 def fixed_task(library: HostLibrary, name: str) -> FixedRunner:
-    """A compiled q31 task.
-
-    Parameters
-    ----------
-    library : HostLibrary
-        A q31 library.
-    name : str
-        The task's name.
-
-    Returns
-    -------
-    FixedRunner
-        Freshly initialised, with a state of its own.
-    """
+    """A compiled q31 task."""
     system, prefix = library.system, library.prefix
     task, naming = system.task(name), Naming(system, fixed=True)
     inputs, outputs = (
@@ -294,17 +178,7 @@ def fixed_task(library: HostLibrary, name: str) -> FixedRunner:
 class FixedBoard(CBoard):
     """A System's compiled q31 C, called as firmware calls it: one state, shared by all tasks.
 
-    Parameters
-    ----------
-    library : HostLibrary
-        A q31 library.
-    tunables : mapping, optional
-        ``{instance: {tunable: value}}`` other than the defaults, in units.
-
-    Raises
-    ------
-    ValueError
-        For a tunable outside its range.
+    tunables: ``{instance: {tunable: value}}`` other than the defaults, in units.
     """
 
     def __init__(
@@ -320,17 +194,8 @@ class FixedBoard(CBoard):
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
         """One run of a task.
 
-        Parameters
-        ----------
-        task_name : str
-            Which.
-        **inputs : float or sequence of float
-            Its external inputs, in units; NaN and what does not fit is invalid.
-
-        Returns
-        -------
-        dict
-            Its external outputs in units: float, int for a status word, ndarray for a vector.
+        **inputs: its external inputs, in units; NaN and what does not fit is invalid.
+        return: its external outputs in units: float, int for a status word, ndarray for a vector.
         """
         task, naming = self.system.task(task_name), self._naming
         given = {}

@@ -51,18 +51,7 @@ GAIN = (1e-3, 1e5)
 
 
 def bounds_of(key: str) -> tuple[float, float]:
-    """Bounds of an elastomer parameter, those of the device file.
-
-    Parameters
-    ----------
-    key : str
-        Such as ``k1_Nm_rad``.
-
-    Returns
-    -------
-    tuple of float
-        Lower and upper.
-    """
+    """Bounds of an elastomer parameter, those of the device file."""
     dotted = f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
     extra = field_facts(dotted)
     return float(extra["low"]), float(extra["high"])
@@ -71,22 +60,7 @@ def bounds_of(key: str) -> tuple[float, float]:
 def with_values(
     device: Device, values: Mapping[str, float], **sections: Mapping[str, float]
 ) -> Device:
-    """A device with other numbers, for simulation.
-
-    Parameters
-    ----------
-    device : Device
-        Template.
-    values : mapping
-        Elastomer parameters.
-    **sections : mapping
-        Numbers of other sections, by key.
-
-    Returns
-    -------
-    Device
-        Unchecked copy.
-    """
+    """A device with other numbers, for simulation."""
 
     def put(section: Any, new: Mapping[str, float]) -> Any:
         return section.model_copy(
@@ -107,15 +81,8 @@ def with_values(
 def tunable_system(device: Device) -> System:
     """Velocity estimate and torque sensor with the elastomer's parameters as tunables.
 
-    Parameters
-    ----------
-    device : Device
-        Rate, limits, number of stops, with or without Maxwell element.
-
-    Returns
-    -------
-    System
-        Wired like the sensing System, so that it is the same code.
+    device: rate, limits, number of stops, with or without Maxwell element.
+    return: wired like the sensing System, so that it is the same code.
     """
     return System(
         device.name,
@@ -132,14 +99,9 @@ def tunable_system(device: Device) -> System:
 class Stream:
     """A recording on the grid on which the C runs.
 
-    Parameters
-    ----------
-    theta_rad, omega_rad_s : ndarray
-        Inputs of the sensor, shape (n,).
-    tau_Nm : ndarray
-        Measured torque, shape (n,).
-    training : tuple of ndarray of int
-        Grid samples of each data set that trains.
+    theta_rad, omega_rad_s: inputs of the sensor, shape (n,).
+    tau_Nm: measured torque, shape (n,).
+    training: grid samples of each data set that trains.
     """
 
     theta_rad: Array
@@ -151,17 +113,10 @@ class Stream:
 class Plant:
     """The compiled sensor over all recordings at one rate.
 
-    Parameters
-    ----------
-    device : Device
-        Template; its limits must hold every recording.
-    recordings : list of Recording
-        Data.
-    rate_Hz : float, optional
-        Grid rate; the recordings' own samples when not given (right without rate terms: nothing in
-        the model then depends on time).
-    rows : int, optional
-        Most samples of a data set to compare with, evenly spread; all when not given.  The C runs
+    device: template; its limits must hold every recording.
+    rate_Hz: grid rate; the recordings' own samples when not given (right without rate terms:
+        nothing in the model then depends on time).
+    rows: most samples of a data set to compare with, evenly spread; all when not given. The C runs
         over all samples in any case.
     """
 
@@ -230,18 +185,7 @@ class Plant:
         return np.concatenate(parts)
 
     def run(self, values: Mapping[str, float]) -> list[dict[str, Array]]:
-        """Run the C over every stream.
-
-        Parameters
-        ----------
-        values : mapping
-            The elastomer's parameters.
-
-        Returns
-        -------
-        list of dict
-            Outputs of the sensor, per stream.
-        """
+        """Run the C over every stream."""
         self.evaluations += 1
         out = []
         for s in self.streams:
@@ -253,33 +197,14 @@ class Plant:
         return out
 
     def torque(self, values: Mapping[str, float]) -> Array:
-        """Model torque at the training rows.
-
-        Parameters
-        ----------
-        values : mapping
-            The elastomer's parameters.
-
-        Returns
-        -------
-        ndarray
-            Shape (rows,).
-        """
+        """Model torque at the training rows."""
         torque: Array = self._collect([(y["tau_Nm"],) for y in self.run(values)])[:, 0]
         return torque
 
     def basis(self, shape: Mapping[str, float]) -> Array:
         """Torque per unit of k1, k3, alpha (and kv) at the training rows.
 
-        Parameters
-        ----------
-        shape : mapping
-            ``beta_1_rad``, ``omega_rad`` and, with rate terms, the viscosity over kv.
-
-        Returns
-        -------
-        ndarray
-            Shape (rows, 3 or 4).
+        shape: ``beta_1_rad``, ``omega_rad`` and, with rate terms, the viscosity over kv.
         """
         unit = {"k1_Nm_rad": 0.0, "k3_Nm_rad3": 0.0, "alpha_Nm_rad": 1.0}
         if self.rate_terms:
@@ -321,14 +246,8 @@ def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) ->
 class Space:
     """The searched numbers and how they become parameters.
 
-    Parameters
-    ----------
-    rate_terms : bool
-        With the Maxwell element.
-    theta_rad, omega_rad_s : float
-        Largest deflection and rate in the training data.
-    duration_s : float
-        Longest recording: longer time constants than ten times it cannot be told apart.
+    theta_rad, omega_rad_s: largest deflection and rate in the training data.
+    duration_s: longest recording: longer time constants than ten times it cannot be told apart.
     """
 
     rate_terms: bool
@@ -353,15 +272,7 @@ class Space:
     def shape(self, x: Array) -> dict[str, float]:
         """Parameters of the basis: stops' thresholds and decay, viscosity over kv.
 
-        Parameters
-        ----------
-        x : ndarray
-            Searched numbers, shape (2,) or (7,).
-
-        Returns
-        -------
-        dict
-            Parameters of the sensor, kv being 1 and eps2 being 1.
+        x: searched numbers, shape (2,) or (7,).
         """
         out = {
             "omega_rad": math.exp(x[0]),
@@ -383,19 +294,9 @@ class Space:
 def solve_linear(basis: Array, target: Array, low: Array, high: Array) -> Array:
     """Bounded linear least squares of few columns.
 
-    Parameters
-    ----------
-    basis : ndarray
-        Shape (rows, columns).
-    target : ndarray
-        Shape (rows,).
-    low, high : ndarray
-        Bounds, shape (columns,); ``low`` is 0.
-
-    Returns
-    -------
-    ndarray
-        Shape (columns,).
+    basis: shape (rows, columns).
+    target: shape (rows,).
+    low, high: bounds, shape (columns,); ``low`` is 0.
     """
     size = np.sqrt(np.einsum("ij,ij->j", basis, basis))
     size[size == 0] = 1.0
@@ -414,20 +315,13 @@ def solve_linear(basis: Array, target: Array, low: Array, high: Array) -> Array:
 class Fit:
     """A fitted model.
 
-    Parameters
-    ----------
-    values : dict
-        Elastomer parameters by key; without rate terms only the first five.
-    cost : float
-        Mean over data sets of the mean square error, Nm^2, training data.
-    population, evaluations : int
-        Size of the starting population; runs of the C over all training data.
-    runner_up : float
-        Cost of the second best finalist over the best's: near 1 the optimum was found repeatedly.
-    rate_dropped : bool
-        The fit gave the Maxwell element no stiffness: it is left out.
-    edges : tuple of str
-        What ended at the edge of the searched space, and what that means.
+    values: elastomer parameters by key; without rate terms only the first five.
+    cost: mean over data sets of the mean square error, Nm^2, training data.
+    population, evaluations: size of the starting population; runs of the C over all training data.
+    runner_up: cost of the second best finalist over the best's: near 1 the optimum was found
+        repeatedly.
+    rate_dropped: the fit gave the Maxwell element no stiffness: it is left out.
+    edges: what ended at the edge of the searched space, and what that means.
     """
 
     values: dict[str, float]
@@ -458,28 +352,6 @@ def search(
 
     A Sobol population over the whole space is run through the C; bounded least squares starts from
     its best members (apart from each other), and from the best of these again at the device's rate.
-
-    Parameters
-    ----------
-    device : Device
-        Template.
-    recordings : list of Recording
-        Data.
-    space : Space
-        What is searched.
-    fit_rate_Hz : float or None
-        Rate of the search; None without rate terms.
-    progress : callable
-        Told the done share and what goes on.
-    seed : int
-        Seed of the population.
-    population_size : int, optional
-        Its size, a power of two.
-
-    Returns
-    -------
-    Fit
-        Best parameters.
     """
     low, high = _linear_bounds(space.rate_terms)
     coarse = Plant(device, recordings, fit_rate_Hz, ROWS_SEARCH)
@@ -631,23 +503,10 @@ def parameters_of(
 ) -> tuple[dict[str, float], bool]:
     """Turn searched numbers and linear coefficients into the device file's parameters.
 
-    Parameters
-    ----------
-    space : Space
-        What was searched.
-    x : ndarray
-        Searched numbers, shape (2,) or (7,).
-    linear : ndarray
-        k1, k3, alpha (and kv), shape (3,) or (4,).
-    rate_share : float
-        RMS of the Maxwell element's torque over that of the measured torque.
-
-    Returns
-    -------
-    values : dict
-        Parameters, inside their bounds.
-    dropped : bool
-        Whether the Maxwell element was left out because it carries next to nothing.
+    x: searched numbers, shape (2,) or (7,).
+    linear: k1, k3, alpha (and kv), shape (3,) or (4,).
+    rate_share: RMS of the Maxwell element's torque over that of the measured torque.
+    return: whether the Maxwell element was left out because it carries next to nothing.
     """
     shape = space.shape(x)
     values = {
@@ -694,16 +553,12 @@ def _inside(values: Mapping[str, float]) -> dict[str, float]:
 class Uncertainty:
     """What the Jacobian says at the optimum.
 
-    Parameters
-    ----------
-    sigma : dict
-        Standard deviation by key; infinite where the torque does not depend on the parameter;
+    sigma: standard deviation by key; infinite where the torque does not depend on the parameter;
         None for one that is fixed or at a bound.
-    weakest : dict
-        Relative direction in which the fit is weakest, and what a change by a tenth along it does
-        to the torque: ``{"direction": {key: share}, "rms_change_Nm": ...}``.
-    correlation_factor : float
-        By how much the deviations were raised because neighbouring residuals are alike.
+    weakest: relative direction in which the fit is weakest, and what a change by a tenth along it
+        does to the torque: ``{"direction": {key: share}, "rms_change_Nm": ...}``.
+    correlation_factor: by how much the deviations were raised because neighbouring residuals are
+        alike.
     """
 
     sigma: dict[str, float | None]
@@ -712,20 +567,7 @@ class Uncertainty:
 
 
 def at_bound(key: str, value: float) -> str | None:
-    """Whether a parameter sits at a bound.
-
-    Parameters
-    ----------
-    key : str
-        Parameter.
-    value : float
-        Its value.
-
-    Returns
-    -------
-    str or None
-        ``lower``, ``upper`` or None.
-    """
+    """Whether a parameter sits at a bound."""
     low, high = bounds_of(key)
     # The viscosity's numbers have no scale of their own: only 0 itself is a lower bound of 0.
     if value <= low * (1 + 1e-6):
@@ -739,18 +581,6 @@ def uncertainty(plant: Plant, values: Mapping[str, float]) -> Uncertainty:
     Assumed: the model form is right and the residuals are a first-order autoregressive noise of
     constant variance.  Where the model form is wrong (it is, for real rubber) the figures say how
     sharply the data determine the fit, not how true it is.
-
-    Parameters
-    ----------
-    plant : Plant
-        Compiled sensor with the training data.
-    values : mapping
-        Optimum.
-
-    Returns
-    -------
-    Uncertainty
-        By parameter.
     """
     keys = [k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2"]
     free = [k for k in keys if at_bound(k, values[k]) is None and values[k] > 0]

@@ -56,18 +56,7 @@ ALIKE = 0.95  # a correlation beyond this is called out
 
 
 def play_bounds(key: str) -> tuple[float, float]:
-    """Bounds of a play operator's parameter, those of the device file.
-
-    Parameters
-    ----------
-    key : str
-        ``kappa_rad``, ``phi_1_rad`` or ``chi_rad``.
-
-    Returns
-    -------
-    tuple of float
-        Lower and upper.
-    """
+    """Bounds of a play operator's parameter, those of the device file."""
     facts = field_facts(f"inverse.{key}")
     return float(facts["low"]), float(facts["high"])
 
@@ -75,15 +64,9 @@ def play_bounds(key: str) -> tuple[float, float]:
 class PlayPlant:
     """The compiled play operators over all recordings.
 
-    Parameters
-    ----------
-    device : Device
-        Gives the envelope's k1 and k3.
-    recordings : sequence of Recording
-        Data.
-    rows : int, optional
-        Most training samples of a data set to compare with, evenly spread; all when not given.  The
-        C runs over all samples in any case.
+    device: gives the envelope's k1 and k3.
+    rows: most training samples of a data set to compare with, evenly spread; all when not given.
+        The C runs over all samples in any case.
     """
 
     def __init__(
@@ -112,18 +95,7 @@ class PlayPlant:
         self.measured = np.concatenate(values)
 
     def set_point(self, kappa: float, phi: float, chi: float) -> Array:
-        """Set-point at the training rows.
-
-        Parameters
-        ----------
-        kappa, phi, chi : float
-            Weight in rad, decay in 1/rad, spacing in rad.
-
-        Returns
-        -------
-        ndarray
-            In rad, shape (rows,).
-        """
+        """Set-point at the training rows."""
         self.evaluations += 1
         out = []
         for torque, at in zip(self._torque, self._at, strict=True):
@@ -135,17 +107,8 @@ class PlayPlant:
     def solve(self, phi: float, chi: float) -> tuple[float, Array]:
         """Best weight for given decay and spacing.
 
-        Parameters
-        ----------
-        phi, chi : float
-            Decay in 1/rad, spacing in rad.
-
-        Returns
-        -------
-        kappa : float
-            Weight in rad, within its bounds.
-        error : ndarray
-            Weighted deflection error at the training rows, its square sum the mean square error.
+        return: weighted deflection error at the training rows, its square sum the mean square
+            error.
         """
         unit = self.weight * self.set_point(1.0, phi, chi)
         wanted = self.weight * self.measured
@@ -159,10 +122,7 @@ class PlayPlant:
 class Misfit:
     """Deflection errors of one data set.
 
-    Parameters
-    ----------
-    rms_rad, max_rad : float
-        Root mean square and largest magnitude.
+    rms_rad, max_rad: root mean square and largest magnitude.
     """
 
     rms_rad: float
@@ -170,35 +130,13 @@ class Misfit:
 
     @classmethod
     def of(cls, error_rad: Array) -> Misfit | None:
-        """Of an error signal; None for an empty one.
-
-        Parameters
-        ----------
-        error_rad : ndarray
-            Error of every sample.
-
-        Returns
-        -------
-        Misfit or None
-            Its RMS and largest value.
-        """
+        """Of an error signal; None for an empty one."""
         if not len(error_rad):
             return None
         return cls(float(np.sqrt(np.mean(error_rad**2))), float(np.abs(error_rad).max()))
 
     def to_dict(self, theta_max_rad: float) -> dict[str, float]:
-        """In rad and in % of the largest identified deflection.
-
-        Parameters
-        ----------
-        theta_max_rad : float
-            What counts as 100 %.
-
-        Returns
-        -------
-        dict of str to float
-            JSON-ready content.
-        """
+        """In rad and in % of the largest identified deflection."""
         return {
             "rms_rad": self.rms_rad,
             "rms_percent": 100 * self.rms_rad / theta_max_rad,
@@ -213,17 +151,7 @@ SetMisfits = tuple[tuple[DataSet, Misfit | None, Misfit | None], ...]
 def judge_inverse(device: Device, recordings: Sequence[Recording]) -> SetMisfits:
     """Run a device's published inverse, as it ships, on measured torque.
 
-    Parameters
-    ----------
-    device : Device
-        Its ``[inverse]`` is ``published`` without observer.
-    recordings : sequence of Recording
-        Data.
-
-    Returns
-    -------
-    tuple
-        (data set, errors in training, errors held out), in order.
+    return: (data set, errors in training, errors held out), in order.
     """
     block = chosen_inverse(device)
     runner = compile_system(inverse_system(device, block), "f64").block(block.name)
@@ -237,20 +165,7 @@ def judge_inverse(device: Device, recordings: Sequence[Recording]) -> SetMisfits
 
 
 def mean_rms_rad(sets: SetMisfits, held_out: bool) -> float:
-    """Mean over data sets of the RMS deflection error.
-
-    Parameters
-    ----------
-    sets : tuple
-        From :func:`judge_inverse`.
-    held_out : bool
-        Of the held-out cycles; else of the training ones.
-
-    Returns
-    -------
-    float
-        In rad; NaN where there are none.
-    """
+    """Mean over data sets of the RMS deflection error."""
     found = [e[2] if held_out else e[1] for e in sets]
     sizes = [e.rms_rad for e in found if e is not None]
     return float(np.mean(sizes)) if sizes else math.nan
@@ -260,26 +175,16 @@ def mean_rms_rad(sets: SetMisfits, held_out: bool) -> float:
 class InverseFit:
     """A refitted inverse.
 
-    Parameters
-    ----------
-    device : Device
-        The device with ``[inverse]`` of kind ``published`` and the parameters found.
-    values : dict of str to float
-        ``kappa_rad``, ``phi_1_rad``, ``chi_rad``.
-    sigma : dict of str to float or None
-        Standard deviation of each; None for one at a bound or without effect.
-    correlation : dict of str to float
-        Of each pair that has standard deviations, ``"kappa_rad phi_1_rad"``.
-    phi_range_1_rad : tuple of float
-        Range of phi over which the RMS error, kappa and chi refitted, rises by less than 1 %.
-    sets, published : tuple
-        Errors of the parameters found, and of table 4.2's on the same data.
-    seed, population, evaluations : int
-        Of the search; runs of the C over all training data.
-    runner_up : float
-        Cost of the second best finalist over the best's: 1 when the optimum was found repeatedly.
-    notes : tuple of str
-        What the reader must know.
+    device: the device with ``[inverse]`` of kind ``published`` and the parameters found.
+    values: ``kappa_rad``, ``phi_1_rad``, ``chi_rad``.
+    sigma: standard deviation of each; None for one at a bound or without effect.
+    correlation: of each pair that has standard deviations, ``"kappa_rad phi_1_rad"``.
+    phi_range_1_rad: range of phi over which the RMS error, kappa and chi refitted, rises by less
+        than 1 %.
+    sets, published: errors of the parameters found, and of table 4.2's on the same data.
+    seed, population, evaluations: of the search; runs of the C over all training data.
+    runner_up: cost of the second best finalist over the best's: 1 when the optimum was found
+        repeatedly.
     """
 
     device: Device
@@ -298,11 +203,8 @@ class InverseFit:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content, the same for the same input.
 
-        Returns
-        -------
-        dict
-            Parameters with standard deviation and bounds, errors per data set in rad and in % of
-            the largest identified deflection, notes.
+        return: parameters with standard deviation and bounds, errors per data set in rad and in %
+            of the largest identified deflection, notes.
         """
         full = self.device.file.domain.theta_max_rad.value
         parameters = {}
@@ -381,29 +283,9 @@ def refit_inverse(
 ) -> InverseFit:
     """Refit kappa, phi and chi to recordings.
 
-    Parameters
-    ----------
-    device : Device
-        Forward model: k1 and k3 of the envelope.  It must have no dead zone.
-    recordings : sequence of Recording
-        Data; training cycles fit, held-out ones judge.
-    source : str
-        What the device file shall name as the parameters' source.
-    seed, population : int
-        Of the starting population; its size is a power of two.
-    progress : callable, optional
-        ``progress(share, text)``.
-
-    Returns
-    -------
-    InverseFit
-        Parameters, what is known of them, errors.
-
-    Raises
-    ------
-    UserError
-        When a recorded torque is beyond the device's limit, no sample trains, or the device cannot
-        have a published inverse (no linear stiffness, or a dead zone).
+    device: forward model: k1 and k3 of the envelope. It must have no dead zone.
+    source: what the device file shall name as the parameters' source.
+    progress: ``progress(share, text)``.
     """
     tell: Progress = progress or (lambda share, text: None)
     _check(device, recordings)
@@ -468,24 +350,9 @@ def refit_identified(
 ) -> tuple[Identification, InverseFit]:
     """Refit the inverse of a device that has just been identified, on the same recordings.
 
-    Parameters
-    ----------
-    result : Identification
-        Its device is the forward model; the mapping's search seed is used.
-    progress : callable, optional
-        ``progress(share, text)``.
-
-    Returns
-    -------
-    Identification
-        The same, its device with ``[inverse]``, so that :meth:`Identification.write` writes it.
-    InverseFit
-        The refit.
-
-    Raises
-    ------
-    UserError
-        As :func:`refit_inverse`.
+    result: its device is the forward model; the mapping's search seed is used.
+    progress: ``progress(share, text)``.
+    return: the same, its device with ``[inverse]``, so that :meth:`Identification.write` writes it.
     """
     names = [r.file for r in result.recordings if any(len(s.training) for s in r.sets)]
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""

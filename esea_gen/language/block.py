@@ -314,22 +314,7 @@ class Labels:
         self.items: list[tuple[str, str, ca.SX]] = []
 
     def __call__(self, name: str, value: ca.SX, comment: str = "") -> ca.SX:
-        """Name an intermediate value.
-
-        Parameters
-        ----------
-        name : str
-            Variable name in the emitted C.
-        value : casadi.SX
-            Scalar expression.
-        comment : str
-            Comment above it, with the equation number.
-
-        Returns
-        -------
-        casadi.SX
-            ``value``, unchanged.
-        """
+        """Name an intermediate value."""
         self.items.append((name, comment, value))
         return value
 

@@ -30,17 +30,7 @@ class _LeaveError(Exception):
 class ProgramSimulator:
     """Runs a Program in Python, float64, kernels by CasADi's evaluator.
 
-    Parameters
-    ----------
-    program : Program
-        What to run.
-    tunables : mapping of str to float, optional
-        Values other than the defaults.
-
-    Raises
-    ------
-    ValueError
-        For a tunable that is unknown or outside its bounds.
+    tunables: values other than the defaults.
     """
 
     def __init__(self, program: Program, tunables: Mapping[str, float] | None = None) -> None:
@@ -101,37 +91,13 @@ class ProgramSimulator:
                 self._arrays[array_name("state", p.name)][:] = given
 
     def array(self, name: str) -> Array:
-        """A copy of a work array as the last step left it.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-
-        Returns
-        -------
-        ndarray
-            Its content.
-        """
+        """A copy of a work array as the last step left it."""
         return self._arrays[name].copy()
 
     def step(self, **inputs: Any) -> dict[str, Any]:
         """One step.
 
-        Parameters
-        ----------
-        **inputs : float or ndarray
-            One value per input port.
-
-        Returns
-        -------
-        dict
-            One value per output port: float, ndarray for a vector, int for a status word.
-
-        Raises
-        ------
-        TypeError
-            When the names are not the input ports'.
+        return: one value per output port: float, ndarray for a vector, int for a status word.
         """
         if set(inputs) != {p.name for p in self.block.inputs}:
             raise TypeError(
@@ -155,16 +121,9 @@ class ProgramSimulator:
     def run(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Run over a stream, going on from the present state.
 
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            One array per input port, shape (steps,) or (steps, size).
-
-        Returns
-        -------
-        outputs, states : dict of str to ndarray
-            One array per port: (steps,) for scalars, (steps, size) for vectors; the state is the
-            one after each step.
+        inputs: one array per input port, shape (steps,) or (steps, size).
+        return: one array per port: (steps,) for scalars, (steps, size) for vectors; the state is
+            the one after each step.
         """
         rows = {k: np.asarray(v, dtype=float) for k, v in inputs.items()}
         steps = len(next(iter(rows.values())))

@@ -21,14 +21,8 @@ class ProgramError(ValueError):
 class Ix:
     """A whole-numbered expression: a constant, index variables times constants, table entries.
 
-    Parameters
-    ----------
-    constant : int
-        Constant part.
-    terms : tuple of (int, str)
-        Coefficient and index variable.
-    lookups : tuple of (int, str, Ix)
-        Coefficient, index table, and the place in it.
+    terms: coefficient and index variable.
+    lookups: coefficient, index table, and the place in it.
     """
 
     constant: int = 0
@@ -37,18 +31,7 @@ class Ix:
 
     @staticmethod
     def of(value: Ix | int) -> Ix:
-        """An expression from a number or an expression.
-
-        Parameters
-        ----------
-        value : Ix or int
-            What to take.
-
-        Returns
-        -------
-        Ix
-            The expression.
-        """
+        """An expression from a number or an expression."""
         return value if isinstance(value, Ix) else Ix(int(value))
 
     def __add__(self, other: Ix | int) -> Ix:
@@ -81,20 +64,7 @@ class Ix:
         return Ix.of(other) + self * -1
 
     def value(self, env: Mapping[str, int], tables: Mapping[str, Sequence[int]]) -> int:
-        """Its value.
-
-        Parameters
-        ----------
-        env : mapping of str to int
-            Index variables.
-        tables : mapping of str to sequence of int
-            Index tables.
-
-        Returns
-        -------
-        int
-            The number.
-        """
+        """Its value."""
         total = self.constant
         for c, v in self.terms:
             total += c * env[v]
@@ -103,20 +73,7 @@ class Ix:
         return total
 
     def fold(self, env: Mapping[str, int], tables: Mapping[str, Sequence[int]]) -> Ix:
-        """With some index variables replaced by numbers.
-
-        Parameters
-        ----------
-        env : mapping of str to int
-            Those that are known.
-        tables : mapping of str to sequence of int
-            Index tables.
-
-        Returns
-        -------
-        Ix
-            What is left.
-        """
+        """With some index variables replaced by numbers."""
         out = Ix(self.constant)
         for c, v in self.terms:
             out = out + (Ix(c * env[v]) if v in env else Ix(0, ((c, v),)))
@@ -131,19 +88,7 @@ class Ix:
 
 @dataclass(frozen=True)
 class Ref:
-    """A slice of an array.
-
-    Parameters
-    ----------
-    array : str
-        Its name.
-    start : Ix
-        First element.
-    length : int
-        Number of elements.
-    stride : int
-        Distance between them.
-    """
+    """A slice of an array."""
 
     array: str
     start: Ix
@@ -155,20 +100,10 @@ class Ref:
 class Memory:
     """An array of a Program.
 
-    Parameters
-    ----------
-    name : str
-        C name.
-    size : int
-        Number of elements.
-    region : str
-        Where it lives: a port's struct, ``work`` (in the state struct, carries nothing from one
+    region: where it lives: a port's struct, ``work`` (in the state struct, carries nothing from one
         step to the next), ``local`` (on the stack of one part), ``table`` (constant) or ``index``
         (constant whole numbers).
-    meaning : str
-        One sentence.
-    values : mapping of str to tuple of float, or tuple of int
-        Tables: content by number format; index tables: the numbers.
+    values: tables: content by number format; index tables: the numbers.
     """
 
     name: str
@@ -188,16 +123,8 @@ class Memory:
     def at(self, place: Ix | int) -> Ix:
         """An entry as an index.
 
-        Parameters
-        ----------
-        place : Ix or int
-            Which entry: of an index table, or of a work array that holds a whole number which
+        place: which entry: of an index table, or of a work array that holds a whole number which
             the same step has put there.
-
-        Returns
-        -------
-        Ix
-            Its value.
         """
         return Ix(0, (), ((1, self.name, Ix.of(place)),))
 
@@ -206,14 +133,7 @@ class Memory:
 class Call:
     """A kernel on slices: reads all of them, then writes its results.
 
-    Parameters
-    ----------
-    kernel : casadi.Function
-        Scalar expressions.
-    args, results : tuple of Ref
-        One for each argument and result.
-    note : str
-        Comment in the C.
+    args, results: one for each argument and result.
     """
 
     kernel: ca.Function
@@ -226,20 +146,10 @@ class Call:
 class For:
     """A loop from ``start`` up to, not including, ``stop``.
 
-    Parameters
-    ----------
-    var : str
-        Index variable, visible in the body only.
-    start, stop : Ix
-        Range.
-    most : Ix
-        Largest number of passes for one entry; may read index tables.
-    body : list of statements
-        What is repeated.
-    unroll : bool
-        Printed once for each pass; the range must be constant or that of unrolled loops around.
-    total : int, optional
-        Largest number of passes of all entries in one step, where that is less than what the
+    var: index variable, visible in the body only.
+    most: largest number of passes for one entry; may read index tables.
+    unroll: printed once for each pass; the range must be constant or that of unrolled loops around.
+    total: largest number of passes of all entries in one step, where that is less than what the
         ranges allow: the executor holds every step against it.
     """
 
@@ -256,12 +166,7 @@ class For:
 class When:
     """One of two ways.
 
-    Parameters
-    ----------
-    flag : Ref or tuple of (Ix, str, Ix)
-        A real element that is not 0, or a comparison (``<``, ``==``) of whole numbers.
-    then, otherwise : list of statements
-        The ways.
+    flag: a real element that is not 0, or a comparison (``<``, ``==``) of whole numbers.
     """
 
     flag: Ref | tuple[Ix, str, Ix]
@@ -271,28 +176,14 @@ class When:
 
 @dataclass(frozen=True)
 class Leave:
-    """Leave the innermost loop when a real element is not 0.
-
-    Parameters
-    ----------
-    flag : Ref
-        The element.
-    """
+    """Leave the innermost loop when a real element is not 0."""
 
     flag: Ref
 
 
 @dataclass(frozen=True)
 class SetIndex:
-    """Give an index variable a value.
-
-    Parameters
-    ----------
-    var : str
-        The variable.
-    value : Ix
-        Its new value.
-    """
+    """Give an index variable a value."""
 
     var: str
     value: Ix
@@ -302,12 +193,7 @@ class SetIndex:
 class Invoke:
     """Run another part of the body.
 
-    Parameters
-    ----------
-    part : str
-        Its name.
-    args : tuple of Ix
-        Values of its index parameters.
+    args: values of its index parameters.
     """
 
     part: str
@@ -319,19 +205,7 @@ Statement = Call | For | When | Leave | SetIndex | Invoke
 
 @dataclass(frozen=True)
 class Part:
-    """A named piece of the body: a static function in the C.
-
-    Parameters
-    ----------
-    name : str
-        C identifier.
-    params : tuple of str
-        Index parameters.
-    body : list of statements
-        What it does.
-    comment : str
-        One sentence.
-    """
+    """A named piece of the body: a static function in the C."""
 
     name: str
     params: tuple[str, ...]
@@ -340,18 +214,7 @@ class Part:
 
 
 def walk_statements(body: Sequence[Statement]) -> Iterator[Statement]:
-    """Every statement of a body, the inner ones too.
-
-    Parameters
-    ----------
-    body : sequence of statements
-        The body.
-
-    Yields
-    ------
-    Statement
-        Each, the outer one first.
-    """
+    """Every statement of a body, the inner ones too."""
     for s in body:
         yield s
         if isinstance(s, For):

@@ -17,29 +17,17 @@ if TYPE_CHECKING:
 class Drive:
     """Numbers of a device with a drive, and the ranges that its ports share.
 
-    Parameters
-    ----------
-    actuator, joint, disturbance, sliding_mode, impedance : Section
-        Sections of the device file, none missing.
-    control_period_s : float
-        Period of the control task.
-    theta_low_rad, theta_high_rad : float
-        Range of a joint angle, on either side of the coupling.
-    delta_rad : float
-        Largest plausible |deflection|.
-    omega_rad_s : float
-        Largest plausible |speed| of either side.
-    rate_rad_s : float
-        Largest plausible |deflection rate|.
-    tau_Nm : float
-        Largest plausible |interaction torque|.
-    tau_h_Nm : float
-        Largest plausible |torque of the person|.
-    u_Nm : float
-        Largest |motor torque|, at the motor shaft.
-    d4_rad_s2 : float
-        Largest |disturbance| of the drive: the acceleration that the whole motor torque gives, for
-        more than that no command could make up.
+    actuator, joint, disturbance, sliding_mode, impedance: sections of the device file, none
+        missing.
+    theta_low_rad, theta_high_rad: range of a joint angle, on either side of the coupling.
+    delta_rad: largest plausible |deflection|.
+    omega_rad_s: largest plausible |speed| of either side.
+    rate_rad_s: largest plausible |deflection rate|.
+    tau_Nm: largest plausible |interaction torque|.
+    tau_h_Nm: largest plausible |torque of the person|.
+    u_Nm: largest |motor torque|, at the motor shaft.
+    d4_rad_s2: largest |disturbance| of the drive: the acceleration that the whole motor torque
+        gives, for more than that no command could make up.
     """
 
     actuator: Actuator
@@ -60,23 +48,7 @@ class Drive:
 
 
 def drive_of(device: DeviceData) -> Drive:
-    """The drive of a device.
-
-    Parameters
-    ----------
-    device : DeviceData
-        The device.
-
-    Returns
-    -------
-    Drive
-        Its numbers and ranges; thresholds are float32 numbers.
-
-    Raises
-    ------
-    UserError
-        When the device file has no drive, or lacks one of its sections.
-    """
+    """The drive of a device."""
     f = device.file
     a, j, d, s, i = f.actuator, f.joint, f.disturbance, f.sliding_mode, f.impedance
     rate = f.timing.control_rate_Hz

@@ -36,17 +36,7 @@ MOST_KEPT = 501
 def parabola_weights(values: int = VALUES, spacing_s: float = SPACING_S) -> Array:
     """What each past value adds to the least-squares parabola.
 
-    Parameters
-    ----------
-    values : int
-        Number of values, newest first; 3 or more.
-    spacing_s : float
-        Time between two of them.
-
-    Returns
-    -------
-    ndarray
-        Shape (3, values): times the values it gives c with y(t) = c[0] + c[1] t + c[2] t^2, t
+    return: shape (3, values): times the values it gives c with y(t) = c[0] + c[1] t + c[2] t^2, t
         counted from the newest value on.
     """
     t = -spacing_s * np.arange(values)
@@ -56,25 +46,11 @@ def parabola_weights(values: int = VALUES, spacing_s: float = SPACING_S) -> Arra
 def parabola(device: DeviceData) -> Block:
     """Torque of the person with its slope and curvature, from a parabola through past values.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive; the Block runs at the rate of its control task.
+    device: a device with a drive; the Block runs at the rate of its control task.
+    return: input ``tau_h_Nm``, an observer's estimate; outputs ``tau_h_fit_Nm``,
+        ``tau_h_rate_Nm_s`` and ``tau_h_curve_Nm_s2``, value and derivatives of the parabola now,
+        and a status word.
 
-    Returns
-    -------
-    Block
-        Input ``tau_h_Nm``, an observer's estimate; outputs ``tau_h_fit_Nm``, ``tau_h_rate_Nm_s``
-        and ``tau_h_curve_Nm_s2``, value and derivatives of the parabola now, and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or 0.05 s is not a whole number of control periods, or too
-        many of them.
-
-    Notes
-    -----
     At a control rate above 20 Hz the values between are kept too, so that the parabola always goes
     through the newest value's neighbourhood: 11 values 0.05 s apart, of which the newest is now.
     Until there are so many, the first one stands for those that are missing.  An invalid input

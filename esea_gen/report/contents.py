@@ -40,18 +40,8 @@ OPERATION_GROUPS = (
 class BoardRun:
     """What became of the firmware.
 
-    Parameters
-    ----------
-    name, title : str
-        The board.
-    image : FirmwareImage or None
-        None when it was not built.
-    results : dict of str to EmulatorResult
-        By stream or task.
-    skipped : str
-        Why it did not run: a tool is missing.
-    failed : str
-        Why it did not run: something is wrong.
+    skipped: why it did not run: a tool is missing.
+    failed: why it did not run: something is wrong.
     """
 
     name: str
@@ -77,26 +67,8 @@ def on_board(
 ) -> BoardRun:
     """Build firmware and run it, whatever comes of it.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    board : str
-        Board.
-    say : callable
-        Told in words what is being done.
-    emulate : callable
-        Given the image; puts each result into the dictionary as it has it.
-
-    Returns
-    -------
-    BoardRun
-        Skipped when a tool is missing, failed when the firmware does not build or answer.
-
-    Raises
-    ------
-    UserError
-        For an unknown board; for a missing tool when ``ESEA_REQUIRE_TOOLS=1``.
+    emulate: given the image; puts each result into the dictionary as it has it.
+    return: skipped when a tool is missing, failed when the firmware does not build or answer.
     """
     title = BOARDS[board].title if board in BOARDS else ""
     image = None
@@ -117,18 +89,7 @@ def on_board(
 
 
 def verification_problems(verification: Verification) -> list[str]:
-    """Every comparison that failed, one line each.
-
-    Parameters
-    ----------
-    verification : Verification
-        The C against the symbolic Blocks.
-
-    Returns
-    -------
-    list of str
-        Block, number format, stream and what is wrong.
-    """
+    """Every comparison that failed, one line each."""
     found = []
     for c in verification.comparisons:
         where = f"{c.block}, {REAL_NAMES[c.real]}, {c.stream}"
@@ -141,18 +102,7 @@ def verification_problems(verification: Verification) -> list[str]:
 
 
 def board_problems(board: BoardRun) -> list[str]:
-    """What went wrong on the board, one line each.
-
-    Parameters
-    ----------
-    board : BoardRun
-        The runs.
-
-    Returns
-    -------
-    list of str
-        A failure, first differences, wrong hashes.
-    """
+    """What went wrong on the board, one line each."""
     found = [f"board {board.name}: {board.failed}"] if board.failed else []
     for label, r in (board.results or {}).items():
         if r.first_difference is not None:
@@ -170,18 +120,7 @@ def board_problems(board: BoardRun) -> list[str]:
 
 
 def quantities(device: Device) -> list[dict[str, Any]]:
-    """Every number of the device file with its unit, status and source.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-
-    Returns
-    -------
-    list of dict
-        JSON-ready, in the order of the file.
-    """
+    """Every number of the device file with its unit, status and source."""
     return [
         {
             "key": key,
@@ -197,18 +136,7 @@ def quantities(device: Device) -> list[dict[str, Any]]:
 
 
 def by_section(parameters: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Numbers by the section of the device file.
-
-    Parameters
-    ----------
-    parameters : list of dict
-        As :func:`quantities` gives them.
-
-    Returns
-    -------
-    dict of str to list
-        In order.
-    """
+    """Numbers by the section of the device file."""
     out: dict[str, list[dict[str, Any]]] = {}
     for p in parameters:
         out.setdefault(p["section"], []).append(p)
@@ -216,18 +144,7 @@ def by_section(parameters: list[dict[str, Any]]) -> dict[str, list[dict[str, Any
 
 
 def block_tables(device: Device) -> list[dict[str, Any]]:
-    """Blocks with their equations, ports and tunables, for the template.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-
-    Returns
-    -------
-    list of dict
-        One a kind of Block.
-    """
+    """Blocks with their equations, ports and tunables, for the template."""
     return [
         {
             "name": b.name,
@@ -246,20 +163,7 @@ def block_tables(device: Device) -> list[dict[str, Any]]:
 
 
 def generated_code(device: Device, bundles: Sequence[Bundle]) -> dict[str, Any]:
-    """Generated files with their sizes, and operations of every kernel.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    bundles : sequence of Bundle
-        Its generated folders.
-
-    Returns
-    -------
-    dict
-        JSON-ready: ``folders`` and ``kernels``.
-    """
+    """Generated files with their sizes, and operations of every kernel."""
     folders = []
     for bundle in bundles:
         files: list[dict[str, Any]] = [

@@ -70,18 +70,10 @@ STATE_STORY = {
 class Run:
     """One deflection through the device's C, whole task, on the host.
 
-    Parameters
-    ----------
-    label : str
-        Name of the stream.
-    time_s, theta_rad : ndarray
-        Samples at the sensing rate, shape (n,).
-    outputs : dict of str to dict
-        Per number format, per output: what the C gave.
-    sensor : dict of str to dict
-        Per number format: the first axis' sensor outputs, under its Block's port names.
-    recording : Recording or None
-        Where the deflection comes from.
+    time_s, theta_rad: samples at the sensing rate, shape (n,).
+    outputs: per number format, per output: what the C gave.
+    sensor: per number format: the first axis' sensor outputs, under its Block's port names.
+    recording: where the deflection comes from.
     """
 
     label: str
@@ -92,20 +84,7 @@ class Run:
     recording: Recording | None
 
     def torque_at(self, real: str, time_s: Array) -> Array:
-        """Torque of the C in a number format, at other times (interpolated).
-
-        Parameters
-        ----------
-        real : str
-            Number format.
-        time_s : ndarray
-            Times.
-
-        Returns
-        -------
-        ndarray
-            Torque in Nm.
-        """
+        """Torque of the C in a number format, at other times (interpolated)."""
         grid = np.asarray(self.time_s, dtype=np.float64)
         return resample(grid, self.sensor[real]["tau_Nm"].astype(np.float64), time_s)
 
@@ -114,22 +93,8 @@ class Run:
 class Findings:
     """What was found of a device.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    verification : Verification
-        The C against the symbolic Blocks.
-    bundles : tuple of Bundle
-        Generated files.
-    runs : tuple of Run
-        Deflections through the C.
-    board : BoardRun
-        Firmware.
-    mapping : MappingFile or None
-        Meaning of the recordings, when there are any.
-    command : str
-        What makes this page again.
+    verification: the C against the symbolic Blocks.
+    mapping: meaning of the recordings, when there are any.
     """
 
     device: Device
@@ -166,18 +131,7 @@ class Findings:
         return [p.name for p in block.outputs if not p.flags]
 
     def worst(self, real: str) -> dict[str, Any]:
-        """Largest output error of any Block and stream in a number format.
-
-        Parameters
-        ----------
-        real : str
-            Number format.
-
-        Returns
-        -------
-        dict
-            JSON-ready content.
-        """
+        """Largest output error of any Block and stream in a number format."""
         full = self.verification.full_scale
         torque = self.verification.worst(real, "sensor").get("tau_Nm", 0.0)
         return max(
@@ -418,10 +372,8 @@ class Findings:
     def to_dict(self) -> dict[str, Any]:
         """The findings, JSON-ready: no NaN, no time of day, no path.
 
-        Returns
-        -------
-        dict
-            Verdict, headline figures, parameters, equations, errors, bounds, code, board, notes.
+        return: verdict, headline figures, parameters, equations, errors, bounds, code, board,
+            notes.
         """
         worst = {real: self.worst(real) for real in REALS}
         board = self.board
@@ -503,13 +455,7 @@ class Findings:
         return lines
 
     def html(self) -> str:
-        """The page, one self-contained file.
-
-        Returns
-        -------
-        str
-            HTML.
-        """
+        """The page, one self-contained file."""
         content = self.to_dict()
         return render(
             "report/device.html.j2",
@@ -703,28 +649,7 @@ def gather(
 ) -> Findings:
     """Build, verify, emulate and measure a device.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    recording : Path, optional
-        Mapping file of recordings to run.
-    data : Path, optional
-        Folder of the recordings; the mapping file's own when not given.
-    board : str
-        Board to build firmware for.
-    progress : callable, optional
-        Told in words what is being done.
-
-    Returns
-    -------
-    Findings
-        For the page, the JSON file and the terminal.
-
-    Raises
-    ------
-    UserError
-        For bad input, a missing host compiler, or, with ``ESEA_REQUIRE_TOOLS=1``, any missing tool.
+    data: folder of the recordings; the mapping file's own when not given.
     """
     if device.file.sliding_mode is not None:
         raise UserError(
@@ -774,26 +699,7 @@ def _run(
 def run_board(device: Device, board: str, deflections: Mapping[str, Array], say: Say) -> BoardRun:
     """Build firmware and run deflections on it.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    board : str
-        Board.
-    deflections : mapping of str to ndarray
-        Deflection at the sensing rate, by name.
-    say : callable
-        Told in words what is being done.
-
-    Returns
-    -------
-    BoardRun
-        Skipped when a tool is missing, failed when the firmware does not build or answer.
-
-    Raises
-    ------
-    UserError
-        For an unknown board; for a missing tool when ``ESEA_REQUIRE_TOOLS=1``.
+    return: skipped when a tool is missing, failed when the firmware does not build or answer.
     """
 
     def emulate(image: FirmwareImage, results: dict[str, EmulatorResult]) -> None:

@@ -54,22 +54,9 @@ TICKS = 3000
 class DriveFindings:
     """What was found of a device with a drive.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    verification : Verification
-        The C against the symbolic Blocks.
-    bundles : tuple of Bundle
-        Generated files.
-    simulations : dict of str to Simulation
-        By experiment, of the device's controller.
-    yardsticks : dict of str to Simulation
-        The same of sliding mode control as printed, where it is compared.
-    board : BoardRun
-        Firmware, its results by task.
-    command : str
-        What makes this page again.
+    verification: the C against the symbolic Blocks.
+    simulations: by experiment, of the device's controller.
+    yardsticks: the same of sliding mode control as printed, where it is compared.
     """
 
     device: Device
@@ -237,10 +224,7 @@ class DriveFindings:
     def to_dict(self) -> dict[str, Any]:
         """The findings, JSON-ready: no NaN, no time of day, no path.
 
-        Returns
-        -------
-        dict
-            Verdict, tasks, experiments, response, checks, parameters, code, board, notes.
+        return: verdict, tasks, experiments, response, checks, parameters, code, board, notes.
         """
         board = self.board
         results = {
@@ -307,13 +291,7 @@ class DriveFindings:
         return lines
 
     def html(self) -> str:
-        """The page, one self-contained file.
-
-        Returns
-        -------
-        str
-            HTML.
-        """
+        """The page, one self-contained file."""
         content = self.to_dict()
         captions = {
             name: EXPERIMENTS[name].title for name in (*COMPARED, *ALONE) if name in EXPERIMENTS
@@ -341,27 +319,7 @@ class DriveFindings:
 def gather_drive(
     device: Device, board: str = "netduinoplus2", progress: Say | None = None
 ) -> DriveFindings:
-    """Build, verify, simulate and emulate a device with a drive.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    board : str
-        Board to build firmware for.
-    progress : callable, optional
-        Told in words what is being done.
-
-    Returns
-    -------
-    DriveFindings
-        For the page, the JSON file and the terminal.
-
-    Raises
-    ------
-    UserError
-        For bad input, a missing host compiler, or, with ``ESEA_REQUIRE_TOOLS=1``, any missing tool.
-    """
+    """Build, verify, simulate and emulate a device with a drive."""
     say = progress or (lambda _: None)
     say("generating")
     bundles = (*render_device(device, REALS), render_dialect(device))
@@ -389,26 +347,7 @@ def gather_drive(
 def run_tasks_on_board(device: Device, board: str, ticks: int, say: Say) -> BoardRun:
     """Build firmware and run a drive's tasks on it, inputs as in closed loop.
 
-    Parameters
-    ----------
-    device : Device
-        A device with a drive.
-    board : str
-        Board.
-    ticks : int
-        How many milliseconds of the tuning case.
-    say : callable
-        Told in words what is being done.
-
-    Returns
-    -------
-    BoardRun
-        Skipped when a tool is missing, failed when the firmware does not build or answer.
-
-    Raises
-    ------
-    UserError
-        For an unknown board; for a missing tool when ``ESEA_REQUIRE_TOOLS=1``.
+    return: skipped when a tool is missing, failed when the firmware does not build or answer.
     """
 
     def emulate(image: FirmwareImage, results: dict[str, EmulatorResult]) -> None:

@@ -39,22 +39,11 @@ MOST_PANELS = 16
 class Trace:
     """Torque over one recording, for plots.
 
-    Parameters
-    ----------
-    label : str
-        Name of the recording.
-    time_s, theta_rad, model_Nm : ndarray
-        Samples, shape (n,).
-    measured_Nm : ndarray or None
-        Measured torque at the same samples.
-    parts : tuple of (str, ndarray)
-        Data sets: title and their samples; one panel of loops each.
-    held_out : ndarray or None
-        Samples that served no training.
-    model_name : str
-        What made ``model_Nm``.
-    components : tuple of (str, ndarray)
-        Parts of the model's torque, for a panel of their own.
+    time_s, theta_rad, model_Nm: samples, shape (n,).
+    measured_Nm: measured torque at the same samples.
+    parts: data sets: title and their samples; one panel of loops each.
+    held_out: samples that served no training.
+    components: parts of the model's torque, for a panel of their own.
     """
 
     label: str
@@ -77,15 +66,7 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
 def share_loops(traces: Sequence[Trace]) -> Trace | None:
     """Recordings of one loop each as one trace, so that their loops share a figure.
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        One a recording.
-
-    Returns
-    -------
-    Trace or None
-        None when there is only one, or some have several data sets.
+    return: none when there is only one, or some have several data sets.
     """
     if len(traces) < 2 or any(len(t.parts) > 1 or t.components for t in traces):
         return None
@@ -117,22 +98,7 @@ def _ticks(figure: Figure) -> None:
 
 
 def loops(trace: Trace, name: str, points: int) -> Markup:
-    """Hysteresis loops: torque over deflection, one panel a data set.
-
-    Parameters
-    ----------
-    trace : Trace
-        What to draw.
-    name : str
-        Unique name of the figure.
-    points : int
-        Most points to draw.
-
-    Returns
-    -------
-    Markup
-        Inline SVG.
-    """
+    """Hysteresis loops: torque over deflection, one panel a data set."""
     parts = trace.parts[:MOST_PANELS]
     panels = len(parts) + bool(trace.components)
     columns = panels if panels <= 4 else 3 if panels <= 6 else 4
@@ -192,26 +158,7 @@ def loops(trace: Trace, name: str, points: int) -> Markup:
 def over_time(
     trace: Trace, name: str, points: int, full_scale_Nm: float, rounding: tuple[Array, Array] | None
 ) -> Markup:
-    """Torque, its error and its rounding error over time.
-
-    Parameters
-    ----------
-    trace : Trace
-        What to draw.
-    name : str
-        Unique name of the figure.
-    points : int
-        Most points to draw.
-    full_scale_Nm : float
-        100 %.
-    rounding : tuple of ndarray, optional
-        Time and float32 minus float64 torque, in Nm.
-
-    Returns
-    -------
-    Markup
-        Inline SVG.
-    """
+    """Torque, its error and its rounding error over time."""
     measured = trace.measured_Nm
     panels = 1 + (measured is not None) + (rounding is not None)
     share = max(points // (panels + 1), 200)
@@ -279,12 +226,7 @@ def _stretches(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
 class StreamError:
     """Errors of one stream, in % of full scale, for the overview.
 
-    Parameters
-    ----------
-    stream : str
-        Its name.
-    f64, f32, bound : float or None
-        Largest errors, and what float32 must not exceed.
+    f64, f32, bound: largest errors, and what float32 must not exceed.
     """
 
     stream: str
@@ -296,19 +238,7 @@ class StreamError:
 def error_overview(rows: Sequence[StreamError], fit: float | None, name: str) -> Markup:
     """Errors of the torque on a logarithmic scale, one line a stream.
 
-    Parameters
-    ----------
-    rows : sequence of StreamError
-        What was found.
-    fit : float or None
-        RMS error against the measured torque, in % of full scale.
-    name : str
-        Unique name of the figure.
-
-    Returns
-    -------
-    Markup
-        Inline SVG.
+    fit: RMS error against the measured torque, in % of full scale.
     """
     values = [v for r in rows for v in (r.f64, r.f32, r.bound) if v]
     if fit:
@@ -369,17 +299,7 @@ def _decade(value: float, floor: float) -> str:
 def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup:
     """Parameters with their standard deviation, relative to their value.
 
-    Parameters
-    ----------
-    rows : sequence of (str, float, float or None)
-        Name, value, standard deviation (None when there is none).
-    name : str
-        Unique name of the figure.
-
-    Returns
-    -------
-    Markup
-        Inline SVG.
+    rows: name, value, standard deviation (None when there is none).
     """
     shown = [(n, abs(s / v)) for n, v, s in rows if s is not None and v != 0]
     with mpl.rc_context(STYLE):

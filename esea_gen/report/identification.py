@@ -15,18 +15,7 @@ from esea_gen.report.page import finite, render
 
 
 def identification_page(result: Identification) -> str:
-    """The page of an identification, one self-contained file.
-
-    Parameters
-    ----------
-    result : Identification
-        From :func:`esea_gen.identify.identify`.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """The page of an identification, one self-contained file."""
     content = finite(result.to_dict())
     device = result.device
     parameters = [

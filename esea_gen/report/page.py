@@ -17,13 +17,7 @@ STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "deri
 
 @cache
 def environment() -> jinja2.Environment:
-    """The Jinja environment of the pages: HTML is escaped, an undefined name is an error.
-
-    Returns
-    -------
-    jinja2.Environment
-        With the filters below.
-    """
+    """The Jinja environment of the pages: HTML is escaped, an undefined name is an error."""
     env = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()),
         undefined=jinja2.StrictUndefined,
@@ -45,38 +39,12 @@ def environment() -> jinja2.Environment:
 
 
 def render(template: str, **context: Any) -> str:
-    """Render a page.
-
-    Parameters
-    ----------
-    template : str
-        Path below the template folder.
-    **context : Any
-        What it shows.
-
-    Returns
-    -------
-    str
-        The whole file.
-    """
+    """Render a page."""
     return environment().get_template(template).render(**context)
 
 
 def number(value: float | None, digits: int = 2) -> str | Markup:
-    """A measured or derived figure, rounded; very small and large ones as powers of ten.
-
-    Parameters
-    ----------
-    value : float or None
-        The figure; None is shown as a dash.
-    digits : int
-        Significant digits.
-
-    Returns
-    -------
-    str or Markup
-        HTML.
-    """
+    """A measured or derived figure, rounded; very small and large ones as powers of ten."""
     if value is None:
         return "–"
     if not math.isfinite(value):
@@ -93,18 +61,7 @@ def number(value: float | None, digits: int = 2) -> str | Markup:
 
 
 def plain(value: float) -> str | Markup:
-    """A parameter's value: six significant digits, no more zeros than it needs.
-
-    Parameters
-    ----------
-    value : float
-        The value.
-
-    Returns
-    -------
-    str or Markup
-        HTML.
-    """
+    """A parameter's value: six significant digits, no more zeros than it needs."""
     if value != 0 and not 1e-4 <= abs(value) < 1e6:
         short = f"{value:.5e}".split("e")[0].rstrip("0").rstrip(".")
         return number(value, max(1, len(short.replace(".", "").lstrip("-"))))
@@ -112,18 +69,7 @@ def plain(value: float) -> str | Markup:
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it is read.
-
-    Parameters
-    ----------
-    unit : str
-        As :func:`esea_gen.language.block.unit_of` gives it.
-
-    Returns
-    -------
-    str
-        ``Nm/rad³``; empty for a dimensionless value.
-    """
+    """A unit as it is read."""
     if unit in ("1", "bits"):
         return ""
     for plain_text, raised in _SUPERSCRIPT.items():
@@ -132,20 +78,7 @@ def unit_text(unit: str) -> str:
 
 
 def for_people(value: float, unit: str) -> str:
-    """The same value in degrees, for angles and their rates.
-
-    Parameters
-    ----------
-    value : float
-        In the SI unit.
-    unit : str
-        That unit.
-
-    Returns
-    -------
-    str
-        ``11.5°`` or empty.
-    """
+    """The same value in degrees, for angles and their rates."""
     if unit not in ("rad", "rad/s"):
         return ""
     degrees = math.degrees(value)
@@ -154,50 +87,20 @@ def for_people(value: float, unit: str) -> str:
 
 
 def count_text(value: int) -> str:
-    """A whole number with thin spaces between thousands.
-
-    Parameters
-    ----------
-    value : int
-        The number.
-
-    Returns
-    -------
-    str
-        ``52 737``.
-    """
+    """A whole number with thin spaces between thousands."""
     return f"{value:,}".replace(",", "\u202f")
 
 
 def mathml(equation: str) -> Markup:
     """An equation for the page.
 
-    Parameters
-    ----------
-    equation : str
-        Presentation MathML of a Block's equation: our own output, so not escaped.
-
-    Returns
-    -------
-    Markup
-        The same.
+    equation: presentation MathML of a Block's equation: our own output, so not escaped.
     """
     return Markup(equation)
 
 
 def finite(content: Any) -> Any:
-    """JSON-ready content: None in place of NaN and infinity, plain Python numbers.
-
-    Parameters
-    ----------
-    content : Any
-        Dictionaries, sequences, numbers (numpy's too), text.
-
-    Returns
-    -------
-    Any
-        The same, without anything that JSON lacks.
-    """
+    """JSON-ready content: None in place of NaN and infinity, plain Python numbers."""
     if isinstance(content, dict):
         return {str(k): finite(v) for k, v in content.items()}
     if isinstance(content, (list, tuple)):

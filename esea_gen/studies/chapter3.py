@@ -29,20 +29,8 @@ RAMP_RAD_S = np.deg2rad(20.0)
 class Figure3:
     """One number of the forward model.
 
-    Parameters
-    ----------
-    name : str
-        Short name.
-    meaning : str
-        What was done and read off.
-    unit : str
-        Unit.
-    ours : float
-        From the emitted C.
-    thesis : float or None
-        As printed; None where the text prints none.
-    reference : float or None
-        From an independent recomputation of the same equations.
+    thesis: as printed; None where the text prints none.
+    reference: from an independent recomputation of the same equations.
     """
 
     name: str
@@ -57,16 +45,8 @@ class Figure3:
 class Chapter3:
     """The forward model's behaviour.
 
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    figures : tuple of Figure3
-        Every number.
-    loops : dict of str to (ndarray, ndarray)
-        Per excitation, deflection in rad and torque in Nm.
-    relaxation : dict of str to (ndarray, ndarray)
-        Per amplitude, time since the hold began in s and torque in Nm.
+    loops: per excitation, deflection in rad and torque in Nm.
+    relaxation: per amplitude, time since the hold began in s and torque in Nm.
     """
 
     device: str
@@ -127,22 +107,7 @@ def reproduce_chapter3(
     device: Device | None = None,
     real: str = "f64",
 ) -> Chapter3:
-    """Run the published excitations through the emitted C of velocity estimate and sensor.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Told in words what is being done.
-    device : Device, optional
-        The elbow when not given.
-    real : str
-        Number format of the C.
-
-    Returns
-    -------
-    Chapter3
-        The numbers and curves.
-    """
+    """Run the published excitations through the emitted C of velocity estimate and sensor."""
     device = device or load_device("elbow")
     say = progress or (lambda _: None)
     task = compile_device(device, real).task("sense")

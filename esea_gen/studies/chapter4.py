@@ -74,14 +74,7 @@ COLUMNS = {
 class TorqueSignal:
     """A desired torque of table 4.3.
 
-    Parameters
-    ----------
-    amplitude_Nm : float
-        Its amplitude.
-    start_Hz, end_Hz : float
-        Frequency at its start and end.
-    duration_s : float
-        Its length.
+    start_Hz, end_Hz: frequency at its start and end.
     """
 
     amplitude_Nm: float
@@ -92,17 +85,7 @@ class TorqueSignal:
     def sample(self, rate_Hz: float, limit_s: float = np.inf) -> Array:
         """The signal in time.
 
-        Parameters
-        ----------
-        rate_Hz : float
-            Sampling rate.
-        limit_s : float
-            Cut it off here.
-
-        Returns
-        -------
-        ndarray
-            Torque in Nm, shape (steps,).  A sweep's phase is the integral of its frequency.
+        return: torque in Nm, shape (steps,). A sweep's phase is the integral of its frequency.
         """
         steps = round(min(self.duration_s, limit_s) * rate_Hz)
         t = np.arange(steps) / rate_Hz
@@ -127,18 +110,9 @@ SIGNALS = (
 def evaluation_filter(values: Array, rate_Hz: float) -> Array:
     """The zero-phase Kaiser low-pass of the evaluation, ends held at the last value.
 
-    Parameters
-    ----------
-    values : ndarray
-        What to filter, shape (steps,).
-    rate_Hz : float
-        Sampling rate; 60 dB between 10 and 12 Hz takes 908 taps at 500 Hz, 1814 at 1 kHz (one more
-        here, so that the delay is a whole number of samples).
-
-    Returns
-    -------
-    ndarray
-        Filtered, same shape, without delay.
+    values: what to filter, shape (steps,).
+    rate_Hz: sampling rate; 60 dB between 10 and 12 Hz takes 908 taps at 500 Hz, 1814 at 1 kHz (one
+        more here, so that the delay is a whole number of samples).
     """
     from scipy.signal import fftconvolve, firwin, kaiserord
 
@@ -153,19 +127,12 @@ def evaluation_filter(values: Array, rate_Hz: float) -> Array:
 class Errors:
     """Error of one inverse on one signal, in % of the largest request.
 
-    Parameters
-    ----------
-    largest, rms : float
-        Over the whole signal, set-point filtered as published.
-    largest_interior, rms_interior : float
-        Without the first and the last second.
-    largest_unfiltered, rms_unfiltered : float
-        Whole signal, set-point as the inverse gave it.
-    model : float
-        Largest difference between the request and what the inverse's own discrete model gives
+    largest, rms: over the whole signal, set-point filtered as published.
+    largest_interior, rms_interior: without the first and the last second.
+    largest_unfiltered, rms_unfiltered: whole signal, set-point as the inverse gave it.
+    model: largest difference between the request and what the inverse's own discrete model gives
         (``nan`` where the inverse does not tell).
-    series : ndarray
-        The error in time, filtered set-point, thinned out for pictures.
+    series: the error in time, filtered set-point, thinned out for pictures.
     """
 
     largest: float
@@ -185,19 +152,8 @@ def _runner(device: Device, block: Block, real: str) -> CRunner:
 def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
     """Torque of the sensor's C for a motion whose rate is known.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    sensor : CRunner
-        Its sensor; reset here.
-    theta_rad : ndarray
-        Deflection, shape (steps,).
-
-    Returns
-    -------
-    ndarray
-        Torque in Nm; the rate of a step is the step's difference, exact in its middle to second
+    theta_rad: deflection, shape (steps,).
+    return: torque in Nm; the rate of a step is the step's difference, exact in its middle to second
         order.
     """
     sensor.reset()
@@ -209,19 +165,7 @@ def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
 def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Array) -> Errors:
     """One inverse on one signal.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    sensor, inverse : CRunner
-        Compiled Blocks; both are reset.
-    request_Nm : ndarray
-        Desired torque, shape (steps,).
-
-    Returns
-    -------
-    Errors
-        In % of the largest request.
+    request_Nm: desired torque, shape (steps,).
     """
     inverse.reset()
     y, _ = inverse.run({"tau_Nm": request_Nm}, trace=False)
@@ -258,17 +202,8 @@ def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Arra
 class Chapter4:
     """The recomputed tables.
 
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    rate_Hz : float
-        Rate at which everything ran.
-    real : str
-        Number format of the C.
-    errors : dict of str to dict of str to list of Errors
-        By row (``no_dob``, ...), then by variant (``printed``, ``rounding`` or ``exact``), one per
-        signal.
+    errors: by row (``no_dob``, ...), then by variant (``printed``, ``rounding`` or ``exact``), one
+        per signal.
     """
 
     device: str
@@ -279,11 +214,8 @@ class Chapter4:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content.
 
-        Returns
-        -------
-        dict
-            ``table_4_4`` (largest error) and ``table_4_5`` (RMS error), each ``{row: {column:
-            [signal 1 to 5]}}``, in % of the largest request.  Columns: ``thesis``, ``printed``,
+        return: ``table_4_4`` (largest error) and ``table_4_5`` (RMS error), each ``{row: {column:
+            [signal 1 to 5]}}``, in % of the largest request. Columns: ``thesis``, ``printed``,
             ``rounding`` for the published inverses, ``whole`` and ``interior`` for the exact one,
             and more of ``COLUMNS``.
         """
@@ -404,21 +336,7 @@ def reproduce_chapter4(
 ) -> Chapter4:
     """Recompute tables 4.4 and 4.5 with the emitted C.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Told in words what is being done.
-    device : Device, optional
-        The elbow when not given.
-    real : str
-        Number format of the C, of inverse and sensor.
-    limit_s : float
-        Cut the signals off here; the tables are then not the published ones.
-
-    Returns
-    -------
-    Chapter4
-        Every error.
+    limit_s: cut the signals off here; the tables are then not the published ones.
     """
     device = device or load_device("elbow")
     say = progress or (lambda _: None)

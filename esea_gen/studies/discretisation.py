@@ -52,20 +52,7 @@ OURS = "third order (the sensor's)"
 
 
 def at_rate(device: Device, rate_Hz: float) -> Device:
-    """The device with another sensing rate.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    rate_Hz : float
-        The rate, not checked against the device file's limits.
-
-    Returns
-    -------
-    Device
-        A copy.
-    """
+    """The device with another sensing rate."""
     timing = device.file.timing
     rate = timing.sense_rate_Hz.model_copy(update={"value": rate_Hz})
     update = {"timing": timing.model_copy(update={"sense_rate_Hz": rate})}
@@ -73,20 +60,7 @@ def at_rate(device: Device, rate_Hz: float) -> Device:
 
 
 def maxwell_block(device: Device, scheme: str) -> Block:
-    """The Maxwell element alone (3.3, 3.4), stepped by one scheme.
-
-    Parameters
-    ----------
-    device : Device
-        Parameters and rate; it must have rate terms.
-    scheme : str
-        Key of ``SCHEMES``.
-
-    Returns
-    -------
-    Block
-        Inputs as the sensor's; output the rate torque.
-    """
+    """The Maxwell element alone (3.3, 3.4), stepped by one scheme."""
     v = {c.name: c.value for c in device.constants("elastomer.maxwell")}
     h, kv = device.period_s, v["kv_Nm_rad"]
     limits = device.file.limits
@@ -147,12 +121,7 @@ def _compiled(device: Device, block: Block) -> CRunner:
 class Motion:
     """A sine sweep of deflection inside the identified domain.
 
-    Parameters
-    ----------
-    amplitude_deg : float
-        Its amplitude.
-    top_Hz, duration_s : float
-        It sweeps from 0 to ``top_Hz``.
+    top_Hz, duration_s: it sweeps from 0 to ``top_Hz``.
     """
 
     amplitude_deg: float
@@ -165,34 +134,12 @@ class Motion:
         return f"{self.amplitude_deg:g} deg, 0 to {self.top_Hz:g} Hz in {self.duration_s:g} s"
 
     def theta(self, t: npt.NDArray[Any]) -> Array:
-        """Deflection in rad at times in s.
-
-        Parameters
-        ----------
-        t : ndarray
-            Times in s.
-
-        Returns
-        -------
-        ndarray
-            Deflection in rad.
-        """
+        """Deflection in rad at times in s."""
         sweep = self.top_Hz / self.duration_s
         return np.asarray(np.deg2rad(self.amplitude_deg) * np.sin(np.pi * sweep * t * t))
 
     def omega(self, t: npt.NDArray[Any]) -> Array:
-        """Its rate in rad/s at times in s.
-
-        Parameters
-        ----------
-        t : ndarray
-            Times in s.
-
-        Returns
-        -------
-        ndarray
-            Rate in rad/s.
-        """
+        """Its rate in rad/s at times in s."""
         sweep = self.top_Hz / self.duration_s
         size = np.deg2rad(self.amplitude_deg) * 2 * np.pi * sweep
         return np.asarray(size * t * np.cos(np.pi * sweep * t * t))
@@ -205,19 +152,7 @@ MOTIONS = (Motion(10.0, 1.0, 120.0), Motion(5.0, 1.5, 180.0), Motion(11.5, 0.85,
 def reference_torque(device: Device, motion: Motion, duration_s: float) -> Array:
     """Rate torque of the continuous model, on a grid of ``REFINE_HZ``.
 
-    Parameters
-    ----------
-    device : Device
-        Parameters.
-    motion : Motion
-        The motion.
-    duration_s : float
-        How much of it.
-
-    Returns
-    -------
-    ndarray
-        Torque in Nm, one value a fine step, from time 0.  The exponential step is exact for a
+    return: torque in Nm, one value a fine step, from time 0. The exponential step is exact for a
         frozen viscosity and of second order; at this rate its error is a 400th of that at 1 kHz.
     """
     fine = at_rate(device, REFINE_HZ)
@@ -239,17 +174,10 @@ def reference_torque(device: Device, motion: Motion, duration_s: float) -> Array
 class SchemeRow:
     """One integrator, ideal encoders.
 
-    Parameters
-    ----------
-    scheme : str
-        Key of ``SCHEMES``.
-    largest_pct, rms_pct : dict of float to float
-        By rate in Hz: error in % of full scale, worst of the motions.
-    stable : bool
-        Whether no step lets the torque grow by itself, for every time constant.
-    monotone : bool
-        Whether, for every time constant, more deflection gives more torque and a torque at rest
-        decays without changing sign.
+    largest_pct, rms_pct: by rate in Hz: error in % of full scale, worst of the motions.
+    stable: whether no step lets the torque grow by itself, for every time constant.
+    monotone: whether, for every time constant, more deflection gives more torque and a torque at
+        rest decays without changing sign.
     """
 
     scheme: str
@@ -263,12 +191,7 @@ class SchemeRow:
 class RateRow:
     """One source of the rate, real encoders.
 
-    Parameters
-    ----------
-    source : str
-        Where the rate comes from.
-    rms_pct, largest_pct : dict of int to float
-        By encoder bits: error of the rate torque in % of full scale.
+    rms_pct, largest_pct: by encoder bits: error of the rate torque in % of full scale.
     """
 
     source: str
@@ -280,14 +203,8 @@ class RateRow:
 class Discretisation:
     """Both tables.
 
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    ideal : list of SchemeRow
-        Integrators with ideal encoders.
-    real : list of RateRow
-        Sources of the rate with real encoders, 1 kHz.
+    ideal: integrators with ideal encoders.
+    real: sources of the rate with real encoders, 1 kHz.
     """
 
     device: str
@@ -418,24 +335,7 @@ def discretisation(
 ) -> Discretisation:
     """Make both tables with the emitted C.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Told in words what is being done.
-    device : Device, optional
-        One with rate terms and without a dead zone; the elbow when not given.
-    limit_s : float
-        Cut the motions off here.
-
-    Returns
-    -------
-    Discretisation
-        Both tables.
-
-    Raises
-    ------
-    ValueError
-        For a device whose model has no rate terms.
+    device: one with rate terms and without a dead zone; the elbow when not given.
     """
     device = device or load_device("elbow")
     if device.file.elastomer.maxwell is None:

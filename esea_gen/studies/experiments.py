@@ -110,18 +110,9 @@ THESIS_NM = {
 class Case:
     """One run of an experiment.
 
-    Parameters
-    ----------
-    name : str
-        What is done.
-    trajectory : Trajectory
-        Path, desired torque and analysed window.
-    mode : int
-        The controller's mode.
-    tunables : mapping
-        ``{instance: {tunable: value}}`` of the controller.
-    plant : mapping of str to float
-        Tunables of the plant beside the variant's.
+    trajectory: path, desired torque and analysed window.
+    tunables: ``{instance: {tunable: value}}`` of the controller.
+    plant: tunables of the plant beside the variant's.
     """
 
     name: str
@@ -214,14 +205,7 @@ def _output_impedance() -> list[Case]:
 class Experiment:
     """An experiment.
 
-    Parameters
-    ----------
-    title : str
-        What it is.
-    cases : callable
-        Its cases.
-    person : bool
-        Whether somebody moves the load; else the output is fixed.
+    person: whether somebody moves the load; else the output is fixed.
     """
 
     title: str
@@ -250,20 +234,7 @@ def _choice(what: str, given: str, known: Sequence[str]) -> None:
 def controller_device(controller: str) -> Device:
     """Device of a controller.
 
-    Parameters
-    ----------
-    controller : str
-        Key of ``CONTROLLERS``, or path of a device file with a drive.
-
-    Returns
-    -------
-    Device
-        The device.
-
-    Raises
-    ------
-    UserError
-        When there is none, or it has no drive.
+    controller: key of ``CONTROLLERS``, or path of a device file with a drive.
     """
     if controller not in CONTROLLERS and not controller.endswith(".toml"):
         raise UserError(
@@ -295,38 +266,14 @@ def _device(name: str, _text: str) -> Device:
 
 
 def controller_system(controller: str) -> System:
-    """System of a controller: which Blocks it has, and their tunables.
-
-    Parameters
-    ----------
-    controller : str
-        As in :func:`controller_device`.
-
-    Returns
-    -------
-    System
-        What its runs compile.
-
-    Raises
-    ------
-    UserError
-        As :func:`controller_device`, or when a number of the device file does not allow it.
-    """
+    """System of a controller: which Blocks it has, and their tunables."""
     return controller_device(controller).system
 
 
 def default_person(experiment: str, plant: str) -> str:
     """Who takes part when nobody is named.
 
-    Parameters
-    ----------
-    experiment, plant : str
-        Names.
-
-    Returns
-    -------
-    str
-        ``none`` with a fixed output, else the person that goes with the plant.
+    return: ``none`` with a fixed output, else the person that goes with the plant.
     """
     if experiment in EXPERIMENTS and not EXPERIMENTS[experiment].person:
         return "none"
@@ -336,26 +283,7 @@ def default_person(experiment: str, plant: str) -> str:
 def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVariant:
     """A plant with a person.
 
-    Parameters
-    ----------
-    device : Device
-        Whose nominal numbers.
-    plant : str
-        ``ideal``, ``real`` or ``random``.
-    person : str
-        ``none``, ``ideal``, ``uncertain`` or ``random``; none fixes the output.
-    seed : int
-        Of the gear disturbance and of everything random.
-
-    Returns
-    -------
-    PlantVariant
-        The plant.
-
-    Raises
-    ------
-    UserError
-        For an unknown name.
+    person: ``none``, ``ideal``, ``uncertain`` or ``random``; none fixes the output.
     """
     _choice("plant", plant, PLANT_NAMES)
     _choice("person", person, PERSON_NAMES)
@@ -378,17 +306,7 @@ def _loop(device: Device, cable: bool, real: str) -> ClosedLoop:
 def previews(path: Trajectory, horizon: Horizon) -> dict[str, Array]:
     """What a predictive controller with a known future is given.
 
-    Parameters
-    ----------
-    path : Trajectory
-        What is wanted.
-    horizon : Horizon
-        Grid of the prediction.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``tau_preview_Nm``, ``theta_preview_rad`` and ``omega_preview_rad_s``, each of shape
+    return: ``tau_preview_Nm``, ``theta_preview_rad`` and ``omega_preview_rad_s``, each of shape
         (ticks, intervals): the values at the end of every interval; the last ones hold.
     """
     # The control task reads what was measured a tick ago.
@@ -407,16 +325,9 @@ def previews(path: Trajectory, horizon: Horizon) -> dict[str, Array]:
 class Setting:
     """What an experiment runs with.
 
-    Parameters
-    ----------
-    controller : str
-        Key of ``CONTROLLERS`` or path of a device file.
-    plant, person : str
-        As in :func:`plant_variant`.
-    real : str
-        Number format of the controller's C.
-    tunables : mapping
-        ``{instance: {tunable: value}}`` beside each case's own.
+    controller: key of ``CONTROLLERS`` or path of a device file.
+    real: number format of the controller's C.
+    tunables: ``{instance: {tunable: value}}`` beside each case's own.
     """
 
     controller: str = "smc"
@@ -427,22 +338,7 @@ class Setting:
 
 
 def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
-    """Run one case.
-
-    Parameters
-    ----------
-    case : Case
-        What is done.
-    setting : Setting
-        With which controller, plant and person.
-    seed : int
-        Of everything random.
-
-    Returns
-    -------
-    ClosedLoopRun
-        Every signal at every millisecond.
-    """
+    """Run one case."""
     device = controller_device(setting.controller)
     person = "none" if case.trajectory.clamped else setting.person
     variant = plant_variant(device, setting.plant, person, seed)
@@ -459,21 +355,7 @@ def run_on(
 ) -> ClosedLoopRun:
     """Run one case on a loop that is compiled already.
 
-    Parameters
-    ----------
-    loop : ClosedLoop
-        The device's System, or one that shows more of it, with a plant.
-    device : Device
-        The controller's device.
-    variant : PlantVariant
-        Plant and person.
-    case, setting, seed
-        As in :func:`run_case`.
-
-    Returns
-    -------
-    ClosedLoopRun
-        Every signal at every millisecond.
+    loop: the device's System, or one that shows more of it, with a plant.
     """
     fixed = case.trajectory.clamped
     n = len(case.trajectory.tau_desired_Nm)
@@ -505,17 +387,7 @@ def run_on(
 def desired_torque(case: Case, run: ClosedLoopRun) -> Array:
     """The torque that a case asks for, from the true motion.
 
-    Parameters
-    ----------
-    case : Case
-        The case.
-    run : ClosedLoopRun
-        Its run.
-
-    Returns
-    -------
-    ndarray
-        In Nm, one a millisecond: in impedance mode the spring and damper on the true angle.
+    return: in Nm, one a millisecond: in impedance mode the spring and damper on the true angle.
     """
     path = case.trajectory
     if case.mode != IMPEDANCE:
@@ -532,21 +404,9 @@ def desired_torque(case: Case, run: ClosedLoopRun) -> Array:
 def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
     """The figures of a run.
 
-    Parameters
-    ----------
-    case : Case
-        The case.
-    run : ClosedLoopRun
-        Its run.
-    u_max_Nm : float
-        The motor's largest torque.
-
-    Returns
-    -------
-    dict of str to float
-        ``rms_true_Nm``, ``rms_model_Nm``, ``max_true_Nm``, ``unstable``, ``tripped`` and ``fault``
-        (1 or 0), the share of samples with the command at the limit, the command's roughness, and
-        ``rms_normalised`` in impedance mode.
+    return: ``rms_true_Nm``, ``rms_model_Nm``, ``max_true_Nm``, ``unstable``, ``tripped`` and
+        ``fault`` (1 or 0), the share of samples with the command at the limit, the command's
+        roughness, and ``rms_normalised`` in impedance mode.
     """
     w = case.trajectory.window
     desired = desired_torque(case, run)
@@ -587,24 +447,7 @@ def simulate_case(
     real: str,
     tunables: Mapping[str, Mapping[str, float]] | None = None,
 ) -> dict[str, float]:
-    """Run and judge one case by name: what a worker does.
-
-    Parameters
-    ----------
-    experiment, case : str
-        Names.
-    seed : int
-        Of everything random.
-    controller, plant, person, real : str
-        As in :class:`Setting`.
-    tunables : mapping, optional
-        As in :class:`Setting`.
-
-    Returns
-    -------
-    dict of str to float
-        As :func:`judge`.
-    """
+    """Run and judge one case by name: what a worker does."""
     setting = Setting(controller, plant, person, real, tunables or {})
     found = next(c for c in EXPERIMENTS[experiment].cases() if c.name == case)
     actuator = controller_device(controller).file.actuator
@@ -616,24 +459,11 @@ def simulate_case(
 class Simulation:
     """An experiment's outcome.
 
-    Parameters
-    ----------
-    experiment : str
-        Name.
-    setting : Setting
-        With what.
-    seeds : tuple of int
-        One run each.
-    monte_carlo : MonteCarlo
-        Figures of every case and seed.
-    first : tuple of (Case, ClosedLoopRun)
-        Every case at the first seed, with its signals.
-    steps : dict of str to StepMetrics
-        Per case of the step experiment.
-    response : FrequencyResponse or None
-        Of the frequency experiment, first seed.
-    port : Impedance or None
-        Of the output-impedance experiment, first seed.
+    monte_carlo: figures of every case and seed.
+    first: every case at the first seed, with its signals.
+    steps: per case of the step experiment.
+    response: of the frequency experiment, first seed.
+    port: of the output-impedance experiment, first seed.
     """
 
     experiment: str
@@ -838,32 +668,8 @@ def simulate(
 ) -> Simulation:
     """Run an experiment.
 
-    Parameters
-    ----------
-    experiment : str
-        Key of ``EXPERIMENTS``.
-    setting : Setting, optional
-        With what.
-    seed : int
-        Seed of the first run; the others count up.
-    runs : int
-        Runs of each case.
-    workers : int
-        Processes; -1 for one a core.
-    folder : Path, optional
-        Of the journal: an interrupted experiment goes on where it was.
-    progress : callable, optional
-        ``progress(done, total, failed)``.
-
-    Returns
-    -------
-    Simulation
-        The outcome.
-
-    Raises
-    ------
-    UserError
-        For an unknown name, or an experiment that needs a person without one.
+    folder: of the journal: an interrupted experiment goes on where it was.
+    progress: ``progress(done, total, failed)``.
     """
     s = setting or Setting()
     _choice("experiment", experiment, tuple(EXPERIMENTS))

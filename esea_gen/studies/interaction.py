@@ -67,25 +67,12 @@ RAN_AWAY = "left its ranges"
 class HandRun:
     """What a push came to.
 
-    Parameters
-    ----------
-    generated_J : float
-        Energy that the port gave out beyond what was ever put in.
-    exchanged_J : float
-        Energy that went either way.
-    absorbed_J : float
-        Energy taken in, at the end.
-    held_J, held_end_J : float
-        Energy of the hand, its spring and the rendered one: mean over the second and over the last
-        third after the push.  With a passive port it never rises.
-    limited_share : float
-        Share of the samples with the command at the motor's limit.
-    fault : float
-        First reason of the limits' latch, 0 for none.
-    tripped : float
-        1 when the drive tripped.
-    ran_away : float
-        1 when the plant left its ranges; the other figures are 0 then.
+    generated_J: energy that the port gave out beyond what was ever put in.
+    held_J, held_end_J: energy of the hand, its spring and the rendered one: mean over the second
+        and over the last third after the push. With a passive port it never rises.
+    limited_share: share of the samples with the command at the motor's limit.
+    fault: first reason of the limits' latch, 0 for none.
+    ran_away: 1 when the plant left its ranges; the other figures are 0 then.
     """
 
     generated_J: float = 0.0
@@ -104,18 +91,7 @@ class HandRun:
         return self.fault > 0 or self.tripped > 0
 
     def swings_up(self, push_J: float) -> bool:
-        """Whether the motion grows, or ends larger than the push made it.
-
-        Parameters
-        ----------
-        push_J : float
-            Energy that the push gives a hand alone.
-
-        Returns
-        -------
-        bool
-            True for a plant that ran away, too.
-        """
+        """Whether the motion grows, or ends larger than the push made it."""
         grows = self.held_end_J > GROWTH * self.held_J and self.held_end_J > NOTICE * push_J
         return bool(self.ran_away > 0 or grows or self.held_end_J > GROWTH * push_J)
 
@@ -130,23 +106,7 @@ def push_case(
 ) -> Case:
     """A hand that is pushed once while the controller renders a spring and damper.
 
-    Parameters
-    ----------
-    device : Device
-        Whose range of motion.
-    hand : Hand
-        The hand, limb and load side included.
-    kp_Nm_rad, kd_Nms_rad : float
-        Gains.
-    push_rad_s : float
-        Speed that the push would give the hand alone: the push is its inertia times that.
-    mode : int
-        Mode of the controller.
-
-    Returns
-    -------
-    Case
-        For :func:`~esea_gen.studies.experiments.run_case`.
+    push_rad_s: speed that the push would give the hand alone: the push is its inertia times that.
     """
     safety = device.file.safety
     assert safety is not None
@@ -181,24 +141,7 @@ def push_case(
 
 
 def judge_push(run: ClosedLoopRun, hand: Hand, kp_Nm_rad: float, u_max_Nm: float) -> HandRun:
-    """The figures of a run.
-
-    Parameters
-    ----------
-    run : ClosedLoopRun
-        Of a :func:`push_case`.
-    hand : Hand
-        The hand.
-    kp_Nm_rad : float
-        Stiffness that was rendered.
-    u_max_Nm : float
-        The motor's largest torque.
-
-    Returns
-    -------
-    HandRun
-        From the true torque and the true angle of the load.
-    """
+    """The figures of a run."""
     theta, omega = run.plant["theta_l_rad"], run.plant["omega_l_rad_s"]
     balance = energy_balance(theta, run.plant["tau_e_Nm"])
     spring = hand.stiffness_Nm_rad + kp_Nm_rad
@@ -234,26 +177,7 @@ def run_push(
     push_rad_s: float,
     seed: int,
 ) -> dict[str, float]:
-    """Run and judge one push: what a worker does.
-
-    Parameters
-    ----------
-    kp_Nm_rad, kd_Nms_rad : float
-        Gains.
-    hand : mapping
-        Fields of :class:`~esea_gen.analysis.passivity.Hand`.
-    controller, plant : str
-        As in :class:`~esea_gen.studies.experiments.Setting`.
-    push_rad_s : float
-        The push.
-    seed : int
-        Of the gear disturbance.
-
-    Returns
-    -------
-    dict of str to float
-        Fields of :class:`HandRun`.
-    """
+    """Run and judge one push: what a worker does."""
     device = controller_device(controller)
     who = Hand(**hand)
     case = push_case(device, who, kp_Nm_rad, kd_Nms_rad, push_rad_s)
@@ -273,15 +197,11 @@ def run_push(
 class PushMap(PassivityMap):
     """Energy generated over gains and hands, in runs that a push started.
 
-    Parameters
-    ----------
-    kp_Nm_rad, kd_Nms_rad, hands, generated_J, index, diverging, tolerance
-        As in :class:`~esea_gen.analysis.passivity.PassivityMap`; ``diverging`` also where limits or
-        drive ended the motion, and ``tolerance`` is a share of the push's energy.
-    push_J : ndarray
-        Energy that the push would give each hand alone, shape (h,).
-    stopped : ndarray of bool
-        Limits or drive ended the motion, shape (p, d, h).
+    kp_Nm_rad, kd_Nms_rad, hands, generated_J, index, diverging, tolerance: as in
+        :class:`~esea_gen.analysis.passivity.PassivityMap`; ``diverging`` also where limits or drive
+        ended the motion, and ``tolerance`` is a share of the push's energy.
+    push_J: energy that the push would give each hand alone, shape (h,).
+    stopped: limits or drive ended the motion, shape (p, d, h).
     """
 
     push_J: Array
@@ -320,18 +240,7 @@ class PushMap(PassivityMap):
         return lines
 
     def mark(self, i: int, j: int) -> str:
-        """Letter of a pair of gains.
-
-        Parameters
-        ----------
-        i, j : int
-            Which stiffness and damping.
-
-        Returns
-        -------
-        str
-            As the legend of :meth:`table` has it.
-        """
+        """Letter of a pair of gains."""
         if self.limits_acted[i, j]:
             return "L"
         return "P" if self.passive[i, j] else "s" if self.stable[i, j] else "."
@@ -351,23 +260,7 @@ def push_map(
 ) -> PushMap:
     """The map from its runs.
 
-    Parameters
-    ----------
-    kp_Nm_rad, kd_Nms_rad : sequence of float
-        Gains.
-    hands : sequence of Hand
-        The hands.
-    runs : mapping
-        ``{(kp, kd, hand's name): HandRun}``, every combination.
-    push_rad_s : float
-        The push.
-    tolerance : float
-        Share of the push's energy that may come out.
-
-    Returns
-    -------
-    PushMap
-        The map.
+    runs: ``{(kp, kd, hand's name): HandRun}``, every combination.
     """
     kp, kd = np.asarray(kp_Nm_rad, dtype=float), np.asarray(kd_Nms_rad, dtype=float)
     energy = np.array([0.5 * h.inertia_kgm2 * push_rad_s**2 for h in hands])
@@ -391,24 +284,8 @@ def push_map(
 class InteractionStudy:
     """Passivity over the gains, and the sliding condition.
 
-    Parameters
-    ----------
-    controller, plant : str
-        What was run.
-    push_rad_s : float
-        The push.
-    seed : int
-        Of the gear disturbance.
-    region : PushMap
-        Over the grid of gains.
-    marked : tuple of (float, float, str)
-        The thesis' gains and their letter.
-    runs : mapping
-        ``{(kp, kd, hand's name): HandRun}``, the thesis' gains included.
-    sliding : tuple of SlidingCheck
-        The sliding condition.
-    configuration : Configuration
-        What the numbers depend on.
+    marked: the thesis' gains and their letter.
+    runs: ``{(kp, kd, hand's name): HandRun}``, the thesis' gains included.
     """
 
     controller: str
@@ -532,20 +409,7 @@ _VERDICTS = {
 
 
 def gain_axis(tunable: Tunable, points: int) -> Array:
-    """Gains from 0 to a tunable's largest, closer near 0, where the gains in use are.
-
-    Parameters
-    ----------
-    tunable : Tunable
-        The gain.
-    points : int
-        How many.
-
-    Returns
-    -------
-    ndarray
-        Squares of equal steps.
-    """
+    """Gains from 0 to a tunable's largest, closer near 0, where the gains in use are."""
     steps: Array = np.arange(points) / (points - 1)
     return np.asarray(tunable.high * steps**2)
 
@@ -575,34 +439,8 @@ def study_interaction(
 ) -> InteractionStudy:
     """Passivity of the rendered impedance over its gains, by runs of the compiled controller.
 
-    Parameters
-    ----------
-    controller, plant : str
-        As in :class:`~esea_gen.studies.experiments.Setting`.
-    points : int
-        Gains along each axis.
-    hands : sequence of Hand
-        The hands.
-    push_rad_s : float
-        Speed that the push would give a hand alone.
-    seed : int
-        Of the gear disturbance, and of the plant where it is random.
-    sliding : bool
-        Whether the sliding condition is checked, too.
-    workers : int
-        Processes; -1 for one a core.
-    progress : callable, optional
-        ``progress(done, total, failed)``.
-
-    Returns
-    -------
-    InteractionStudy
-        The outcome.
-
-    Raises
-    ------
-    UserError
-        For an unknown name, a number out of range, or a controller without impedance.
+    seed: of the gear disturbance, and of the plant where it is random.
+    progress: ``progress(done, total, failed)``.
     """
     if plant not in PLANT_NAMES:
         raise UserError(f"Unknown plant '{plant}'.", f"Choose from {', '.join(PLANT_NAMES)}.")

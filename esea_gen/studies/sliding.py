@@ -27,25 +27,12 @@ NARROW = 0.1  # beside the layer as it is: a tenth of it, which the surface leav
 class SlidingCheck:
     """The sliding condition s s' < 0 along a run.
 
-    Parameters
-    ----------
-    plant, case : str
-        Of the run.
-    phi_rad_s : float
-        Width of the boundary layer.
-    samples, outside : int
-        Control periods, and those that began with abs(s) > phi.
-    free : int
-        Of those outside, the ones in which the motor's limit did not hold the command back.
-    falling, falling_free : int
-        Of either, those in which abs(s) fell: s s' < 0.
-    worst_rad2_s3 : float
-        Largest s s' outside the layer; 0 or less when the condition always held, 0 when the layer
-        was never left.
-    longest_s : float
-        Longest stay outside the layer.
-    largest_rad_s : float
-        Largest abs(s).
+    samples, outside: control periods, and those that began with abs(s) > phi.
+    free: of those outside, the ones in which the motor's limit did not hold the command back.
+    falling, falling_free: of either, those in which abs(s) fell: s s' < 0.
+    worst_rad2_s3: largest s s' outside the layer; 0 or less when the condition always held, 0 when
+        the layer was never left.
+    longest_s: longest stay outside the layer.
     """
 
     plant: str
@@ -78,23 +65,10 @@ def sliding_condition(
 ) -> dict[str, Any]:
     """How often s s' < 0 outside the boundary layer.
 
-    Parameters
-    ----------
-    s_rad_s : ndarray
-        Surface, one value a control period, shape (n,).
-    active : ndarray of bool
-        Whether the controller acts, shape (n,).
-    limited : ndarray of bool
-        Whether the command was held back at the motor's limit, shape (n,).
-    phi_rad_s : float
-        Width of the layer.
-    period_s : float
-        Control period.
-
-    Returns
-    -------
-    dict
-        Fields of :class:`SlidingCheck` beside plant and case.  s' is the difference to the next
+    s_rad_s: surface, one value a control period, shape (n,).
+    active: whether the controller acts, shape (n,).
+    limited: whether the command was held back at the motor's limit, shape (n,).
+    return: fields of :class:`SlidingCheck` beside plant and case. s' is the difference to the next
         period, over the period.
     """
     s, after = s_rad_s[:-1], s_rad_s[1:]
@@ -127,23 +101,9 @@ def check_sliding(
 ) -> tuple[SlidingCheck, ...]:
     """The sliding condition along logged runs, with the layer as it is and with a tenth of it.
 
-    Parameters
-    ----------
-    controller : str
-        As in :class:`~esea_gen.studies.experiments.Setting`.
-    plants : sequence of str
-        Plants.
-    cases : sequence of (str, str)
-        Experiment and case.
-    seed : int
-        Of the gear disturbance.
-    progress : callable, optional
-        ``progress(done, total)``.
-
-    Returns
-    -------
-    tuple of SlidingCheck
-        One a plant, layer and case; none for a controller without a surface.
+    cases: experiment and case.
+    progress: ``progress(done, total)``.
+    return: one a plant, layer and case; none for a controller without a surface.
     """
     system = controller_system(controller)
     smc = system.blocks.get("smc")

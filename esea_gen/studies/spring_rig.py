@@ -46,25 +46,9 @@ PUBLISHED = {
 def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
     """Bandwidth by the definition that reproduces the published figures.
 
-    Parameters
-    ----------
-    time_s : ndarray
-        Sample times, shape (n,).
-    u, y : ndarray
-        Command and reference sensor, shape (n,).
+    time_s: sample times, shape (n,).
+    u, y: command and reference sensor, shape (n,).
 
-    Returns
-    -------
-    float
-        In Hz.
-
-    Raises
-    ------
-    UserError
-        On bad signals, or fewer than 2 * 99 of them.
-
-    Notes
-    -----
     Ratio of the two discrete spectra as if the samples were regular, with the last sample's time
     as the length; gain in dB and phase in degrees smoothed by a straight line over 99 lines
     (2.5 Hz); the bandwidth is the last line whose gain is above the first line's less 4.5 dB (not
@@ -92,28 +76,12 @@ def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
 class SweepCheck:
     """One recorded sweep.
 
-    Parameters
-    ----------
-    file : str
-        Its name.
-    loop : str
-        ``open`` or ``closed``.
-    published_Hz : float
-        The author's figure for this repetition.
-    author_Hz : float
-        Ours by his definition.
-    local, local_author_drop : Bandwidth
-        By local fits, 3.01 and 4.5 dB below the lowest frequency.
-    welch : Bandwidth
-        By averaged spectra, 3.01 dB below their lowest frequency.
-    command : Bandwidth
-        By local fits, 3.01 dB below the command.
-    response : FrequencyResponse
-        The local fits.
-    spectra : FrequencyResponse
-        The averaged spectra.
-    dropped_s, widest_s : float
-        Time cut away because of a gap, and longest interval bridged, for the averaged spectra.
+    published_Hz: the author's figure for this repetition.
+    local, local_author_drop: by local fits, 3.01 and 4.5 dB below the lowest frequency.
+    welch: by averaged spectra, 3.01 dB below their lowest frequency.
+    command: by local fits, 3.01 dB below the command.
+    dropped_s, widest_s: time cut away because of a gap, and longest interval bridged, for the
+        averaged spectra.
     """
 
     file: str
@@ -134,12 +102,7 @@ class SweepCheck:
 class DataCheck:
     """Bandwidths and steps of a folder of recordings.
 
-    Parameters
-    ----------
-    sweeps : tuple of SweepCheck
-        One a sweep.
-    steps : dict of str to dict of str to StepMetrics
-        By file, then by sensor (``torque_ati``, ``torque_sea``).
+    steps: by file, then by sensor (``torque_ati``, ``torque_sea``).
     """
 
     sweeps: tuple[SweepCheck, ...]
@@ -267,22 +230,7 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
 def check_on_data(folder: Path | str, progress: Callable[[str], None] | None = None) -> DataCheck:
     """Recompute published bandwidths and judge recorded steps.
 
-    Parameters
-    ----------
-    folder : path
-        Holds ``chirp/``, ``step_closed_loop/`` and the published tables.
-    progress : callable, optional
-        Told in words what is being done.
-
-    Returns
-    -------
-    DataCheck
-        Every figure.
-
-    Raises
-    ------
-    UserError
-        When the folder does not hold the recordings.
+    folder: holds ``chirp/``, ``step_closed_loop/`` and the published tables.
     """
     root = Path(folder)
     say = progress or (lambda _: None)

@@ -65,26 +65,14 @@ HOMES = {
 class Trial:
     """One value of a parameter.
 
-    Parameters
-    ----------
-    value : float
-        The value.
-    rms_Nm : float
-        RMS error of the true torque.
-    overshoot_percent : float
-        How far the true torque goes beyond the desired amplitude at the extremes, at most.
-    reach_percent : float
-        Where the true torque comes to at the extremes, on average: 100 is the desired amplitude.
-    roughness_Nm_s : float
-        RMS rate of the motor command.
-    surface_rad_s : float
-        Largest abs(s); NaN for a controller without a surface.
-    outside_share : float
-        Share of the samples with abs(s) > phi; NaN likewise.
-    limited_share : float
-        Share of the samples with the command at the motor's limit.
-    unusable : str
-        Why the value cannot be taken, else empty: unstable, drive tripped, fault latched, or
+    overshoot_percent: how far the true torque goes beyond the desired amplitude at the extremes, at
+        most.
+    reach_percent: where the true torque comes to at the extremes, on average: 100 is the desired
+        amplitude.
+    surface_rad_s: largest abs(s); NaN for a controller without a surface.
+    outside_share: share of the samples with abs(s) > phi; NaN likewise.
+    limited_share: share of the samples with the command at the motor's limit.
+    unusable: why the value cannot be taken, else empty: unstable, drive tripped, fault latched, or
         ``failed: `` and the reason, with every figure NaN.
     """
 
@@ -102,18 +90,8 @@ class Trial:
 def extremes(case: Case, run: ClosedLoopRun) -> tuple[float, float]:
     """How far the true torque goes at the extremes of a sinusoid.
 
-    Parameters
-    ----------
-    case : Case
-        A case with a sinusoidal desired torque.
-    run : ClosedLoopRun
-        Its run.
-
-    Returns
-    -------
-    overshoot_percent, reach_percent : float
-        Farthest beyond the amplitude, 0 when it stays within; mean of all half cycles, 100 for the
-        amplitude itself.
+    return: farthest beyond the amplitude, 0 when it stays within; mean of all half cycles, 100 for
+        the amplitude itself.
     """
     w = case.trajectory.window
     desired, true = case.trajectory.tau_desired_Nm[w], run.plant["tau_e_Nm"][w]
@@ -144,23 +122,7 @@ def run_trial(
 ) -> dict[str, float]:
     """Run and judge one value: what a worker does.
 
-    Parameters
-    ----------
-    parameter : str
-        ``instance.tunable``.
-    value : float
-        Its value.
-    held : mapping of str to float
-        Other tunables, likewise named.
-    controller, plant : str
-        As in :class:`~esea_gen.studies.experiments.Setting`.
-    seed : int
-        Of the gear disturbance.
-
-    Returns
-    -------
-    dict of str to float
-        Fields of :class:`Trial`, and 1 or 0 for ``unstable``, ``tripped`` and ``fault``.
+    return: fields of :class:`Trial`, and 1 or 0 for ``unstable``, ``tripped`` and ``fault``.
     """
     tunables: dict[str, dict[str, float]] = {}
     for name, x in {**held, parameter: value}.items():
@@ -217,20 +179,7 @@ def _nothing(trials: Sequence[Trial]) -> str:
 
 
 def choose_layer(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
-    """The narrowest boundary layer that the surface never leaves.
-
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Values of phi.
-
-    Returns
-    -------
-    Trial or None
-        The choice; None when every layer was left.
-    str
-        The reason.
-    """
+    """The narrowest boundary layer that the surface never leaves."""
     usable = [t for t in trials if not t.unusable]
     if not usable:
         return None, _nothing(trials)
@@ -248,20 +197,7 @@ def choose_layer(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
 
 
 def choose_error(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
-    """The smallest value whose error is near the least, without overshoot to pay for it.
-
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Values of any parameter.
-
-    Returns
-    -------
-    Trial or None
-        The choice; None when no value is usable.
-    str
-        The reason.
-    """
+    """The smallest value whose error is near the least, without overshoot to pay for it."""
     usable = [t for t in trials if not t.unusable]
     if not usable:
         return None, _nothing(trials)
@@ -290,21 +226,7 @@ def choose_error(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
 
 @dataclass(frozen=True)
 class Sweep:
-    """One parameter over its values.
-
-    Parameters
-    ----------
-    parameter : str
-        ``instance.tunable``.
-    held : mapping of str to float
-        Other tunables that were set.
-    trials : tuple of Trial
-        By value.
-    chosen : Trial or None
-        The value to take.
-    reason : str
-        Why that, or why none.
-    """
+    """One parameter over its values."""
 
     parameter: str
     held: Mapping[str, float]
@@ -365,19 +287,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Tuning:
-    """Sweeps and what they chose.
-
-    Parameters
-    ----------
-    controller, plant : str
-        What was run.
-    seed : int
-        Of the gear disturbance.
-    sweeps : tuple of Sweep
-        In the order of the procedure.
-    configuration : Configuration
-        What the numbers depend on.
-    """
+    """Sweeps and what they chose."""
 
     controller: str
     plant: str
@@ -501,31 +411,10 @@ def tune(
 ) -> Tuning:
     """Sweep parameters against the virtual exoskeleton and choose.
 
-    Parameters
-    ----------
-    controller, plant : str
-        As in :class:`~esea_gen.studies.experiments.Setting`.
-    parameter : str, optional
-        ``instance.tunable``, or the tunable alone where only one Block has it.  Without it, the
-        thesis' procedure: phi, then lambda with phi held.
-    values : sequence of float
-        Values of the parameter.
-    seed : int
-        Of the gear disturbance, and of the plant where it is random.
-    workers : int
-        Processes; -1 for one a core.
-    progress : callable, optional
-        ``progress(done, total, failed)`` of each sweep.
-
-    Returns
-    -------
-    Tuning
-        The sweeps.
-
-    Raises
-    ------
-    UserError
-        For an unknown name, values out of range, or values without a parameter.
+    parameter: ``instance.tunable``, or the tunable alone where only one Block has it. Without it,
+        the thesis' procedure: phi, then lambda with phi held.
+    seed: of the gear disturbance, and of the plant where it is random.
+    progress: ``progress(done, total, failed)`` of each sweep.
     """
     if plant not in PLANT_NAMES:
         raise UserError(f"Unknown plant '{plant}'.", f"Choose from {', '.join(PLANT_NAMES)}.")

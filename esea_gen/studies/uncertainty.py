@@ -75,14 +75,7 @@ NOT_INCLUDED = (
 class Spread:
     """How the rubber's parameters may lie round the device file's.
 
-    Parameters
-    ----------
-    keys : tuple of str
-        Parameters that vary.
-    root : ndarray
-        Square root of the covariance of their logarithms, shape (keys, directions).
-    origin : str
-        Where it comes from, in words.
+    root: square root of the covariance of their logarithms, shape (keys, directions).
     """
 
     keys: tuple[str, ...]
@@ -96,22 +89,7 @@ class Spread:
         return {k: float(s) for k, s in zip(self.keys, size, strict=True)}
 
     def draw(self, device: Device, rng: np.random.Generator) -> tuple[dict[str, float], int]:
-        """One coupling.
-
-        Parameters
-        ----------
-        device : Device
-            Its parameters are the middle.
-        rng : numpy.random.Generator
-            Chance.
-
-        Returns
-        -------
-        values : dict of str to float
-            Its parameters, within the device file's bounds.
-        clipped : int
-            How many of them were put on a bound.
-        """
+        """One coupling."""
         values = elastomer_values(device)
         factor = np.exp(self.root @ rng.standard_normal(self.root.shape[1]))
         clipped = 0
@@ -124,18 +102,7 @@ class Spread:
 
 
 def elastomer_values(device: Device) -> dict[str, float]:
-    """The elastomer's parameters.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-
-    Returns
-    -------
-    dict of str to float
-        Keys of the sensor's tunables.
-    """
+    """The elastomer's parameters."""
     known = {c.name: c.value for c in device.constants("elastomer")}
     return {k: known[k] for k in (*MODEL_KEYS, *RATE_KEYS) if k in known}
 
@@ -143,18 +110,8 @@ def elastomer_values(device: Device) -> dict[str, float]:
 def assumed_spread(device: Device, share: float = ASSUMED_SHARE) -> Spread:
     """Every parameter on its own, by a stated share.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    share : float
-        Relative standard deviation; eps2 stays, because A, eps1, B and eps2 have a common factor
+    share: relative standard deviation; eps2 stays, because A, eps1, B and eps2 have a common factor
         that torque does not show.
-
-    Returns
-    -------
-    Spread
-        Diagonal.
     """
     keys = tuple(k for k, v in elastomer_values(device).items() if v > 0 and k != "eps2")
     origin = f"assumed: {100 * share:g} % (standard deviation) of each parameter, independent"
@@ -164,26 +121,9 @@ def assumed_spread(device: Device, share: float = ASSUMED_SHARE) -> Spread:
 def identified_spread(device: Device, mapping: Path, data: Path | None = None) -> Spread:
     """The covariance of an identification, recomputed from its recording.
 
-    Parameters
-    ----------
-    device : Device
-        The identified device.
-    mapping : Path
-        The mapping file that it was identified with.
-    data : Path, optional
-        Folder of the recordings; the mapping file's own when not given.
-
-    Returns
-    -------
-    Spread
-        With correlations.  As in the identification, the model form is taken as right and the
+    data: folder of the recordings; the mapping file's own when not given.
+    return: with correlations. As in the identification, the model form is taken as right and the
         residuals as a first-order autoregressive noise.
-
-    Raises
-    ------
-    UserError
-        When the mapping identified another device, its recordings exceed the device's limits, or
-        the torque depends on none of the parameters.
     """
     source = load_mapping(mapping, data)
     if source.mapping.device.name != device.name:
@@ -235,22 +175,11 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
 class Motion:
     """One published signal as a motion of the coupling.
 
-    Parameters
-    ----------
-    name : str
-        ``S1`` to ``S5``.
-    theta_rad : ndarray
-        True deflection at the device's samples, shape (steps,).
-    omega_mid_rad_s : ndarray
-        Its true rate in the middle of the step that ends there.
-    continuous_Nm : ndarray
-        Torque of the continuous model.
-    kept : ndarray of int
-        Samples that enter the statistics.
-    cell : ndarray of int
-        Their class of torque and rate.
-    sign : ndarray
-        Sign of the torque there.
+    theta_rad: true deflection at the device's samples, shape (steps,).
+    omega_mid_rad_s: its true rate in the middle of the step that ends there.
+    continuous_Nm: torque of the continuous model.
+    kept: samples that enter the statistics.
+    cell: their class of torque and rate.
     """
 
     name: str
@@ -295,24 +224,7 @@ def motions(
 ) -> list[Motion]:
     """The published signals as motions: the exact inverse's set-point, filtered as published.
 
-    Parameters
-    ----------
-    device : Device
-        The device; its full scale over the elbow's scales the torques.
-    limit_s : float
-        Cut the signals off here.
-    say : callable, optional
-        Told in words what is being done.
-
-    Returns
-    -------
-    list of Motion
-        One a signal; of the slow ones one cycle.
-
-    Raises
-    ------
-    UserError
-        When the device's model has no inverse.
+    device: the device; its full scale over the elbow's scales the torques.
     """
     tell = say or (lambda _: None)
     h, rate_Hz = device.period_s, 1.0 / device.period_s
@@ -385,17 +297,11 @@ class _Encoders:
 class Figures:
     """Error of one source in one class of torque and rate, or over several.
 
-    Parameters
-    ----------
-    bias_Nm, sigma_Nm : float
-        Mean and standard deviation; positive where the sensor reads too large a magnitude.
-    low_Nm, high_Nm : float
-        Ends of the interval that holds 95 % of the errors.
-    bias_error_Nm, sigma_error_Nm, interval_error_Nm : float
-        Standard errors of these, from run to run (of the worse end for the interval); 0 for a
-        source without chance.
-    samples : int
-        Samples per run.
+    bias_Nm, sigma_Nm: mean and standard deviation; positive where the sensor reads too large a
+        magnitude.
+    low_Nm, high_Nm: ends of the interval that holds 95 % of the errors.
+    bias_error_Nm, sigma_error_Nm, interval_error_Nm: standard errors of these, from run to run (of
+        the worse end for the interval); 0 for a source without chance.
     """
 
     bias_Nm: float
@@ -413,18 +319,7 @@ class Figures:
         return max(abs(self.low_Nm), abs(self.high_Nm))
 
     def to_dict(self, full_scale_Nm: float) -> dict[str, float | int]:
-        """In Nm and in % of full scale.
-
-        Parameters
-        ----------
-        full_scale_Nm : float
-            What counts as 100 %.
-
-        Returns
-        -------
-        dict
-            JSON-ready content.
-        """
+        """In Nm and in % of full scale."""
         out: dict[str, float | int] = {}
         for name in ("bias", "sigma", "low", "high", "bias_error", "sigma_error", "interval_error"):
             value = getattr(self, f"{name}_Nm")
@@ -489,22 +384,10 @@ class _Tally:
 class TorqueUncertainty:
     """Torque uncertainty of a device.
 
-    Parameters
-    ----------
-    device : str
-        Its name.
-    full_scale_Nm, omega_max_rad_s : float
-        Torque and rate that count as 100 %.
-    bits, residual_deg : float
-        Of the encoders.
-    spread : Spread
-        Of the parameters.
-    runs, seed, clipped : int
-        Of the Monte-Carlo; drawn parameters that were put on a bound.
-    cells : dict of str to dict
-        ``{source: {(torque class, rate class): Figures}}``; None stands for all classes.
-    convergence : list of (int, Figures)
-        All sources together, over all classes, after so many runs.
+    full_scale_Nm, omega_max_rad_s: torque and rate that count as 100 %.
+    runs, seed, clipped: of the Monte-Carlo; drawn parameters that were put on a bound.
+    cells: ``{source: {(torque class, rate class): Figures}}``; None stands for all classes.
+    convergence: all sources together, over all classes, after so many runs.
     """
 
     device: str
@@ -520,18 +403,7 @@ class TorqueUncertainty:
     convergence: list[tuple[int, Figures]]
 
     def overall(self, source: str = TOGETHER) -> Figures:
-        """Over all torques and rates.
-
-        Parameters
-        ----------
-        source : str
-            One of ``SOURCES``.
-
-        Returns
-        -------
-        Figures
-            Its errors.
-        """
+        """Over all torques and rates."""
         return self.cells[source][None, None]
 
     def notes(self) -> list[str]:
@@ -670,20 +542,7 @@ class TorqueUncertainty:
 
 
 def label(edges: tuple[float, ...], i: int) -> str:
-    """A class in words.
-
-    Parameters
-    ----------
-    edges : tuple of float
-        Ends of the classes.
-    i : int
-        Which.
-
-    Returns
-    -------
-    str
-        ``25-50 %``; ``> 100 %`` for the last.
-    """
+    """A class in words."""
     if math.isinf(edges[i + 1]):
         return f"> {100 * edges[i]:g} %"
     return f"{100 * edges[i]:g}-{100 * edges[i + 1]:g} %"
@@ -701,31 +560,8 @@ def torque_uncertainty(
 ) -> TorqueUncertainty:
     """Torque uncertainty by Monte-Carlo over the published signals.
 
-    Parameters
-    ----------
-    device : Device
-        What senses; it must have an inverse, which makes the motions.
-    runs, seed : int
-        Of the Monte-Carlo.
-    spread : Spread, optional
-        Of the rubber's parameters; assumed when not given.
-    residual_deg : float
-        Largest nonlinearity that the encoders' correction leaves, 0 to 5.
-    limit_s : float
-        Cut the signals off here.
-    progress : callable, optional
-        Told in words what is being done.
-
-    Returns
-    -------
-    TorqueUncertainty
-        Errors by source, torque and rate.
-
-    Raises
-    ------
-    UserError
-        For a number of runs below 2 or above 1e5, a residual out of range, or a device without an
-        inverse.
+    device: what senses; it must have an inverse, which makes the motions.
+    residual_deg: largest nonlinearity that the encoders' correction leaves, 0 to 5.
     """
     if not 2 <= runs <= 100_000:
         raise UserError(

@@ -53,23 +53,7 @@ class ClosedLoopRun:
     time_s: Array
 
     def __getitem__(self, name: str) -> Array:
-        """An array by its output's name.
-
-        Parameters
-        ----------
-        name : str
-            An output of the plant or of the controller.
-
-        Returns
-        -------
-        ndarray
-            Shape (ticks,) or (ticks, size).
-
-        Raises
-        ------
-        KeyError
-            When neither has it, or both have.
-        """
+        """An array by its output's name."""
         if name in self.plant and name in self.controller:
             raise KeyError(f"both plant and controller have {name}: ask .plant or .controller")
         return (self.plant | self.controller)[name]

@@ -31,18 +31,6 @@ _SINE = (
 def nearest_whole(x: ca.SX) -> ca.SX:
     """Nearest whole number, ties to even; double precision only.
 
-    Parameters
-    ----------
-    x : casadi.SX
-        Scalar, below 2**51 in magnitude.
-
-    Returns
-    -------
-    casadi.SX
-        The whole number.
-
-    Notes
-    -----
     Adding 1.5 * 2**52 leaves no bits below one; taking it away again gives the rounded number.  It
     is taken away by adding its negative, which CasADi does not simplify.
     """
@@ -50,35 +38,13 @@ def nearest_whole(x: ca.SX) -> ca.SX:
 
 
 def whole_below(x: ca.SX) -> ca.SX:
-    """Largest whole number not above a value; double precision only.
-
-    Parameters
-    ----------
-    x : casadi.SX
-        Scalar, below 2**51 in magnitude.
-
-    Returns
-    -------
-    casadi.SX
-        The floor.
-    """
+    """Largest whole number not above a value; double precision only."""
     near = nearest_whole(x)
     return near - (near > x)
 
 
 def sine_of_turns(turns: ca.SX) -> ca.SX:
-    """sin(2 pi t), error below 2e-11; double precision only.
-
-    Parameters
-    ----------
-    turns : casadi.SX
-        Angle in turns, below 2**51 in magnitude.
-
-    Returns
-    -------
-    casadi.SX
-        The sine.
-    """
+    """sin(2 pi t), error below 2e-11; double precision only."""
     # sin(2 pi t) = cos(2 pi (t - 1/4)); the cosine is even, so a quarter turn either way is enough.
     t = turns - 0.25
     x = 0.25 - ca.fabs(t - nearest_whole(t))
@@ -96,26 +62,9 @@ ENCODERS = {"motor": "theta_m_rad", "load": "theta_l_rad", "gear": "theta_g_rad"
 def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
     """Encoders on both sides of the coupling and on the motor's shaft.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Its encoder resolutions are those of the counts.
-    tick_s : float
-        Sampling period, in seconds.
+    return: angles in; ``count_motor``, ``count_load`` (turns of the joint) and ``count_gear``
+        (turns of the motor's shaft) out, whole numbers of one turn.
 
-    Returns
-    -------
-    Block
-        Angles in; ``count_motor``, ``count_load`` (turns of the joint) and ``count_gear`` (turns
-        of the motor's shaft) out, whole numbers of one turn.
-
-    Raises
-    ------
-    UserError
-        When a section of the device file is missing.
-
-    Notes
-    -----
     What is read is theta + offset + a1 sin(theta + p1) + a2 sin(2 theta + p2).  An encoder that is
     coarser than the device file's counts in its own steps: its lowest bits are 0.
     """

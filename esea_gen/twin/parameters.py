@@ -18,43 +18,12 @@ SINES = 6
 
 
 def assumed(name: str, default: float, low: float, high: float, meaning: str) -> Tunable:
-    """A tunable whose default is one of the reference plants' numbers.
-
-    Parameters
-    ----------
-    name : str
-        With its unit as suffix.
-    default, low, high : float
-        Default and bounds.
-    meaning : str
-        What it is.
-
-    Returns
-    -------
-    Tunable
-        With status and source.
-    """
+    """A tunable whose default is one of the reference plants' numbers."""
     return Tunable(name, default, low, high, meaning, "reference plants, plants.toml", "assumed")
 
 
 def checked_file(device: DeviceData) -> DeviceFile:
-    """The device file, with the sections that the virtual exoskeleton needs.
-
-    Parameters
-    ----------
-    device : DeviceData
-        The device.
-
-    Returns
-    -------
-    DeviceFile
-        Its file.
-
-    Raises
-    ------
-    UserError
-        When ``[actuator]`` or ``[joint]`` is missing.
-    """
+    """The device file, with the sections that the virtual exoskeleton needs."""
     for key in ("actuator", "joint"):
         if getattr(device.file, key) is None:
             raise UserError(
@@ -67,23 +36,9 @@ def checked_file(device: DeviceData) -> DeviceFile:
 def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
     """What may vary from one plant to the next without a new compilation.
 
-    Parameters
-    ----------
-    device : DeviceData
-        With ``[actuator]`` and ``[joint]``.
-    cable : bool
-        Whether the plant has a compliant cable between gear and motor-side part.
-
-    Returns
-    -------
-    tuple of Tunable
-        Of the Block ``plant``; defaults: nominal drive, reference cable, no disturbance, the ideal
-        person.
-
-    Raises
-    ------
-    UserError
-        When a section of the device file is missing.
+    cable: whether the plant has a compliant cable between gear and motor-side part.
+    return: of the Block ``plant``; defaults: nominal drive, reference cable, no disturbance, the
+        ideal person.
     """
     file = checked_file(device)
     a, j = file.actuator, file.joint
@@ -234,35 +189,13 @@ _REPLACED = {
 
 
 def passed_on(tunables: tuple[Tunable, ...]) -> list[str]:
-    """Names of the tunables that are coefficients as they are.
-
-    Parameters
-    ----------
-    tunables : tuple of Tunable
-        From :func:`plant_tunables`.
-
-    Returns
-    -------
-    list of str
-        In their order.
-    """
+    """Names of the tunables that are coefficients as they are."""
     waves = ("wave_", "phase_")
     return [t.name for t in tunables if t.name not in _REPLACED and not t.name.startswith(waves)]
 
 
 def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
-    """Coefficients of the Block ``plant``.
-
-    Parameters
-    ----------
-    tunables : tuple of Tunable
-        From :func:`plant_tunables`.
-
-    Returns
-    -------
-    tuple of Port
-        Tunables passed on, then what is derived.
-    """
+    """Coefficients of the Block ``plant``."""
     by_name = {t.name: t for t in tunables}
     direct = [by_name[n] for n in passed_on(tunables)]
     vectors = ("wave_turns", "phase_turns")
@@ -278,19 +211,7 @@ def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
 def prepare_plant(t: SimpleNamespace, names: list[str], h: float, tick: float) -> dict[str, Any]:
     """Coefficients from tunables.
 
-    Parameters
-    ----------
-    t : SimpleNamespace
-        One symbol per tunable.
-    names : list of str
-        From :func:`passed_on`.
-    h, tick : float
-        Period of the step, and for how long a white number is held, in seconds.
-
-    Returns
-    -------
-    dict
-        One expression per coefficient.
+    h, tick: period of the step, and for how long a white number is held, in seconds.
     """
     values = {n: getattr(t, n) for n in names}
     decay = ca.exp(-2 * math.pi * h * t.torque_noise_Hz)

@@ -95,27 +95,10 @@ def plant_block(
 ) -> Block:
     """Drive, cable, elastomer, load and person: one step of the plant.
 
-    Parameters
-    ----------
-    device : DeviceData
-        With ``[actuator]`` and ``[joint]``.
-    cable : bool
-        False for a rigid one: gear and motor-side part are then one inertia J, as in (5.2).
-    step_s : float
-        Period of the step, in seconds.
-    tick_s : float
-        For how long each number of the input ``noise`` is held, in seconds.
-
-    Returns
-    -------
-    Block
-        Inputs: motor command, the person's intended path, white noise.  Outputs: true torque,
+    cable: false for a rigid one: gear and motor-side part are then one inertia J, as in (5.2).
+    tick_s: for how long each number of the input ``noise`` is held, in seconds.
+    return: inputs: motor command, the person's intended path, white noise. Outputs: true torque,
         angles, speeds, works, all at the end of the step.
-
-    Raises
-    ------
-    UserError
-        When a section of the device file is missing.
     """
     tunables = plant_tunables(device, cable)
     sensor = _sensor(device, step_s)
@@ -386,25 +369,9 @@ def plant_system(
 ) -> System:
     """The virtual exoskeleton as a System.
 
-    Parameters
-    ----------
-    device : DeviceData
-        With ``[actuator]`` and ``[joint]``.
-    cable : bool
-        False for a rigid cable.
-    step_s, tick_s : float
-        Period of the plant's step and of the controller's base tick, in seconds.
-
-    Returns
-    -------
-    System
-        Task ``move`` (Block ``plant``) every step, task ``encode`` (Block ``encoders``) every tick;
-        whoever runs them hands the angles over.
-
-    Raises
-    ------
-    UserError
-        When a section of the device file is missing, or a tick is no whole number of steps.
+    step_s, tick_s: period of the plant's step and of the controller's base tick, in seconds.
+    return: task ``move`` (Block ``plant``) every step, task ``encode`` (Block ``encoders``) every
+        tick; whoever runs them hands the angles over.
     """
     every = round(tick_s / step_s)
     if every < 1 or abs(every * step_s - tick_s) > 1e-9 * tick_s:
@@ -431,31 +398,10 @@ def start_state(
 ) -> tuple[dict[str, list[float]], dict[str, float]]:
     """State of the Block ``plant`` at the start of a run, and what its outputs show of it.
 
-    Parameters
-    ----------
-    plant : Block
-        From :func:`plant_block`.
-    start_rad : float
-        Angle of every part that ``initial`` does not name.
-    initial : mapping of str to float
-        ``theta_...`` and ``omega_...`` of the bodies ``g``, ``m`` and ``l``.
-    elastomer_scale : float
-        True torque over the model's.
+    initial: ``theta_...`` and ``omega_...`` of the bodies ``g``, ``m`` and ``l``.
+    return: of the vectors that are not 0. Accelerations start at 0, which is half a step of them
+        lost.
 
-    Returns
-    -------
-    state : dict of str to list of float
-        Of the vectors that are not 0.  Accelerations start at 0, which is half a step of them lost.
-    outputs : dict of str to float
-        Of the outputs that are not 0.
-
-    Raises
-    ------
-    UserError
-        For an unknown name or a value outside its port's range.
-
-    Notes
-    -----
     The elastomer has no memory at the start: its torque is that of the cubic spring.
     """
     ports = {p.name: p for p in plant.outputs}

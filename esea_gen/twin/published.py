@@ -21,10 +21,7 @@ Interval = tuple[float, float]
 class Nominal:
     """What the nominal plant has besides the device file.
 
-    Parameters
-    ----------
-    coulomb_width_rad_s : float
-        Width of the plant's Coulomb friction.
+    coulomb_width_rad_s: width of the plant's Coulomb friction.
     """
 
     coulomb_width_rad_s: float
@@ -34,24 +31,12 @@ class Nominal:
 class Real:
     """The reference plant with everything that the nominal one leaves out.
 
-    Parameters
-    ----------
-    friction_scale : float
-        Friction over the device file's, viscous and Coulomb.
-    cable_stiffness_Nm_rad, cable_damping_Nms_rad : float
-        Cable between gear and motor-side part.
-    cable_backlash_rad : float
-        Whole gap before the cable pulls.
-    cable_loss, cable_loss_width_rad_s : float
-        Share of the cable's torque lost on the motor-side part, and the speed that smooths it.
-    motor_side_inertia_kgm2, motor_side_damping_Nms_rad : float
-        The motor-side part.
-    gear_disturbance_rms_rad_s2 : float
-        Effective value of d4.
-    joint_encoder_bits, motor_encoder_bits : int
-        Encoders.
-    velocity_filter_Hz : float
-        The velocity filter that the trials' controllers had.
+    friction_scale: friction over the device file's, viscous and Coulomb.
+    cable_stiffness_Nm_rad, cable_damping_Nms_rad: cable between gear and motor-side part.
+    cable_backlash_rad: whole gap before the cable pulls.
+    cable_loss, cable_loss_width_rad_s: share of the cable's torque lost on the motor-side part, and
+        the speed that smooths it.
+    velocity_filter_Hz: the velocity filter that the trials' controllers had.
     """
 
     friction_scale: float
@@ -72,10 +57,7 @@ class Real:
 class Disturbance:
     """Bands from which the wave numbers of the gear's disturbance are drawn.
 
-    Parameters
-    ----------
-    bands_1_rad : tuple of (float, float)
-        One band a sine.
+    bands_1_rad: one band a sine.
     """
 
     bands_1_rad: tuple[Interval, ...]
@@ -85,14 +67,8 @@ class Disturbance:
 class Stops:
     """Mechanical stops of coupling and joint.
 
-    Parameters
-    ----------
-    coupling_rad : float
-        Deflection at which the coupling's jaws meet.
-    coupling_stiffness_Nm_rad, coupling_damping_Nms_rad : float
-        How hard they are.
-    joint_stiffness_Nm_rad, joint_damping_Nms_rad : float
-        How hard the ends of the joint's travel are.
+    coupling_rad: deflection at which the coupling's jaws meet.
+    joint_stiffness_Nm_rad, joint_damping_Nms_rad: how hard the ends of the joint's travel are.
     """
 
     coupling_rad: float
@@ -106,12 +82,8 @@ class Stops:
 class Twist:
     """A way to lead the cable.
 
-    Parameters
-    ----------
-    cable_loss : float
-        Share of the cable's torque lost on the motor-side part.
-    cable_stiffness_Nm_rad : float
-        Cable between gear and motor-side part.
+    cable_loss: share of the cable's torque lost on the motor-side part.
+    cable_stiffness_Nm_rad: cable between gear and motor-side part.
     """
 
     cable_loss: float
@@ -122,14 +94,7 @@ class Twist:
 class Trip:
     """Thresholds at which the drive switches itself off.
 
-    Parameters
-    ----------
-    speed_rad_s : float
-        Speed at the joint.
-    torque_rms_Nm : float
-        Effective torque at the motor's shaft.
-    torque_window_s : float
-        Time constant of that value.
+    torque_rms_Nm: effective torque at the motor's shaft.
     """
 
     speed_rad_s: float
@@ -141,24 +106,14 @@ class Trip:
 class Person:
     """A person: limb, and how it is moved along the intended path.
 
-    Parameters
-    ----------
-    Jh_kgm2 : float
-        Inertia of limb and load side.
-    spring_Nm_rad, damping_Nms_rad : float
-        Pull towards the intended path.
-    feedforward : bool
-        Whether the person also gives the torque that the intended path needs.
-    own_damping_Nms_rad : float
-        Damping of the limb itself.
-    gravity_Nm : float
-        Times the sine of the angle, towards full extension.
-    torque_noise_Nm, torque_noise_Hz : float
-        Effective value and bandwidth (first order) of the torque noise.
-    load_velocity_filter_Hz : float, optional
-        The load-side velocity filter that the reference trials used with this person.
-    clamped : bool
-        No person: the load is held where it starts.
+    spring_Nm_rad, damping_Nms_rad: pull towards the intended path.
+    feedforward: whether the person also gives the torque that the intended path needs.
+    gravity_Nm: times the sine of the angle, towards full extension.
+    torque_noise_Nm, torque_noise_Hz: effective value and bandwidth (first order) of the torque
+        noise.
+    load_velocity_filter_Hz: the load-side velocity filter that the reference trials used with this
+        person.
+    clamped: no person: the load is held where it starts.
     """
 
     Jh_kgm2: float
@@ -173,13 +128,7 @@ class Person:
     clamped: bool = False
 
     def values(self) -> dict[str, float]:
-        """As tunables of the Block ``plant``.
-
-        Returns
-        -------
-        dict of str to float
-            One value a tunable of :func:`person_tunables`.
-        """
+        """As tunables of the Block ``plant``."""
         return {k: float(v) for k, v in vars(self).items() if k != "load_velocity_filter_Hz"}
 
 
@@ -187,14 +136,8 @@ class Person:
 class Fixed:
     """Sinusoidal torque with the output fixed.
 
-    Parameters
-    ----------
-    settle_cycles, cycles : int
-        Cycles before the analysis, and in all.
-    slow_below_Hz : float
-        Below this frequency the next two hold.
-    slow_settle_cycles, slow_cycles : int
-        Cycles of a slow sinusoid.
+    settle_cycles, cycles: cycles before the analysis, and in all.
+    slow_below_Hz: below this frequency the next two hold.
     """
 
     settle_cycles: int
@@ -208,14 +151,7 @@ class Fixed:
 class Backdriven:
     """Slow sinusoids from full extension.
 
-    Parameters
-    ----------
-    amplitude_deg : float
-        Half of the range of motion.
-    frequencies_Hz : tuple of float
-        Those of the trials.
-    duration_s, settle_s : float
-        Length, and start of the analysis.
+    duration_s, settle_s: length, and start of the analysis.
     """
 
     amplitude_deg: float
@@ -228,16 +164,9 @@ class Backdriven:
 class Bread:
     """Cutting bread: a rise, then slices.
 
-    Parameters
-    ----------
-    rise_s, middle_rad : float
-        How long the rise takes, and where it ends.
-    amplitude_rad, frequency_Hz : float
-        The slices.
-    fade_s : float
-        Time constant with which they begin.
-    duration_s, settle_s : float
-        Length, and start of the analysis.
+    rise_s, middle_rad: how long the rise takes, and where it ends.
+    fade_s: time constant with which they begin.
+    duration_s, settle_s: length, and start of the analysis.
     """
 
     rise_s: float
@@ -253,12 +182,8 @@ class Bread:
 class Reach:
     """Reaching there and back for impedance control.
 
-    Parameters
-    ----------
-    reach_deg, half_s : float
-        How far, and how long one way takes.
-    duration_s, settle_s, end_s : float
-        Length, and the analysed window.
+    reach_deg, half_s: how far, and how long one way takes.
+    duration_s, settle_s, end_s: length, and the analysed window.
     """
 
     reach_deg: float
@@ -270,19 +195,7 @@ class Reach:
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Numbers of the trajectories.
-
-    Parameters
-    ----------
-    fixed : Fixed
-        Output fixed.
-    backdriven : Backdriven
-        Slow sinusoids.
-    bread : Bread
-        Cutting bread.
-    impedance : Reach
-        Reaching.
-    """
+    """Numbers of the trajectories."""
 
     fixed: Fixed
     backdriven: Backdriven
@@ -294,16 +207,11 @@ class Trajectories:
 class Random:
     """Ends of the uniform distributions of a Monte-Carlo family.
 
-    Parameters
-    ----------
-    friction_scale, inertia_scale, lag_scale : (float, float)
-        Over the device file's numbers; the two frictions are drawn apart.
-    cable_stiffness_Nm_rad, cable_backlash_rad, cable_loss : (float, float)
-        The cable.
-    gear_disturbance_rms_rad_s2 : (float, float)
-        The gear's disturbance.
-    Jh_kgm2, gravity_Nm, spring_Nm_rad, damping_Nms_rad, torque_noise_Nm : (float, float)
-        The person.
+    friction_scale, inertia_scale, lag_scale: over the device file's numbers; the two frictions are
+        drawn apart.
+    cable_stiffness_Nm_rad, cable_backlash_rad, cable_loss: the cable.
+    gear_disturbance_rms_rad_s2: the gear's disturbance.
+    Jh_kgm2, gravity_Nm, spring_Nm_rad, damping_Nms_rad, torque_noise_Nm: the person.
     """
 
     friction_scale: Interval
@@ -324,12 +232,7 @@ class Random:
 class Unstable:
     """When a run counts as unstable.
 
-    Parameters
-    ----------
-    max_true_error_Nm : float
-        Largest true torque error after the settling time.
-    max_gear_speed_rad_s : float
-        Largest speed of the gear.
+    max_true_error_Nm: largest true torque error after the settling time.
     """
 
     max_true_error_Nm: float
@@ -340,28 +243,7 @@ class Unstable:
 class Plants:
     """The whole file.
 
-    Parameters
-    ----------
-    nominal : Nominal
-        The nominal plant.
-    real : Real
-        The reference plant.
-    disturbance : Disturbance
-        Bands of its sines.
-    stops : Stops
-        Mechanical stops.
-    twist : mapping of str to Twist
-        Ways to lead the cable, by angle in degrees.
-    trip : Trip
-        The drive's own protection.
-    person : mapping of str to Person
-        People by name.
-    trajectory : Trajectories
-        Trajectories.
-    random : Random
-        Monte-Carlo families.
-    unstable : Unstable
-        When a run counts as unstable.
+    twist: ways to lead the cable, by angle in degrees.
     """
 
     nominal: Nominal
@@ -405,23 +287,7 @@ def _built(kind: Any, value: Any, where: str) -> Any:
 
 
 def parse_plants(text: str) -> Plants:
-    """Read the text of a ``plants.toml``.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-
-    Returns
-    -------
-    Plants
-        The numbers.
-
-    Raises
-    ------
-    UserError
-        When it is not TOML, or a key is missing, unknown or of another type.
-    """
+    """Read the text of a ``plants.toml``."""
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

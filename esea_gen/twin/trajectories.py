@@ -18,18 +18,9 @@ RATE_HZ = 1000.0
 class Trajectory:
     """A path, a desired torque, and the window in which a run is judged.
 
-    Parameters
-    ----------
-    name : str
-        What it is.
-    theta_p_rad, omega_p_rad_s, alpha_p_rad_s2 : ndarray
-        The person's intended path, one value a millisecond.
-    tau_desired_Nm : ndarray
-        Desired interaction torque.
-    start, end : int
-        First sample of the analysed window, and the one after its last.
-    clamped : bool
-        Whether the output is fixed: no person.
+    theta_p_rad, omega_p_rad_s, alpha_p_rad_s2: the person's intended path, one value a millisecond.
+    start, end: first sample of the analysed window, and the one after its last.
+    clamped: whether the output is fixed: no person.
     """
 
     name: str
@@ -54,10 +45,7 @@ class Trajectory:
     def signals(self) -> dict[str, Array]:
         """The path for the plant, and path and torque as a controller's references.
 
-        Returns
-        -------
-        dict of str to ndarray
-            ``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``, ``tau_desired_Nm``,
+        return: ``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``, ``tau_desired_Nm``,
             ``theta_desired_rad``, ``omega_desired_rad_s``.
         """
         return {
@@ -101,22 +89,7 @@ def _made(
 def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
     """A sinusoidal torque with the output fixed.
 
-    Parameters
-    ----------
-    amplitude_Nm : float
-        Of the desired torque.
-    frequency_Hz : float
-        Of the desired torque.
-
-    Returns
-    -------
-    Trajectory
-        22 cycles, analysed after 10; below 0.5 Hz 8 cycles, analysed after 4.
-
-    Raises
-    ------
-    UserError
-        For a frequency that is not positive.
+    return: 22 cycles, analysed after 10; below 0.5 Hz 8 cycles, analysed after 4.
     """
     _positive("frequency_Hz", frequency_Hz)
     _finite("amplitude_Nm", amplitude_Nm)
@@ -134,22 +107,7 @@ def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
 def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:
     """Slow sinusoid from full extension, 90 degrees peak to peak.
 
-    Parameters
-    ----------
-    frequency_Hz : float
-        Of the path; the reference trials have 0.1, 0.15, 0.2 and 0.25 Hz.
-    tau_Nm : float
-        Desired torque.
-
-    Returns
-    -------
-    Trajectory
-        45 s, analysed from 10 s.
-
-    Raises
-    ------
-    UserError
-        For a frequency that is not positive.
+    frequency_Hz: of the path; the reference trials have 0.1, 0.15, 0.2 and 0.25 Hz.
     """
     _positive("frequency_Hz", frequency_Hz)
     p = PLANTS.trajectory.backdriven
@@ -163,18 +121,7 @@ def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:
 
 
 def bread(tau_Nm: float = 0.0) -> Trajectory:
-    """Cutting bread: a rise to the middle of the range, then slices about it.
-
-    Parameters
-    ----------
-    tau_Nm : float
-        Desired torque; the reference trials have 0 and 2 Nm.
-
-    Returns
-    -------
-    Trajectory
-        25 s, analysed from 10 s.
-    """
+    """Cutting bread: a rise to the middle of the range, then slices about it."""
     p = PLANTS.trajectory.bread
     w = 2 * np.pi * p.frequency_Hz
 
@@ -202,15 +149,7 @@ def bread(tau_Nm: float = 0.0) -> Trajectory:
 def impedance(tau_Nm: float = 0.0) -> Trajectory:
     """Reaching from 0 to 90 degrees and back with minimum jerk each way.
 
-    Parameters
-    ----------
-    tau_Nm : float
-        Desired torque besides the impedance.
-
-    Returns
-    -------
-    Trajectory
-        Ten cycles of 4 s; the middle five, from 12 to 32 s, are analysed.
+    return: ten cycles of 4 s; the middle five, from 12 to 32 s, are analysed.
     """
     p = PLANTS.trajectory.impedance
     reach, half = np.deg2rad(p.reach_deg), p.half_s

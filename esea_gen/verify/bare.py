@@ -38,18 +38,7 @@ TIMEOUT_S = 300
 class BareBoard:
     """An emulated board.
 
-    Parameters
-    ----------
-    machine : str
-        QEMU's name.
-    core : str
-        What it has inside.
-    flags : tuple of str
-        Compiler flags.
-    flash_bytes, ram_bytes : int
-        Memory.
-    fpu : bool
-        Whether there is a unit for single precision.
+    fpu: whether there is a unit for single precision.
     """
 
     machine: str
@@ -78,24 +67,11 @@ BARE_BOARDS = {
 class BareResult:
     """What a board did.
 
-    Parameters
-    ----------
-    board, core, real, task : str
-        Names.
-    steps : int
-        Length of the stream.
-    identical : bool
-        Whether every output word equals the host's.
-    first_difference : str
-        Where not.
-    instructions : dict of str to float
-        ``min``, ``mean``, ``max`` a step.
-    flash_bytes : int
-        Code and constants of the emitted files and of the compiler's helpers that they call.
-    ram_bytes : int
-        State and coefficients.
-    stack_bytes : int
-        Deepest stack of a step, the call included.
+    identical: whether every output word equals the host's.
+    instructions: ``min``, ``mean``, ``max`` a step.
+    flash_bytes: code and constants of the emitted files and of the compiler's helpers that they
+        call.
+    stack_bytes: deepest stack of a step, the call included.
     """
 
     board: str
@@ -143,14 +119,8 @@ def _said(command: list[str]) -> str:
 class Emulation:
     """What a program said on an emulated board.
 
-    Parameters
-    ----------
-    rows : list of list of str
-        Lines of hexadecimal words.
-    instructions : dict of str to float
-        ``min``, ``mean``, ``max`` from one entry of ``counted_step`` to the next.
-    flash_bytes : int
-        Code and constants, the harness left out.
+    instructions: ``min``, ``mean``, ``max`` from one entry of ``counted_step`` to the next.
+    flash_bytes: code and constants, the harness left out.
     """
 
     rows: list[list[str]]
@@ -159,27 +129,7 @@ class Emulation:
 
 
 def emulate(files: Mapping[str, str], board: BareBoard) -> Emulation:
-    """Compile a program with ``-O2`` and run it on an emulated board.
-
-    Parameters
-    ----------
-    files : mapping of str to str
-        C files, headers and ``bare.ld``.
-    board : BareBoard
-        Where.
-
-    Returns
-    -------
-    Emulation
-        Its words and counts.
-
-    Raises
-    ------
-    UserError
-        When a tool is not installed.
-    RuntimeError
-        When a tool refuses, or nothing was counted.
-    """
+    """Compile a program with ``-O2`` and run it on an emulated board."""
     gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         folder = Path(scratch)
@@ -221,30 +171,7 @@ def run_bare(
 ) -> BareResult:
     """Run a task of a device on an emulated board.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        ``q31`` or ``f32``.
-    board : str
-        Key of :data:`BARE_BOARDS`.
-    inputs : mapping of str to ndarray
-        The task's inputs, in units, shape (steps,).
-    task : str, optional
-        Which task; the first one by default.
-
-    Returns
-    -------
-    BareResult
-        Bits and figures.
-
-    Raises
-    ------
-    UserError
-        When a tool is not installed.
-    RuntimeError
-        When a tool refuses, or the board does not answer.
+    inputs: the task's inputs, in units, shape (steps,).
     """
     chosen, fmt = BARE_BOARDS[board], ALL_FORMATS[real]
     system = device.system
@@ -313,28 +240,8 @@ def run_bare_system(
 ) -> BareResult:
     """Run all tasks of a device on an emulated board, each at its own ticks, latches released.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        ``q31`` or ``f32``.
-    board : str
-        Key of :data:`BARE_BOARDS`.
-    inputs : mapping of str to mapping
-        Per task, its inputs in units, one element a run; nothing for a task without inputs.
-
-    Returns
-    -------
-    BareResult
-        Bits and figures; the instructions are those of a base tick with all tasks that are due.
-
-    Raises
-    ------
-    UserError
-        When a tool is not installed.
-    RuntimeError
-        When a tool refuses, or the board does not answer.
+    inputs: per task, its inputs in units, one element a run; nothing for a task without inputs.
+    return: bits and figures; the instructions are those of a base tick with all tasks that are due.
     """
     chosen, fmt = BARE_BOARDS[board], ALL_FORMATS[real]
     system = device.system

@@ -66,21 +66,11 @@ def _masks(op: str, args: Sequence[Array], value: Array) -> tuple[Array, ...]:
 class Decision:
     """One decision of a kernel, with how often each side was taken.
 
-    Parameters
-    ----------
-    node : int
-        Its node in the printed kernel.
-    op : str
-        Operation.
-    where : str
-        What a reader looks for in the C: the name and comment of the nearest labelled value that
+    node: its node in the printed kernel.
+    where: what a reader looks for in the C: the name and comment of the nearest labelled value that
         uses it, and its own variable.
-    seen : dict of str to int
-        Steps per side.
-    proofs : dict of str to str
-        Sides that cannot be taken, and why.
-    detectors : dict of str to str
-        Sides that only a fault of the arithmetic itself takes, and why; not proven.
+    proofs: sides that cannot be taken, and why.
+    detectors: sides that only a fault of the arithmetic itself takes, and why; not proven.
     """
 
     node: int
@@ -99,19 +89,7 @@ class Decision:
 
 @dataclass
 class Coverage:
-    """Branch coverage of a Block's step in one number format.
-
-    Parameters
-    ----------
-    block, real : str
-        What was covered.
-    streams : tuple of str
-        By which streams.
-    steps : int
-        How many steps.
-    decisions : list of Decision
-        In the kernel's order.
-    """
+    """Branch coverage of a Block's step in one number format."""
 
     block: str
     real: str
@@ -202,15 +180,7 @@ def recorded_arguments(
 ) -> list[Array]:
     """Arguments of every step of a recorded run, with the coefficients that stood in memory.
 
-    Parameters
-    ----------
-    block, stream, states, initial, coefficients, fmt
-        As :func:`esea_gen.verify.executor.step_arguments`.
-
-    Returns
-    -------
-    list of ndarray
-        Per argument of the step kernel, shape (steps, elements).
+    return: per argument of the step kernel, shape (steps, elements).
     """
     arguments = step_arguments(block, stream, states, initial, coefficients, fmt)
     with np.errstate(over="ignore"):
@@ -225,20 +195,8 @@ def branch_coverage(
 ) -> Coverage:
     """Count which sides of a Block's decisions a set of streams takes.
 
-    Parameters
-    ----------
-    block : Block
-        The Block, at its default tunables.
-    streams : iterable of Stream
-        What to run.
-    library : HostLibrary, optional
-        Cover the kernel that this C was printed from, over the states that the C itself recorded;
-        without it, the f64 kernel over the symbolic Block's states.
-
-    Returns
-    -------
-    Coverage
-        Per decision and side.
+    library: cover the kernel that this C was printed from, over the states that the C itself
+        recorded; without it, the f64 kernel over the symbolic Block's states.
     """
     fmt = FORMATS[library.real if library else "f64"]
     kernel, names = emitted_kernel(block, fmt)
@@ -277,20 +235,8 @@ def guarded_ranges(
     Coefficients may be anything within their ports' ranges, whatever the tunables are; one that the
     step itself checks may be anything at all before that check.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    kernel : Kernel
-        Its step kernel as printed.
-    fmt : Format
-        Number format.
-
-    Returns
-    -------
-    dict of int to Interval
-        Per node that no unguarded input or state reaches, and per node of which something is known
-        whatever reaches it.
+    return: per node that no unguarded input or state reaches, and per node of which something is
+        known whatever reaches it.
     """
 
     def passed(p: Port) -> Interval:
@@ -505,24 +451,7 @@ def _impossible(kernel: Kernel, args: tuple[int, ...], side: str) -> str:
 
 
 def imply(kernel: Kernel, node: int, truth: bool, without: int | None = None) -> dict[int, float]:
-    """Values that follow from a boolean node's being true or false.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        The kernel.
-    node : int
-        The node.
-    truth : bool
-        Its assumed value.
-    without : int, optional
-        A node that nothing is to be concluded about, nor from.
-
-    Returns
-    -------
-    dict of int to float
-        Nodes with a known value.
-    """
+    """Values that follow from a boolean node's being true or false."""
     known: dict[int, float] = {node: float(truth)}
     front = [(node, truth)]
     while front:  # what must have been so

@@ -47,18 +47,7 @@ class LinkError(RuntimeError):
 
 
 def find_qemu() -> str:
-    """Path of the emulator.
-
-    Returns
-    -------
-    str
-        ``qemu-system-arm``.
-
-    Raises
-    ------
-    UserError
-        When it is not installed, with the package to install.
-    """
+    """Path of the emulator."""
     path = shutil.which("qemu-system-arm")
     if path is None:
         raise UserError(
@@ -77,21 +66,8 @@ def emulator_version() -> str:
 class RunningBoard:
     """A board that runs an image: QEMU, or the host itself.  Use it as a context manager.
 
-    Parameters
-    ----------
-    device : Device
-        Whose dialect it speaks.
-    image : FirmwareImage
-        What it runs.
-    timeout_s : float
-        Longest silence; the first exchange with QEMU may take a second.
-    options : sequence of str
-        Options for QEMU beside our own; for the host, arguments of the image.
-
-    Attributes
-    ----------
-    heartbeat : Any
-        The last HEARTBEAT.
+    timeout_s: longest silence; the first exchange with QEMU may take a second.
+    options: options for QEMU beside our own; for the host, arguments of the image.
     """
 
     def __init__(
@@ -199,13 +175,7 @@ class RunningBoard:
         self._link = self._process = self._log = None
 
     def send_bytes(self, data: bytes) -> None:
-        """Send raw bytes.
-
-        Parameters
-        ----------
-        data : bytes
-            Anything, noise included.
-        """
+        """Send raw bytes."""
         assert self._link is not None
         self._link.settimeout(self.timeout_s)
         try:
@@ -214,50 +184,20 @@ class RunningBoard:
             raise LinkError(f"the board does not take data ({error}){self._said()}") from None
 
     def pack(self, message: Any) -> bytes:
-        """A message as a frame from the host.
-
-        Parameters
-        ----------
-        message : Any
-            An instance of one of the dialect's classes.
-
-        Returns
-        -------
-        bytes
-            The frame.
-        """
+        """A message as a frame from the host."""
         frame: bytes = bytes(message.pack(self._encoder))
         # pack() leaves counting to send(), which wants a file.
         self._encoder.seq = (self._encoder.seq + 1) % 256
         return frame
 
     def send(self, message: Any) -> None:
-        """Send a message.
-
-        Parameters
-        ----------
-        message : Any
-            An instance of one of the dialect's classes.
-        """
+        """Send a message."""
         self.send_bytes(self.pack(message))
 
     def receive(self, timeout_s: float | None = None) -> Any:
         """The next message.
 
-        Parameters
-        ----------
-        timeout_s : float, optional
-            Longest silence, if other than the board's.
-
-        Returns
-        -------
-        Any
-            An instance of one of the dialect's classes; noise is left out.
-
-        Raises
-        ------
-        LinkError
-            After a silence, or when the board has stopped.
+        return: an instance of one of the dialect's classes; noise is left out.
         """
         assert self._link is not None
         limit_s = self.timeout_s if timeout_s is None else timeout_s
@@ -282,40 +222,14 @@ class RunningBoard:
         return message
 
     def wait_for(self, name: str, timeout_s: float | None = None) -> Any:
-        """The next message of a name; others are dropped.
-
-        Parameters
-        ----------
-        name : str
-            Upper case name.
-        timeout_s : float, optional
-            Longest silence, if other than the board's.
-
-        Returns
-        -------
-        Any
-            The message.
-        """
+        """The next message of a name; others are dropped."""
         while True:
             message = self.receive(timeout_s)
             if message.get_type() == name:
                 return message
 
     def command(self, command: int, param1: float = 0.0) -> int:
-        """Give a command and wait for its answer.
-
-        Parameters
-        ----------
-        command : int
-            A ``MAV_CMD``.
-        param1 : float
-            Its first parameter.
-
-        Returns
-        -------
-        int
-            A ``MAV_RESULT``.
-        """
+        """Give a command and wait for its answer."""
         self.send(
             self.dialect.MAVLink_command_long_message(
                 BOARD_SYSTEM, BOARD_COMPONENT, command, 0, param1, 0, 0, 0, 0, 0, 0
@@ -327,25 +241,13 @@ class RunningBoard:
                 return int(ack.result)
 
     def reset(self) -> None:
-        """Return the board to its initial state.
-
-        Raises
-        ------
-        LinkError
-            When it refuses.
-        """
+        """Return the board to its initial state."""
         result = self.command(self.dialect.MAV_CMD_USER_1)
         if result != self.dialect.MAV_RESULT_ACCEPTED:
             raise LinkError(f"the board cannot reset: {self.fault()}")
 
     def info(self) -> Any:
-        """What runs on the board, and its counters.
-
-        Returns
-        -------
-        Any
-            The board's ESEA_INFO.
-        """
+        """What runs on the board, and its counters."""
         message_id = self.dialect.MAVLINK_MSG_ID_ESEA_INFO
         self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, float(message_id))
         return self.wait_for("ESEA_INFO")
@@ -364,26 +266,7 @@ class RunningBoard:
     ) -> tuple[dict[str, Array], Array]:
         """Run a task over a stream, a window of frames on the way.
 
-        Parameters
-        ----------
-        task : str
-            Its name.
-        inputs : mapping of str to ndarray
-            One float32 array per external input, shape (steps,) or (steps, size).
-        progress : callable, optional
-            ``progress(steps done, steps)``.
-
-        Returns
-        -------
-        outputs : dict of str to ndarray
-            One array per external output, float32 or uint32.
-        step_ticks : ndarray
-            Timer ticks of each step, measuring included.
-
-        Raises
-        ------
-        LinkError
-            When an answer is missing or late, or a fault is latched.
+        inputs: one float32 array per external input, shape (steps,) or (steps, size).
         """
         outputs, ticks = self.stream_tasks({task: inputs}, progress)
         return outputs[task], ticks[task]
@@ -393,25 +276,10 @@ class RunningBoard:
     ) -> tuple[dict[str, dict[str, Array]], dict[str, Array]]:
         """Run several tasks, each at its own ticks, a window of frames on the way.
 
-        Parameters
-        ----------
-        inputs : mapping of str to mapping
-            Per task, one float32 array per external input, shape (runs,) or (runs, size); for a
+        inputs: per task, one float32 array per external input, shape (runs,) or (runs, size); for a
             task without inputs ``{"": zeros}`` of as many elements as it has runs.
-        progress : callable, optional
-            ``progress(runs done, runs)``.
-
-        Returns
-        -------
-        outputs : dict of str to dict of str to ndarray
-            Per task one array per external output, float32 or uint32.
-        step_ticks : dict of str to ndarray
-            Per task the timer ticks of each run, measuring included.
-
-        Raises
-        ------
-        LinkError
-            When an answer is missing or late, or a fault is latched.
+        return: per task one array per external output, float32 or uint32.
+        return: per task the timer ticks of each run, measuring included.
         """
         system = self.device.system
         counts = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}
@@ -480,17 +348,7 @@ class RunningBoard:
 
 @dataclass(frozen=True)
 class Difference:
-    """The first value in which board and host differ.
-
-    Parameters
-    ----------
-    step : int
-        Where, from 0.
-    output : str
-        Which output.
-    board, host : str
-        The values' bits, hexadecimal.
-    """
+    """The first value in which board and host differ."""
 
     step: int
     output: str
@@ -502,41 +360,17 @@ class Difference:
 class EmulatorResult:
     """What a run in the emulator found.
 
-    Parameters
-    ----------
-    device, board, task : str
-        What ran.
-    steps : int
-        How many.
-    identical : bool
-        Whether every bit of every output of every step equals the host's f32 library.
-    first_difference : Difference or None
-        Where not.
-    content_hash : str
-        Hash that the board reported.
-    expected_hash : str
-        Hash of the device as it is now.
-    instructions : dict of str to int
-        ``min``, ``median`` and ``max`` instructions of a step, call included; empty on the host.
-    flash_bytes, ram_bytes : int
-        Of the image; RAM without the stack.
-    stack_bytes, stack_peak_bytes : int
-        Stack reserved, and the most that was in use since boot (whole firmware, interrupts
-        included).
-    step_stack_bytes : int
-        Largest stack use of the task's step, by the compiler's call graph.
-    sequence_gaps, bad_frames, unknown_messages, lost_bytes : int
-        The board's counters.
-    emulator : str
-        First line of its version.
-    compiler : str
-        First line of the compiler's version.
-    duration_s : float
-        Wall clock of the stream.
-    outputs : dict of str to ndarray
-        What the board gave; not part of :meth:`to_dict`.
-    step_instructions : ndarray
-        Instructions of each step; not part of :meth:`to_dict`.
+    identical: whether every bit of every output of every step equals the host's f32 library.
+    expected_hash: hash of the device as it is now.
+    instructions: ``min``, ``median`` and ``max`` instructions of a step, call included; empty on
+        the host.
+    flash_bytes, ram_bytes: of the image; RAM without the stack.
+    stack_bytes, stack_peak_bytes: stack reserved, and the most that was in use since boot (whole
+        firmware, interrupts included).
+    step_stack_bytes: largest stack use of the task's step, by the compiler's call graph.
+    compiler: first line of the compiler's version.
+    outputs: what the board gave; not part of :meth:`to_dict`.
+    step_instructions: instructions of each step; not part of :meth:`to_dict`.
     """
 
     device: str
@@ -580,20 +414,7 @@ class EmulatorResult:
 def first_difference(board: Mapping[str, Array], host: Mapping[str, Array]) -> Difference | None:
     """The first step in which two streams of outputs differ in any bit.
 
-    Parameters
-    ----------
-    board, host : mapping of str to ndarray
-        32-bit values, the same names and shapes.
-
-    Returns
-    -------
-    Difference or None
-        None when all bits are equal.
-
-    Raises
-    ------
-    ValueError
-        When names, shapes or types differ, so that there is nothing to compare.
+    board, host: 32-bit values, the same names and shapes.
     """
     if set(board) != set(host) or not board:
         raise ValueError(f"outputs {sorted(board)} against {sorted(host)}")
@@ -655,35 +476,8 @@ def run_in_emulator(
 ) -> EmulatorResult:
     """Run an image over a stream and compare it with the host's f32 library, bit for bit.
 
-    Parameters
-    ----------
-    device : Device
-        What the image was built for.
-    image : FirmwareImage
-        From :func:`esea_gen.verify.firmware.build_firmware`.
-    inputs : mapping of str to array
-        One array per external input of the task, shape (steps,) or (steps, size); rounded to
+    inputs: one array per external input of the task, shape (steps,) or (steps, size); rounded to
         float32.
-    task : str, optional
-        Which task; the first one by default.
-    progress : callable, optional
-        ``progress(steps done, steps)``.
-    timeout_s : float
-        Longest silence of the board, at least 3.
-    options : sequence of str
-        Options for QEMU beside our own.
-
-    Returns
-    -------
-    EmulatorResult
-        The comparison, and the figures.
-
-    Raises
-    ------
-    UserError
-        When the emulator is not installed, or the inputs are not the task's.
-    LinkError
-        When the board stops or does not answer.
     """
     name = device.system.tasks[0].name if task is None else task
     return run_tasks_in_emulator(device, image, {name: inputs}, progress, timeout_s, options)[name]
@@ -699,33 +493,9 @@ def run_tasks_in_emulator(
 ) -> dict[str, EmulatorResult]:
     """Run several tasks interleaved, each at its own ticks, and compare them with the host.
 
-    Parameters
-    ----------
-    device : Device
-        What the image was built for.
-    image : FirmwareImage
-        From :func:`esea_gen.verify.firmware.build_firmware`.
-    inputs : mapping of str to mapping
-        Per task, one array per external input, shape (runs,) or (runs, size), rounded to float32;
-        for a task without inputs ``{"": zeros}`` of as many elements as it has runs.
-    progress : callable, optional
-        ``progress(runs done, runs)``, of all tasks together.
-    timeout_s : float
-        Longest silence of the board, at least 3.
-    options : sequence of str
-        Options for QEMU beside our own.
-
-    Returns
-    -------
-    dict of str to EmulatorResult
-        By task.  Sizes, counters and the deepest stack are the board's, the same in each.
-
-    Raises
-    ------
-    UserError
-        When the emulator is not installed, or the inputs are not the tasks'.
-    LinkError
-        When the board stops or does not answer.
+    inputs: per task, one array per external input, shape (runs,) or (runs, size), rounded to
+        float32; for a task without inputs ``{"": zeros}`` of as many elements as it has runs.
+    return: by task. Sizes, counters and the deepest stack are the board's, the same in each.
     """
     if not inputs:
         raise UserError("No task is given.", "Give the inputs of at least one.")

@@ -22,20 +22,7 @@ from esea_gen.verify.streams import SPECIAL, Stream, single
 
 
 def events(block: Block, seed: int = 1) -> list[Stream]:
-    """The streams that a Block brings along, for every comparison.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    seed : int
-        Seed of their random parts.
-
-    Returns
-    -------
-    list of Stream
-        Empty for a Block that needs none.
-    """
+    """The streams that a Block brings along, for every comparison."""
     make = _EVENTS.get(block.name)
     return make(block, np.random.default_rng(seed)) if make else []
 
@@ -43,20 +30,8 @@ def events(block: Block, seed: int = 1) -> list[Stream]:
 def memories(block: Block, dtype: npt.DTypeLike = np.float32, seed: int = 2) -> list[Stream]:
     """The streams that a Block brings along for comparisons bit by bit only.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    dtype : dtype
-        The format whose neighbouring numbers are meant.
-    seed : int
-        Seed of their random parts.
-
-    Returns
-    -------
-    list of Stream
-        Coefficients that the limits must refuse; zeros and steps of an encoder at the edge of what
-        they decide; states of the exact inverse that only a long past brings; empty for other
+    return: coefficients that the limits must refuse; zeros and steps of an encoder at the edge of
+        what they decide; states of the exact inverse that only a long past brings; empty for other
         Blocks.
     """
     if block.name == "limits":
@@ -629,20 +604,8 @@ _EVENTS: dict[str, Callable[[Block, np.random.Generator], list[Stream]]] = {
 def working_inputs(system: System, task: Task, steps: int) -> dict[str, Array]:
     """Inputs of a task under which a controlling System works: encoders move, a law acts.
 
-    Parameters
-    ----------
-    system : System
-        The System.
-    task : Task
-        One of its tasks.
-    steps : int
-        How many runs.
-
-    Returns
-    -------
-    dict of str to ndarray
-        By external input, float32 numbers: counts that move slowly, modes in turn, one request to
-        release the limits, one stop near the end, waves on all else.
+    return: by external input, float32 numbers: counts that move slowly, modes in turn, one request
+        to release the limits, one stop near the end, waves on all else.
     """
     t = np.arange(float(steps))
     found = {}

@@ -46,19 +46,7 @@ def _call(name: str, x: Array, *more: Any) -> Array:
 def emitted_kernel(block: Block, fmt: Format) -> tuple[Kernel, dict[int, tuple[str, str]]]:
     """The step kernel that a format prints, with the names it prints.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fmt : Format
-        Number format.
-
-    Returns
-    -------
-    kernel : Kernel
-        After the format's passes; node ``i`` without a name is printed as ``v<i>``.
-    names : dict of int to (str, str)
-        Name and comment of labelled nodes.
+    return: after the format's passes; node ``i`` without a name is printed as ``v<i>``.
     """
     labelled = fmt.passes(walk(block.labelled_step))
     count = block.step.n_out()
@@ -79,19 +67,8 @@ def emitted_kernel(block: Block, fmt: Format) -> tuple[Kernel, dict[int, tuple[s
 def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
     """Evaluate a kernel over many argument sets at once.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        What to evaluate.
-    fmt : Format
-        Whose arithmetic.
-    arguments : sequence of ndarray
-        Per argument, shape (sets, elements).
-
-    Returns
-    -------
-    list of ndarray
-        Per node, shape (sets,): bool for booleans, else the format's type.
+    arguments: per argument, shape (sets, elements).
+    return: per node, shape (sets,): bool for booleans, else the format's type.
     """
     count = len(arguments[0]) if arguments else 1
     dtype = fmt.dtype.type
@@ -175,14 +152,8 @@ def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
 class Trajectory:
     """What a Block gives on a stream, in one format's bits.
 
-    Parameters
-    ----------
-    stream : Stream
-        What went in.
-    outputs : dict of str to ndarray
-        Per output port, the format's type; status words ``uint32``.
-    states : dict of str to ndarray
-        Per state port and counter, after each step.
+    outputs: per output port, the format's type; status words ``uint32``.
+    states: per state port and counter, after each step.
     """
 
     stream: Stream
@@ -192,15 +163,8 @@ class Trajectory:
     def first_difference(self, outputs: Mapping[str, Array], states: Mapping[str, Array]) -> str:
         """Where another run first differs from this one in any bit.
 
-        Parameters
-        ----------
-        outputs, states : mapping of str to ndarray
-            The other run, as :func:`esea_gen.verify.equivalence.run_c` gives it.
-
-        Returns
-        -------
-        str
-            Stream, port, step and both values; empty when all bits agree.
+        outputs, states: the other run, as :func:`esea_gen.verify.equivalence.run_c` gives it.
+        return: stream, port, step and both values; empty when all bits agree.
         """
         found: list[tuple[int, str]] = []
         for kind, mine, other in (
@@ -220,18 +184,7 @@ class Trajectory:
 
 
 def counter_fields(block: Block) -> dict[str, tuple[str, int]]:
-    """The counters that the C keeps beside a Block's state.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-
-    Returns
-    -------
-    dict of str to (str, int)
-        ``{field: (status port, bit)}``.
-    """
+    """The counters that the C keeps beside a Block's state."""
     return {
         f"n_{flag.name.lower()}": (port.name, bit)
         for port in block.outputs
@@ -243,22 +196,7 @@ def counter_fields(block: Block) -> dict[str, tuple[str, int]]:
 def expected_counters(
     block: Block, stream: Stream, outputs: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """What the counters must read after each step: never more than their maximum.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    stream : Stream
-        Its injections may set counters.
-    outputs : mapping of str to ndarray
-        With the status words.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``uint32``, shape (steps,).
-    """
+    """What the counters must read after each step: never more than their maximum."""
     out = {}
     for field, (port, bit) in counter_fields(block).items():
         seen = outputs[port].astype(np.int64) >> bit & 1
@@ -281,23 +219,7 @@ def step_arguments(
 ) -> list[Array]:
     """Arguments of every step of a recorded run.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    stream : Stream
-        What went in.
-    states : mapping of str to ndarray
-        State after each step.
-    initial, coefficients : sequence of ndarray
-        Initial state and coefficients, per port.
-    fmt : Format
-        Number format.
-
-    Returns
-    -------
-    list of ndarray
-        Per argument of the step kernel, shape (steps, elements).
+    return: per argument of the step kernel, shape (steps, elements).
     """
     arguments = [np.tile(np.asarray(c, fmt.dtype), (stream.steps, 1)) for c in coefficients]
     for p, start in zip(block.state, initial, strict=True):
@@ -319,41 +241,14 @@ def step_arguments(
 def flat_results(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
     """Results of a kernel that is called once.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        What to evaluate.
-    fmt : Format
-        Number format.
-    arguments : sequence of ndarray
-        Per argument, shape (elements,).
-
-    Returns
-    -------
-    list of ndarray
-        Per result, shape (elements,), the format's type.
+    arguments: per argument, shape (elements,).
     """
     values = evaluate(kernel, fmt, [np.asarray(a, fmt.dtype)[None] for a in arguments])
     return [np.array([values[i][0] for i in r], fmt.dtype) for r in kernel.results]
 
 
 def coefficients_of(block: Block, fmt: Format, tunables: Mapping[str, float]) -> list[Array]:
-    """Coefficients by this executor (float32) or by CasADi's (float64).
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fmt : Format
-        Number format.
-    tunables : mapping of str to float
-        Values other than the defaults.
-
-    Returns
-    -------
-    list of ndarray
-        Per coefficient port.
-    """
+    """Coefficients by this executor (float32) or by CasADi's (float64)."""
     if not block.tunables:
         return []
     if fmt.needs_libm:
@@ -364,22 +259,7 @@ def coefficients_of(block: Block, fmt: Format, tunables: Mapping[str, float]) ->
 
 
 def initial_state(block: Block, fmt: Format, coefficients: Sequence[Array]) -> list[Array]:
-    """State after ``init``, by this executor.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fmt : Format
-        Number format.
-    coefficients : sequence of ndarray
-        Per coefficient port.
-
-    Returns
-    -------
-    list of ndarray
-        Per state port.
-    """
+    """State after ``init``, by this executor."""
     return flat_results(fmt.passes(walk(block.init)), fmt, coefficients)
 
 
@@ -390,22 +270,6 @@ def float32_reference(
 
     Each step is evaluated from the recorded state before it.  When all steps agree with the
     recording, so does, by induction, the whole run from the initial state.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        Step kernel.
-    block : Block
-        Its Block.
-    stream : Stream
-        What went in.
-    arguments : sequence of ndarray
-        From :func:`step_arguments`.
-
-    Returns
-    -------
-    Trajectory
-        Outputs, states and counters.
     """
     fmt = FORMATS["f32"]
     values = evaluate(kernel, fmt, arguments)
@@ -425,21 +289,8 @@ def exact_trajectory(
 ) -> Trajectory:
     """The bits that a Block's C must give on a stream.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    library : HostLibrary
-        Its C.  In float32 its recorded states are where each step is evaluated from.
-    stream : Stream
-        What goes in.
-    reference : CasadiReference or None
-        For f64: CasADi's own C, which runs by itself.
-
-    Returns
-    -------
-    Trajectory
-        To be compared with :func:`esea_gen.verify.equivalence.run_c`.
+    library: its C. In float32 its recorded states are where each step is evaluated from.
+    return: to be compared with :func:`esea_gen.verify.equivalence.run_c`.
     """
     fmt = FORMATS[library.real]
     coefficients = coefficients_of(block, fmt, {})
@@ -467,14 +318,8 @@ BEYOND = (1e-3, 0.03, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3)
 class Setup:
     """What ``prepare`` and ``init`` of a Block must give in one format, bit for bit.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    start : list of ndarray
-        State after ``init``, per port.
-    prepared : list of (dict, list of ndarray)
-        Settings of the tunables, and the coefficients per port.
+    start: state after ``init``, per port.
+    prepared: settings of the tunables, and the coefficients per port.
     """
 
     block: Block
@@ -485,17 +330,7 @@ class Setup:
 def expected_setup(block: Block, fmt: Format) -> Setup:
     """What ``prepare`` and ``init`` of a Block must give.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fmt : Format
-        Number format.
-
-    Returns
-    -------
-    Setup
-        With the tunables at their defaults, ends and middles, 40 times at random within their
+    return: with the tunables at their defaults, ends and middles, 40 times at random within their
         bounds, and together a thousandth of to a thousand times their defaults.
     """
     rng = np.random.default_rng(7)
@@ -526,19 +361,7 @@ def expected_setup(block: Block, fmt: Format) -> Setup:
 def setup_difference(block: Block, library: HostLibrary, expected: Setup | None = None) -> str:
     """Where ``init`` or ``prepare`` of a compiled Block differs from this executor.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    library : HostLibrary
-        Its C.
-    expected : Setup, optional
-        From :func:`expected_setup`, where it is known already.
-
-    Returns
-    -------
-    str
-        What differs; empty when every bit agrees, from a state full of rubbish and with the
+    return: what differs; empty when every bit agrees, from a state full of rubbish and with the
         tunables at the settings of :func:`expected_setup`.
     """
     fmt = FORMATS[library.real]

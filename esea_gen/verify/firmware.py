@@ -27,22 +27,9 @@ APP_FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 class Board:
     """A board, or machine, that an image can be built for.
 
-    Parameters
-    ----------
-    name : str
-        Name, of its folder in ``firmware/boards`` too.
-    title : str
-        One line.
-    compiler, package : str
-        Command, and the Debian package that has it.
-    flags : tuple of str
-        For compiling and linking.
-    link : tuple of str
-        For linking.
-    machine : str
-        QEMU's name of it; empty for the host itself.
-    app_flags : tuple of str
-        For the hand-written C only.
+    name: name, of its folder in ``firmware/boards`` too.
+    compiler, package: command, and the Debian package that has it.
+    machine: QEMU's name of it; empty for the host itself.
     """
 
     name: str
@@ -94,24 +81,12 @@ _DOUBLE = re.compile(r"__aeabi_(d\w+|cd\w+|[a-z]+2d)|__\w*df\w*")
 class FirmwareImage:
     """A built image.
 
-    Parameters
-    ----------
-    elf : Path
-        The image.
-    board, device : str
-        What it was built for.
-    content_hash : str
-        Hash compiled into it.
-    flash_bytes : int
-        Code, constants and initial data.
-    ram_bytes : int
-        Static data, without the stack.
-    stack_bytes : int
-        Size of the stack that the linker script reserves; 0 on the host.
-    step_stack_bytes : dict of str to int
-        Largest stack use below the entry of each task's step, by the compiler's call graph.
-    compiler : str
-        First line of the compiler's version.
+    flash_bytes: code, constants and initial data.
+    ram_bytes: static data, without the stack.
+    stack_bytes: size of the stack that the linker script reserves; 0 on the host.
+    step_stack_bytes: largest stack use below the entry of each task's step, by the compiler's call
+        graph.
+    compiler: first line of the compiler's version.
     """
 
     elf: Path
@@ -136,23 +111,7 @@ def firmware_folder() -> Path:
 
 
 def find_board(name: str) -> Board:
-    """A board by name.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-
-    Returns
-    -------
-    Board
-        The board.
-
-    Raises
-    ------
-    UserError
-        When there is none of that name, with those there are.
-    """
+    """A board by name."""
     if name not in BOARDS:
         listed = "; ".join(f"{b.name} ({b.title})" for b in BOARDS.values())
         raise UserError(f"There is no board '{name}'.", f"Boards: {listed}.")
@@ -162,17 +121,7 @@ def find_board(name: str) -> Board:
 def double_arithmetic(objects: Sequence[Path], nm: str = "arm-none-eabi-nm") -> list[str]:
     """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio.
 
-    Parameters
-    ----------
-    objects : sequence of Path
-        Object files that belong together.
-    nm : str
-        The ``nm`` that reads them.
-
-    Returns
-    -------
-    list of str
-        ``"esea_elbow_sensor.o: __aeabi_dmul"``; empty when the objects need only each other.
+    return: ``"esea_elbow_sensor.o: __aeabi_dmul"``; empty when the objects need only each other.
     """
     tool = find_compiler(nm, "binutils-arm-none-eabi" if nm.startswith("arm") else "binutils")
     defined, wanted = set(), []
@@ -188,20 +137,7 @@ def double_arithmetic(objects: Sequence[Path], nm: str = "arm-none-eabi-nm") -> 
 
 
 def double_helpers(elf: Path, nm: str = "arm-none-eabi-nm") -> list[str]:
-    """Helpers of double arithmetic that have been linked into an image.
-
-    Parameters
-    ----------
-    elf : Path
-        The image.
-    nm : str
-        The ``nm`` that reads it.
-
-    Returns
-    -------
-    list of str
-        Their names; empty when there are none.
-    """
+    """Helpers of double arithmetic that have been linked into an image."""
     tool = find_compiler(nm, "binutils-arm-none-eabi" if nm.startswith("arm") else "binutils")
     done = subprocess.run([tool, "-P", elf], capture_output=True, text=True, check=True)
     names = {line.split()[0] for line in done.stdout.splitlines()}
@@ -211,22 +147,7 @@ def double_helpers(elf: Path, nm: str = "arm-none-eabi-nm") -> list[str]:
 def deepest_stack(graphs: Sequence[Path], entry: str) -> int:
     """Largest stack use below a function, from the compiler's call graphs.
 
-    Parameters
-    ----------
-    graphs : sequence of Path
-        ``.ci`` files of ``-fcallgraph-info=su``.
-    entry : str
-        The function.
-
-    Returns
-    -------
-    int
-        Bytes, its own frame included.  A function of unknown use counts as 0.
-
-    Raises
-    ------
-    ValueError
-        For recursion.
+    return: bytes, its own frame included. A function of unknown use counts as 0.
     """
     own: dict[str, int] = {}
     calls: dict[str, set[str]] = {}
@@ -271,29 +192,9 @@ def build_firmware(
 ) -> FirmwareImage:
     """Build a device's firmware image.
 
-    Parameters
-    ----------
-    device : Device
-        What it controls.
-    board : str
-        What it runs on: ``netduinoplus2``, or ``host`` (with sanitizers).
-    out : Path
-        Folder that gets ``esea_<device>_<board>.elf``.
-    control : mapping of str to str, optional
-        Files of the f32 folder to compile in place of the device's own; tests alter one to prove
-        that a comparison finds it.
-
-    Returns
-    -------
-    FirmwareImage
-        The image, with its sizes.
-
-    Raises
-    ------
-    UserError
-        For an unknown board, a compiler that is not installed, or a folder that cannot be written.
-    RuntimeError
-        When the C does not build, or the control code needs double arithmetic or a library.
+    board: what it runs on: ``netduinoplus2``, or ``host`` (with sanitizers).
+    control: files of the f32 folder to compile in place of the device's own; tests alter one to
+        prove that a comparison finds it.
     """
     chosen = find_board(board)
     gcc = find_compiler(chosen.compiler, chosen.package)

@@ -49,12 +49,7 @@ def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict
 class Executor:
     """Runs a planned Block in Python integers: what its C gives, bit for bit.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    tunables : mapping of str to float, optional
-        Values other than the defaults.
+    tunables: values other than the defaults.
     """
 
     def __init__(self, plan: BlockPlan, tunables: Mapping[str, float] | None = None) -> None:
@@ -68,20 +63,7 @@ class Executor:
     def places(
         self, states: Mapping[str, Raw], inputs: Mapping[str, Raw]
     ) -> tuple[dict[str, ex.Array], int]:
-        """Raw numbers of many steps, under the names by which the C reads them.
-
-        Parameters
-        ----------
-        states, inputs : mapping of str to ndarray
-            As :meth:`steps`.
-
-        Returns
-        -------
-        places : dict of str to ndarray
-            For :func:`esea_gen.emit.fixed.plan.run_lowered`.
-        count : int
-            Number of steps.
-        """
+        """Raw numbers of many steps, under the names by which the C reads them."""
         count = len(next(iter((states or inputs).values())))
         fields = self.plan.fields
         places = self._fixed(count)
@@ -92,13 +74,7 @@ class Executor:
         return places, count
 
     def initial(self) -> dict[str, Raw]:
-        """Raw state after ``init``.
-
-        Returns
-        -------
-        dict of str to ndarray
-            Per state port, shape (1,) or (1, size).
-        """
+        """Raw state after ``init``."""
         return _columns(self.plan.fields["state"], run_lowered(self.plan.init, self._fixed(1), 1))
 
     def steps(
@@ -106,15 +82,7 @@ class Executor:
     ) -> tuple[dict[str, Raw], dict[str, Raw]]:
         """Many steps at once, each from a state of its own.
 
-        Parameters
-        ----------
-        states, inputs : mapping of str to ndarray
-            Raw numbers per port, shape (steps,) or (steps, size).
-
-        Returns
-        -------
-        outputs, next_states : dict of str to ndarray
-            Raw numbers.
+        states, inputs: raw numbers per port, shape (steps,) or (steps, size).
         """
         fields = self.plan.fields
         results = run_lowered(self.plan.step, *self.places(states, inputs))
@@ -122,18 +90,7 @@ class Executor:
         return _columns(fields["out"], results[split:]), _columns(fields["state"], results[:split])
 
     def run(self, inputs: Mapping[str, Raw]) -> tuple[dict[str, Raw], dict[str, Raw]]:
-        """Run a stream from the initial state.
-
-        Parameters
-        ----------
-        inputs : mapping of str to ndarray
-            Raw numbers per input port.
-
-        Returns
-        -------
-        outputs, states : dict of str to ndarray
-            Raw numbers; the state is the one after each step.
-        """
+        """Run a stream from the initial state."""
         state = self.initial()
         outs, states = [], []
         for k in range(len(next(iter(inputs.values())))):
@@ -148,37 +105,14 @@ def _join(parts: list[dict[str, Raw]]) -> dict[str, Raw]:
 
 
 def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
-    """A stream as raw inputs.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    stream : Stream
-        In the ports' units.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``int32``; NaN and what does not fit is ``INT32_MIN``.
-    """
+    """A stream as raw inputs."""
     return {f.port.name: to_raw(stream.inputs[f.port.name], f.fraction) for f in plan.fields["in"]}
 
 
 def seen_stream(plan: BlockPlan, stream: Stream) -> Stream:
     """A stream as the board sees it: every sample a whole number of units, or NaN.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    stream : Stream
-        In the ports' units.
-
-    Returns
-    -------
-    Stream
-        What exact arithmetic is to be given for a fair comparison.
+    return: what exact arithmetic is to be given for a fair comparison.
     """
 
     def held(f: FieldPlan, values: Any) -> Array:
@@ -202,19 +136,8 @@ def run_raw(
 ) -> tuple[dict[str, Raw], dict[str, Raw]]:
     """A stream through the compiled Block, in raw numbers.
 
-    Parameters
-    ----------
-    runner : FixedRunner
-        Freshly initialised.
-    stream : Stream
-        Inputs and injections, in units.
-    restore : bool
-        Stop in the middle, disturb and reset the instance, put the saved state back, and go on.
-
-    Returns
-    -------
-    outputs, states : dict of str to ndarray
-        Raw numbers per port.
+    restore: stop in the middle, disturb and reset the instance, put the saved state back, and go
+        on.
     """
     cuts = {0, stream.steps, *stream.injections}
     middle = stream.steps // 2
@@ -234,22 +157,7 @@ def run_raw(
 
 
 def states_before(plan: BlockPlan, stream: Stream, states: Mapping[str, Raw]) -> dict[str, Raw]:
-    """The state that each step of a recorded run started from.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    stream : Stream
-        Its injections overwrite states.
-    states : mapping of str to ndarray
-        Raw state after each step.
-
-    Returns
-    -------
-    dict of str to ndarray
-        Raw numbers per state port.
-    """
+    """The state that each step of a recorded run started from."""
     first = Executor(plan).initial()
     before = {}
     for f in plan.fields["state"]:
@@ -266,15 +174,10 @@ def states_before(plan: BlockPlan, stream: Stream, states: Mapping[str, Raw]) ->
 class SingleSteps:
     """Every step of a recorded run in exact arithmetic, from the state that the C had.
 
-    Parameters
-    ----------
-    outputs, states : dict of str to ndarray
-        In units, per port.
-    turned : ndarray
-        Steps in which rounding turned a decision: the numbers of both then differ by more than
+    turned: steps in which rounding turned a decision: the numbers of both then differ by more than
         rounding.
-    unexplained : ndarray
-        Those of them whose first such decision was not within its operands' derived errors.
+    unexplained: those of them whose first such decision was not within its operands' derived
+        errors.
     """
 
     outputs: dict[str, Array]
@@ -284,22 +187,7 @@ class SingleSteps:
 
 
 def single_steps(plan: BlockPlan, stream: Stream, before: Mapping[str, Raw]) -> SingleSteps:
-    """Evaluate every step of a recorded run in exact arithmetic.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    stream : Stream
-        What went in, in units.
-    before : mapping of str to ndarray
-        From :func:`states_before`.
-
-    Returns
-    -------
-    SingleSteps
-        Results by CasADi, and which decisions differ.
-    """
+    """Evaluate every step of a recorded run in exact arithmetic."""
     block, kernel = plan.block, plan.step.kernel
     seen = seen_stream(plan, stream)
     arguments = [
@@ -376,22 +264,6 @@ def first_difference(
 
     Each step is evaluated from the state that the C recorded before it: when all steps agree, so
     does, by induction, the whole run.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    runner : FixedRunner
-        Its C, freshly initialised.
-    stream : Stream
-        Inputs and injections, in units.
-
-    Returns
-    -------
-    difference : str
-        Empty when all bits agree.
-    outputs, states : dict of str to ndarray
-        What the C gave, raw.
     """
     executor = Executor(plan)
     outputs, states = run_raw(runner, stream)
@@ -413,21 +285,11 @@ def first_difference(
 class FixedComparison:
     """One stream through one Block in q31.
 
-    Parameters
-    ----------
-    block, stream : str
-        Names.
-    steps : int
-        Length of the stream.
-    errors : dict of str to float
-        Largest |C - symbolic| per output and state, on the inputs as the board sees them.
-    limits : dict of str to float
-        Derived bound of each: for any number of steps, or of one step from the same memory.
-    problems : list of str
-        Bits that differ from the executor's, errors above their bound, unexplained status bits,
-        broken stop and restore.
-    turned : int
-        Steps in which rounding turned a decision, where the steps are judged one by one.
+    errors: largest |C - symbolic| per output and state, on the inputs as the board sees them.
+    limits: derived bound of each: for any number of steps, or of one step from the same memory.
+    problems: bits that differ from the executor's, errors above their bound, unexplained status
+        bits, broken stop and restore.
+    turned: steps in which rounding turned a decision, where the steps are judged one by one.
     """
 
     block: str
@@ -450,22 +312,7 @@ def status_problems(
     got: Mapping[str, Raw],
     limits: Mapping[str, float],
 ) -> int:
-    """Steps whose status word differs beyond what a value's error next to a threshold explains.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    expected, got : mapping of str to ndarray
-        Outputs of exact arithmetic, in units, and of the C.
-    limits : mapping of str to float
-        Bound per output.
-
-    Returns
-    -------
-    int
-        Number of steps.
-    """
+    """Steps whose status word differs beyond what a value's error next to a threshold explains."""
     wrong = 0
     for port in block.outputs:
         if not port.flags:
@@ -488,26 +335,6 @@ def compare_fixed(
 ) -> FixedComparison:
     """Compare one Block on one stream.
 
-    Parameters
-    ----------
-    device : Device
-        For full scales.
-    plan : BlockPlan
-        The Block.
-    runner : FixedRunner
-        Its C.
-    stream : Stream
-        What to run.
-    bound : Bound
-        Its derived error.
-
-    Returns
-    -------
-    FixedComparison
-        What was found.
-
-    Notes
-    -----
     A Block that does not forget its errors is judged step by step, each from the state that the C
     had.  There a step whose decision rounding turned is counted, must be explained by the derived
     error of what it compares, and is not held against the bound.
@@ -564,15 +391,7 @@ def compare_fixed(
 def bounds_of(device: Device) -> dict[str, Bound]:
     """Derived q31 bounds of a device's Blocks over their ports' ranges.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-
-    Returns
-    -------
-    dict of str to Bound
-        By Block: for all time where it forgets its errors, else of one step.
+    return: by Block: for all time where it forgets its errors, else of one step.
     """
     return {b.name: any_bound(plan_block(b)) for b in device.system.kinds}
 

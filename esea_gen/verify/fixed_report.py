@@ -38,21 +38,10 @@ STREAM_STEPS = 300
 class BlockResult:
     """One Block on all its streams.
 
-    Parameters
-    ----------
-    block : str
-        Name.
-    proven_for : str
-        ``all time`` or ``one step``.
-    proven, measured : float
-        Of the worst output, as a share of the larger end of its port's range; the proven one of the
-        output that is proven worst.
-    wide : int
-        Values held in 64 bits.
-    turned : int
-        Steps in which rounding turned a decision.
-    problems : list of str
-        Bits that differ, errors above their bound, unexplained decisions.
+    proven, measured: of the worst output, as a share of the larger end of its port's range; the
+        proven one of the output that is proven worst.
+    turned: steps in which rounding turned a decision.
+    problems: bits that differ, errors above their bound, unexplained decisions.
     """
 
     block: str
@@ -68,18 +57,8 @@ class BlockResult:
 class SignalResult:
     """The sensing task in q31 against f64 on one signal.
 
-    Parameters
-    ----------
-    signal : str
-        What ran.
-    steps : int
-        Its length.
-    error_Nm : float
-        Largest difference of a torque.
-    share : float
-        Of the device's full scale.
-    last_minute : float
-        The same of the last minute alone: errors that grow show here.
+    error_Nm: largest difference of a torque.
+    last_minute: the same of the last minute alone: errors that grow show here.
     """
 
     signal: str
@@ -93,18 +72,8 @@ class SignalResult:
 class FixedReport:
     """All that was compared.
 
-    Parameters
-    ----------
-    device : str
-        Name.
-    blocks : list of BlockResult
-        One a Block.
-    signals : list of SignalResult
-        Empty for a System that does not start with a deflection.
-    cores : list of BareResult
-        Empty when not asked for.
-    proofs : list of EvaResult
-        Of the value analysis, one a Block; empty when not asked for.
+    signals: empty for a System that does not start with a deflection.
+    proofs: of the value analysis, one a Block; empty when not asked for.
     """
 
     device: str
@@ -124,13 +93,7 @@ class FixedReport:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content.
-
-        Returns
-        -------
-        dict
-            Every field, the aim and the verdict.
-        """
+        """JSON-ready content."""
         return {
             "device": self.device,
             "aim_share": AIM_SHARE,
@@ -142,13 +105,7 @@ class FixedReport:
         }
 
     def table(self) -> list[str]:
-        """Lines of text.
-
-        Returns
-        -------
-        list of str
-            Blocks, signals and cores.
-        """
+        """Lines of text."""
         lines = [f"{self.device} in q31, shares of the ports' ranges"]
         lines.append(f"{'block':16} {'proven':>9} {'for':>9} {'measured':>9} {'64 bit':>7}  bits")
         for b in self.blocks:
@@ -191,17 +148,7 @@ class FixedReport:
 def published_motions(device: Device) -> Iterator[tuple[str, Array]]:
     """The excitations of thesis chapter 3, scaled to a device's domain.
 
-    Parameters
-    ----------
-    device : Device
-        Its domain gives the largest deflection; for the elbow 11.5 deg.
-
-    Yields
-    ------
-    name : str
-        What it is.
-    theta_rad : ndarray
-        Deflection at the sensing rate.
+    device: its domain gives the largest deflection; for the elbow 11.5 deg.
     """
     h, most = device.period_s, device.file.domain.theta_max_rad.value
     for share, end_Hz in ((1.0, 1.0), (5.0 / 11.5, 1.5)):
@@ -223,22 +170,7 @@ def published_motions(device: Device) -> Iterator[tuple[str, Array]]:
 
 
 def compare_signal(device: Device, name: str, theta_rad: Array) -> SignalResult:
-    """The sensing task in q31 against f64.
-
-    Parameters
-    ----------
-    device : Device
-        A device whose first task starts with a deflection.
-    name : str
-        What the signal is.
-    theta_rad : ndarray
-        Deflection at the sensing rate; every axis is given it.
-
-    Returns
-    -------
-    SignalResult
-        The largest difference.
-    """
+    """The sensing task in q31 against f64."""
     task = device.system.tasks[0]
     inputs = {x.name: theta_rad for x in device.system.task_inputs(task)}
     got, exact = (
@@ -316,30 +248,8 @@ def check_fixed(
 ) -> FixedReport:
     """Compare a device's q31 C with everything there is to compare it with.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    minutes : float
-        Length of the chirps inside the domain, run one after the other.
-    recorded : mapping of str to ndarray, optional
-        Deflections of a recording, by title.
-    cores : bool
-        Whether to run on emulated cores, too.
-    prove : bool
-        Whether to have Frama-C's value analysis look at every file, too.
-    progress : callable, optional
-        Told in words what is being done.
-
-    Returns
-    -------
-    FixedReport
-        Blocks, signals and cores.
-
-    Raises
-    ------
-    UserError
-        When a tool is not installed.
+    minutes: length of the chirps inside the domain, run one after the other.
+    prove: whether to have Frama-C's value analysis look at every file, too.
     """
     say = progress or (lambda text: None)
     library = compile_device(device, "q31")
@@ -361,22 +271,7 @@ def check_fixed(
 
 
 def read_recorded(device: Device, mapping: Path | None, data: Path | None) -> dict[str, Array]:
-    """Deflections of a recording as the device would see them.
-
-    Parameters
-    ----------
-    device : Device
-        Whose rate.
-    mapping : Path or None
-        Mapping of the recording; None gives nothing.
-    data : Path or None
-        Folder of the recordings.
-
-    Returns
-    -------
-    dict of str to ndarray
-        By title.
-    """
+    """Deflections of a recording as the device would see them."""
     from esea_gen.identify import recorded_deflections
 
     return {} if mapping is None else dict(recorded_deflections(device, mapping, data))

@@ -52,20 +52,11 @@ _A64_DOUBLE = re.compile(r"\bf\w+\s+[^\n]*\bd\d+[^\n]*")
 class Target:
     """A processor that emitted C is compiled for.
 
-    Parameters
-    ----------
-    name, title : str
-        Name, and one line.
-    compiler, package : str
-        Command, and the Debian package that has it.
-    flags : tuple of str
-        Its flags.
-    double : re.Pattern
-        Double arithmetic in its disassembly.
-    stack_limit_bytes : int
-        Largest stack use of a task's step, in single precision, of a device that only measures.
-    soft : bool
-        Whether float arithmetic is done by the compiler's helpers.
+    compiler, package: command, and the Debian package that has it.
+    double: double arithmetic in its disassembly.
+    stack_limit_bytes: largest stack use of a task's step, in single precision, of a device that
+        only measures.
+    soft: whether float arithmetic is done by the compiler's helpers.
     """
 
     name: str
@@ -85,17 +76,9 @@ class Target:
     def stack_limit(self, device: Device) -> int:
         """Largest stack use of a task's step of a device.
 
-        Parameters
-        ----------
-        device : Device
-            One with torque control wires 13 Blocks in its sensing task, whose inputs and outputs
-            take ``CONTROL_STACK_BYTES`` more; a program's parts, which call each other, and its
-            wide inputs take ``PROGRAM_STACK_BYTES``.
-
-        Returns
-        -------
-        int
-            Bytes.
+        device: one with torque control wires 13 Blocks in its sensing task, whose inputs and
+            outputs take ``CONTROL_STACK_BYTES`` more; a program's parts, which call each other, and
+            its wide inputs take ``PROGRAM_STACK_BYTES``.
         """
         programs = any(is_program(b) for b in device.system.kinds)
         more = CONTROL_STACK_BYTES if device.system.latches else 0
@@ -168,20 +151,10 @@ STRICT_F32 = ("-Wdouble-promotion", "-Wfloat-conversion")
 class GateReport:
     """What the gates found on one target.
 
-    Parameters
-    ----------
-    device, real, target : str
-        What was compiled, for what.
-    compiler : str
-        First line of the compiler's version.
-    problems : tuple of str
-        Each with the file, what was found and which rule it breaks; empty when all gates hold.
-    stack_bytes : dict of str to int
-        Largest stack use below each task's step.
-    stack_limit_bytes : int
-        What that must not exceed.
-    text_bytes : int
-        Code and constants.
+    compiler: first line of the compiler's version.
+    problems: each with the file, what was found and which rule it breaks; empty when all gates
+        hold.
+    stack_bytes: largest stack use below each task's step.
     """
 
     device: str
@@ -204,23 +177,7 @@ class GateReport:
 
 
 def find_target(name: str) -> Target:
-    """A target by name.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-
-    Returns
-    -------
-    Target
-        The target.
-
-    Raises
-    ------
-    UserError
-        When there is none of that name, with those there are.
-    """
+    """A target by name."""
     if name not in TARGETS:
         listed = "; ".join(f"{t.name} ({t.title})" for t in TARGETS.values())
         raise UserError(f"There is no target '{name}'.", f"Targets: {listed}.")
@@ -314,29 +271,9 @@ def check_objects(
 ) -> GateReport:
     """Compile a device's C for a target and hold its object files against the rules.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    target : str
-        One of ``TARGETS``.
-    real : str
-        Number format.  The rules on double and libm, and the stack limit, are those of f32; f64 is
+    real: number format. The rules on double and libm, and the stack limit, are those of f32; f64 is
         the host's reference.
-    files : mapping of str to str, optional
-        Files to compile in place of the device's own; tests break a rule in one.
-
-    Returns
-    -------
-    GateReport
-        With every offence.
-
-    Raises
-    ------
-    UserError
-        For an unknown target, or a compiler that is not installed.
-    RuntimeError
-        When the C does not compile.
+    files: files to compile in place of the device's own; tests break a rule in one.
     """
     chosen = find_target(target)
     gcc = find_compiler(chosen.compiler, chosen.package)
@@ -383,29 +320,7 @@ def check_objects(
 def compiler_warnings(
     device: Device, real: str, compiler: str = "gcc", files: Mapping[str, str] | None = None
 ) -> str:
-    """What a strict compiler says of a device's C.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        Number format.
-    compiler : str
-        ``gcc`` or ``clang``, or a cross compiler.
-    files : mapping of str to str, optional
-        Files to compile in place of the device's own.
-
-    Returns
-    -------
-    str
-        Its messages; empty when there are none.
-
-    Raises
-    ------
-    UserError
-        When the compiler is not installed.
-    """
+    """What a strict compiler says of a device's C."""
     tool = find_compiler(compiler, "gcc libc6-dev" if compiler == "gcc" else compiler)
     texts = dict(files if files is not None else render_device(device, [real])[0].files)
     flags = [*STRICT_FLAGS, *(() if FORMATS[real].needs_libm else STRICT_F32)]

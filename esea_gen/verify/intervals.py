@@ -21,12 +21,7 @@ from esea_gen.emit.walker import Kernel, Node, fuse_selects
 class Interval:
     """What a computed value may be.
 
-    Parameters
-    ----------
-    low, high : float
-        Ends; infinite where nothing is known.
-    nan : bool
-        Whether it may be NaN as well.
+    low, high: ends; infinite where nothing is known.
     """
 
     low: float
@@ -213,21 +208,7 @@ def computed_intervals(
 ) -> list[Interval]:
     """Intervals of every value that a kernel computes.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        Its selects are fused here; the nodes keep their places.
-    fmt : Format
-        Whose arithmetic.
-    arguments : sequence of sequence of Interval
-        Per argument and element.
-    undecided : collection of int
-        Booleans that may be either, whatever the arguments' intervals say.
-
-    Returns
-    -------
-    list of Interval
-        Per node.
+    undecided: booleans that may be either, whatever the arguments' intervals say.
     """
     everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
     fused = fuse_selects(everything)

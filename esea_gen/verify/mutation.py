@@ -100,19 +100,7 @@ _SWAPS = {
 
 @dataclass(frozen=True)
 class Mutant:
-    """The emitted C with one place changed.
-
-    Parameters
-    ----------
-    file : str
-        File of the output folder.
-    line : int
-        Line, from 1.
-    kind : str
-        What was done.
-    before, after : str
-        The line's code.
-    """
+    """The emitted C with one place changed."""
 
     file: str
     line: int
@@ -124,18 +112,7 @@ class Mutant:
         return f"{self.file}:{self.line}: {self.kind}: {self.before}  ->  {self.after}"
 
     def apply(self, text: str) -> str:
-        """The file's text with the mutation.
-
-        Parameters
-        ----------
-        text : str
-            The emitted text.
-
-        Returns
-        -------
-        str
-            The mutated text.
-        """
+        """The file's text with the mutation."""
         lines = text.split("\n")
         if lines[self.line - 1].strip() != self.before:
             raise ValueError(f"{self.file}:{self.line} is not '{self.before}'")
@@ -147,29 +124,15 @@ class Mutant:
 class MutationReport:
     """What became of the mutants.
 
-    Parameters
-    ----------
-    device, real : str
-        What was mutated.
-    tried : int
-        Mutants compiled and run.
-    rejected : int
-        Mutants that the compiler refused; not counted anywhere else.
-    killed : int
-        Mutants told apart by some stream, bit for bit.
-    killed_by_bound : int or None
-        Of these, how many the looser criterion sees too: 1e-12 of full scale in f64, the derived
-        bound in f32.  None in a sample: deriving the bound takes longer than the sample.
-    equivalent : list of (Mutant, str)
-        Survivors proven to compute the same, with the proof.
-    survivors : list of Mutant
-        The rest.
-    kinds : dict of str to (int, int)
-        Killed and tried per kind.
-    contradicted : list of (Mutant, str)
-        Mutants that were killed although there is a proof that they compute the same: a fault of
-        the prover.  Left out are proofs that rest on whole numbers, where a stream that aims at
-        thresholds has put in others.
+    rejected: mutants that the compiler refused; not counted anywhere else.
+    killed: mutants told apart by some stream, bit for bit.
+    killed_by_bound: of these, how many the looser criterion sees too: 1e-12 of full scale in f64,
+        the derived bound in f32. None in a sample: deriving the bound takes longer than the sample.
+    equivalent: survivors proven to compute the same, with the proof.
+    kinds: killed and tried per kind.
+    contradicted: mutants that were killed although there is a proof that they compute the same: a
+        fault of the prover. Left out are proofs that rest on whole numbers, where a stream that
+        aims at thresholds has put in others.
     """
 
     device: str
@@ -364,22 +327,7 @@ def _fields(block: Block | None, device: Device) -> dict[str, list[str]]:
 
 
 def mutants(device: Device, real: str, files: dict[str, str]) -> list[Mutant]:
-    """Every mutant of a device's emitted C: its Blocks' files and the file that wires them.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        Number format.
-    files : dict of str to str
-        Its files.
-
-    Returns
-    -------
-    list of Mutant
-        In the files' order; no two give the same text.
-    """
+    """Every mutant of a device's emitted C: its Blocks' files and the file that wires them."""
     fmt = FORMATS[real]
     prefix = f"esea_{device.name}"
     out: dict[tuple[str, int, str], Mutant] = {}
@@ -982,32 +930,7 @@ def run_mutation(
 ) -> MutationReport:
     """Mutate a device's emitted C and count the mutants that the comparisons catch.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        Number format.
-    sample : int, optional
-        Try this many, chosen at random; without it, all.
-    seed : int
-        Seed of that choice.
-    progress : callable, optional
-        Told in words what is being done.
-    blocks : sequence of str, optional
-        Mutate the files of these Blocks only; without it, all Blocks and the wiring.
-
-    Returns
-    -------
-    MutationReport
-        With every survivor by name.
-
-    Raises
-    ------
-    UserError
-        When there is no compiler, or for an unknown number format or Block.
-    RuntimeError
-        When the unmutated C already differs from what it must give.
+    blocks: mutate the files of these Blocks only; without it, all Blocks and the wiring.
     """
     if real not in FORMATS:
         raise UserError(f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}.")

@@ -32,14 +32,9 @@ DECIDING = frozenset({"lt", "le", "eq", "ne"})
 class OneStep:
     """What the steps of one stream add, each from the C's own memory.
 
-    Parameters
-    ----------
-    errors : dict of str to float
-        Largest |C - symbolic| per output and state.
-    turned : int
-        Steps in which rounding turned a decision, each within its operands' derived errors.
-    problems : list of str
-        Decisions that differ beyond that, and status words that differ.
+    errors: largest |C - symbolic| per output and state.
+    turned: steps in which rounding turned a decision, each within its operands' derived errors.
+    problems: decisions that differ beyond that, and status words that differ.
     """
 
     errors: dict[str, float] = field(default_factory=dict)
@@ -48,18 +43,7 @@ class OneStep:
 
 
 class StepRule:
-    """The bound of one step of a Block, and the comparison with it.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-
-    Raises
-    ------
-    RangeError
-        When not even one step has a finite bound.
-    """
+    """The bound of one step of a Block, and the comparison with it."""
 
     def __init__(self, block: Block) -> None:
         self.block = block
@@ -93,17 +77,7 @@ class StepRule:
     ) -> OneStep:
         """Hold every step of a run of the C against the symbolic step from the same memory.
 
-        Parameters
-        ----------
-        stream : Stream
-            What went in.
-        outputs, states : dict of str to ndarray
-            What the C made of it, freely running, and its state after each step.
-
-        Returns
-        -------
-        OneStep
-            What was found.
+        outputs, states: what the C made of it, freely running, and its state after each step.
         """
         found = OneStep()
         single = FORMATS["f32"]
@@ -169,17 +143,7 @@ class StepRule:
 def drift(block: Block, expected: dict[str, Array], got: dict[str, Array]) -> dict[str, float]:
     """How far two freely running memories or outputs come apart; not bounded, only told.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    expected, got : dict of str to ndarray
-        Of the symbolic Block and of the C.
-
-    Returns
-    -------
-    dict of str to float
-        Largest |difference| per port; for a status word the share of steps that differ.
+    return: largest |difference| per port; for a status word the share of steps that differ.
     """
     out: dict[str, float] = {}
     for p in (*block.state, *block.outputs):

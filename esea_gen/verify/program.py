@@ -40,19 +40,7 @@ Run = tuple[dict[str, Array], dict[str, Array]]
 def program_streams(program: Program, seed: int = 1, steps: int = STEPS) -> list[Stream]:
     """The streams of a Program: a Block's, shorter.
 
-    Parameters
-    ----------
-    program : Program
-        What to try.
-    seed : int
-        Seed of the random ones.
-    steps : int
-        Length of each.
-
-    Returns
-    -------
-    list of Stream
-        As :func:`esea_gen.verify.streams.streams`, with invalid inputs and corrupt states.
+    return: as :func:`esea_gen.verify.streams.streams`, with invalid inputs and corrupt states.
     """
     block: object = program
     return streams(block, seed, steps)  # type: ignore[arg-type]
@@ -61,17 +49,7 @@ def program_streams(program: Program, seed: int = 1, steps: int = STEPS) -> list
 def run_executor(program: Program, stream: Stream) -> Run:
     """A stream through the executor.
 
-    Parameters
-    ----------
-    program : Program
-        What to run, at its default tunables.
-    stream : Stream
-        Inputs and injections; one into a work array is left out, which carries nothing.
-
-    Returns
-    -------
-    outputs, states : dict of str to ndarray
-        Per port.
+    stream: inputs and injections; one into a work array is left out, which carries nothing.
     """
     simulator = program.simulator()
     y: dict[str, list[Array]] = {p.name: [] for p in program.outputs}
@@ -89,26 +67,7 @@ def run_executor(program: Program, stream: Stream) -> Run:
 def compare_program(
     device: Device, program: Program, library: HostLibrary, stream: Stream, expected: Run
 ) -> Comparison:
-    """Compare a Program's C with its executor on one stream.
-
-    Parameters
-    ----------
-    device : Device
-        For full scales.
-    program : Program
-        The Program.
-    library : HostLibrary
-        Its C.
-    stream : Stream
-        What to run.
-    expected : tuple of dict
-        What :func:`run_executor` gives.
-
-    Returns
-    -------
-    Comparison
-        What was found.
-    """
+    """Compare a Program's C with its executor on one stream."""
     got = run_c(library.block(program.name), stream)
     block: object = program
     scale = full_scales(device, block)  # type: ignore[arg-type]

@@ -33,19 +33,10 @@ EVA = (
 class EvaResult:
     """What the value analysis said of one Block.
 
-    Parameters
-    ----------
-    device, block : str
-        What was analysed.
-    alarms : tuple of str
-        Possible undefined behaviour: overflow, division by zero, invalid access, a shift out of
+    alarms: possible undefined behaviour: overflow, division by zero, invalid access, a shift out of
         range, a conversion that does not fit.
-    unproven : tuple of str
-        Assertions that could not be shown: that ``prepare`` keeps its coefficients' ranges.
-    assumptions : tuple of str
-        Ranges of tunables and coefficients that the caller is assumed to keep.
-    statements, functions : int
-        How much was reached.
+    unproven: assertions that could not be shown: that ``prepare`` keeps its coefficients' ranges.
+    assumptions: ranges of tunables and coefficients that the caller is assumed to keep.
     """
 
     device: str
@@ -96,28 +87,8 @@ def prove_block(
 ) -> EvaResult:
     """Analyse the emitted C of one Block.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    block : Block
-        One of its Blocks.
-    change : callable, optional
-        ``change(file name, text) -> text``: a deliberate fault, to see that the analysis finds it.
-    narrow : bool
-        As compiled for a core without a 64-bit product.
-
-    Returns
-    -------
-    EvaResult
-        Alarms and assumptions.
-
-    Raises
-    ------
-    UserError
-        When Frama-C is not installed.
-    RuntimeError
-        When it refuses the files.
+    change: ``change(file name, text) -> text``: a deliberate fault, to see that the analysis finds
+        it.
     """
     frama = _tool("frama-c", "frama-c-base")
     renderer = Renderer(device.system, Q31, format_hash(device, "q31"), "-", device.title)
@@ -162,14 +133,7 @@ def prove_block(
 class RoundingResult:
     """What a prover said of the arithmetic core.
 
-    Parameters
-    ----------
-    script : str
-        File of ``templates/proof``.
-    goal : str
-        What was asked.
-    proven : bool
-        Whether it holds, without any assumption.
+    proven: whether it holds, without any assumption.
     """
 
     script: str
@@ -180,20 +144,7 @@ class RoundingResult:
 def prove_rounding(change: Callable[[str, str], str] | None = None) -> list[RoundingResult]:
     """Certify the rounding of the arithmetic core, by Gappa and by z3.
 
-    Parameters
-    ----------
-    change : callable, optional
-        ``change(script, text) -> text``: a deliberate fault.
-
-    Returns
-    -------
-    list of RoundingResult
-        One a script of ``templates/proof``.
-
-    Raises
-    ------
-    UserError
-        When Gappa or z3 is not installed.
+    change: ``change(script, text) -> text``: a deliberate fault.
     """
     provers = {
         ".gappa": ([_tool("gappa", "gappa")], "#"),
@@ -225,18 +176,7 @@ def prove_rounding(change: Callable[[str, str], str] | None = None) -> list[Roun
 
 
 def prove_device(device: Device) -> list[EvaResult]:
-    """Analyse every Block of a device.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-
-    Returns
-    -------
-    list of EvaResult
-        One a Block.
-    """
+    """Analyse every Block of a device."""
     return [prove_block(device, b) for b in device.system.kinds]
 
 

@@ -45,14 +45,7 @@ _STOP = ("-fno-sanitize-recover=all",)
 class GivenRenderer(Renderer):
     """A renderer whose files are given: how a deliberate fault is put in.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        Number format.
-    files : mapping of str to str, optional
-        The files; without them, the device's own.
+    files: the files; without them, the device's own.
     """
 
     def __init__(self, device: Device, real: str, files: Mapping[str, str] | None = None) -> None:
@@ -68,18 +61,8 @@ class GivenRenderer(Renderer):
 class SanitizerRun:
     """What a sanitizer said.
 
-    Parameters
-    ----------
-    sanitizer, real : str
-        Which, on which number format.
-    runs : int
-        Streams replayed.
-    steps : int
-        Steps in all.
-    reports : tuple of str
-        Its reports; empty when there are none.
-    differences : tuple of str
-        Where the replay's bits differ from the library's.
+    reports: its reports; empty when there are none.
+    differences: where the replay's bits differ from the library's.
     """
 
     sanitizer: str
@@ -110,19 +93,7 @@ class SanitizerRun:
 def tried_streams(block: Block, fmt: Format, steps: int = 1500) -> list[Stream]:
     """The streams of the comparisons, shortened.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fmt : Format
-        Number format.
-    steps : int
-        Length of each.
-
-    Returns
-    -------
-    list of Stream
-        Those of :func:`~esea_gen.verify.streams.streams`, the one at the limits, and those with
+    return: those of :func:`~esea_gen.verify.streams.streams`, the one at the limits, and those with
         another memory.
     """
     if is_program(block):  # its state is work memory: what the rest changes in it carries nothing
@@ -157,26 +128,7 @@ def undefined_behaviour(
     steps: int = 1500,
     blocks: Sequence[str] | None = None,
 ) -> SanitizerRun:
-    """Run every Block and task in process, watched for undefined behaviour.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        Number format.
-    files : mapping of str to str, optional
-        Files in place of the device's own.
-    steps : int
-        Length of each stream.
-    blocks : sequence of str, optional
-        Only these; without it, all Blocks and the tasks.
-
-    Returns
-    -------
-    SanitizerRun
-        With each place reported once.
-    """
+    """Run every Block and task in process, watched for undefined behaviour."""
     # Not stopping at a report: this process goes on, and reads what was said.
     flags = (*UNDEFINED, "-fsanitize-recover=all")
     library = HostLibrary(device.system, GivenRenderer(device, real, files), flags)
@@ -234,25 +186,9 @@ def _stream_bytes(stream: Stream, inputs: Sequence[Array], state: np.dtype[Any])
 class Replay:
     """The C harness, compiled with a sanitizer.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        Number format.
-    sanitizer : str
-        ``address`` (with undefined behaviour; gcc) or ``memory`` (uninitialised memory; clang).
-    folder : Path
-        Where to build.
-    files : mapping of str to str, optional
-        Files in place of the device's own.
-
-    Raises
-    ------
-    UserError
-        When the compiler, or its run-time library, is not installed.
-    RuntimeError
-        When the harness does not build.
+    sanitizer: ``address`` (with undefined behaviour; gcc) or ``memory`` (uninitialised memory;
+        clang).
+    files: files in place of the device's own.
     """
 
     def __init__(
@@ -293,21 +229,8 @@ class Replay:
     def run(self, name: str, stream: bytes, fill: int = -1) -> tuple[bytes, str]:
         """Replay a stream.
 
-        Parameters
-        ----------
-        name : str
-            Block or task.
-        stream : bytes
-            In the harness's format.
-        fill : int
-            Byte that fresh memory is filled with; negative for none.
-
-        Returns
-        -------
-        result : bytes
-            Outputs and states.
-        report : str
-            What the sanitizer said; empty when the harness ended well.
+        fill: byte that fresh memory is filled with; negative for none.
+        return: what the sanitizer said; empty when the harness ended well.
         """
         (self.folder / "stream").write_bytes(stream)
         done = subprocess.run(
@@ -334,28 +257,7 @@ def replay_device(
     steps: int = 1500,
     blocks: Sequence[str] | None = None,
 ) -> SanitizerRun:
-    """Replay every Block and task in the C harness, and compare its bits with the library's.
-
-    Parameters
-    ----------
-    device : Device
-        The device.
-    real : str
-        Number format.
-    sanitizer : str
-        ``address`` or ``memory``.
-    files : mapping of str to str, optional
-        Files in place of the device's own.
-    steps : int
-        Length of each stream.
-    blocks : sequence of str, optional
-        Only these; without it, all Blocks and the tasks.
-
-    Returns
-    -------
-    SanitizerRun
-        Reports and differences.
-    """
+    """Replay every Block and task in the C harness, and compare its bits with the library's."""
     fmt = FORMATS[real]
     library = HostLibrary(device.system, GivenRenderer(device, real, files))
     reports: list[str] = []

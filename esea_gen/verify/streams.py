@@ -26,17 +26,10 @@ SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
 class Stream:
     """An input stream, with states put in from outside at some steps.
 
-    Parameters
-    ----------
-    name : str
-        What it tries.
-    inputs : dict of str to ndarray
-        Per input port: (steps,) or (steps, size), float64 values that float32 holds exactly.
-    injections : dict of int to dict
-        Before the step, ``{state port: value}`` overwrites the state.
-    coefficients : dict of int to dict
-        From the step on, ``{coefficient port: value}`` stands in the memory of the coefficients;
-        those not named are as prepared from the default tunables.
+    inputs: per input port: (steps,) or (steps, size), float64 values that float32 holds exactly.
+    injections: before the step, ``{state port: value}`` overwrites the state.
+    coefficients: from the step on, ``{coefficient port: value}`` stands in the memory of the
+        coefficients; those not named are as prepared from the default tunables.
     """
 
     name: str
@@ -51,18 +44,7 @@ class Stream:
 
 
 def single(values: npt.ArrayLike) -> Array:
-    """Round to float32, kept as float64.
-
-    Parameters
-    ----------
-    values : array_like
-        Numbers.
-
-    Returns
-    -------
-    ndarray
-        Float64, each a float32 number.
-    """
+    """Round to float32, kept as float64."""
     with np.errstate(over="ignore"):
         return np.asarray(values, dtype=np.float64).astype(np.float32).astype(np.float64)
 
@@ -115,19 +97,7 @@ def _whole(port: Port, values: Array) -> Array:
 def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
     """The streams of a Block: generated ones, and those it brings along.
 
-    Parameters
-    ----------
-    block : Block
-        What to try.
-    seed : int
-        Seed of the random ones.
-    steps : int
-        Length of each of the generated ones.
-
-    Returns
-    -------
-    list of Stream
-        Random walk, noise over the whole range, chirp, reversals, thresholds, jumps, invalid
+    return: random walk, noise over the whole range, chirp, reversals, thresholds, jumps, invalid
         inputs, corrupt states (where it has a state), and :func:`esea_gen.verify.events.events`.
     """
     from esea_gen.verify.events import events
@@ -183,37 +153,14 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
 def deflection_inputs(system: System, theta_rad: npt.ArrayLike) -> dict[str, Array]:
     """One deflection for every axis of a measuring System.
 
-    Parameters
-    ----------
-    system : System
-        Its first task takes one deflection an axis.
-    theta_rad : array_like
-        Deflection at the sensing rate, shape (steps,).
-
-    Returns
-    -------
-    dict of str to ndarray
-        The task's inputs, float32 numbers.
+    theta_rad: deflection at the sensing rate, shape (steps,).
     """
     theta = single(theta_rad)
     return {x.name: theta for x in system.task_inputs(system.tasks[0])}
 
 
 def first_axis(system: System, outputs: Mapping[str, Array]) -> dict[str, Array]:
-    """The outputs of a task's first sensor, under the names of its Block's ports.
-
-    Parameters
-    ----------
-    system : System
-        A measuring System.
-    outputs : mapping of str to ndarray
-        Outputs of its first task.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``tau_Nm`` and the others, without an axis in the name.
-    """
+    """The outputs of a task's first sensor, under the names of its Block's ports."""
     found = system.task_outputs(system.tasks[0])
     instance = next(x.signals[0].instance for x in found if x.signals[0].port == "tau_Nm")
     return {x.signals[0].port: outputs[x.name] for x in found if x.signals[0].instance == instance}
@@ -222,17 +169,7 @@ def first_axis(system: System, outputs: Mapping[str, Array]) -> dict[str, Array]
 def inside(stream: Stream, limits: Mapping[str, tuple[float, float]]) -> bool:
     """Whether a stream's inputs stay inside ranges.
 
-    Parameters
-    ----------
-    stream : Stream
-        The stream.
-    limits : mapping of str to (low, high)
-        By input name.
-
-    Returns
-    -------
-    bool
-        False when any sample is outside or NaN.
+    limits: by input name.
     """
     return all(
         bool(np.all((stream.inputs[k] >= low) & (stream.inputs[k] <= high)))
@@ -248,22 +185,9 @@ def at_the_limits(
 
     Not one of :func:`streams`: it is for comparisons bit by bit, within one number format.
 
-    Parameters
-    ----------
-    block : Block
-        What to try.
-    dtype : dtype
-        The format whose neighbouring numbers are meant; with float64, not every sample is a float32
-        number.
-    seed : int
-        Seed of the choices.
-    steps : int
-        Length.
-
-    Returns
-    -------
-    Stream
-        Every state element and counter is put at, just inside and just outside each end.
+    dtype: the format whose neighbouring numbers are meant; with float64, not every sample is a
+        float32 number.
+    return: every state element and counter is put at, just inside and just outside each end.
     """
     rng = np.random.default_rng(seed)
 
@@ -345,24 +269,10 @@ def other_memories(
 
     Not part of :func:`streams` either: the derived bounds are those of the default tunables.
 
-    Parameters
-    ----------
-    block : Block
-        What to try.
-    dtype : dtype
-        As :func:`at_the_limits`.
-    seed : int
-        Seed of the choices.
-    steps : int
-        Length.
-
-    Returns
-    -------
-    list of Stream
-        For a Block with tunables one stream at the limits, with coefficients prepared from tunables
-        at their ends; :func:`esea_gen.verify.events.memories`; and, starting from the states of
-        these and of :func:`streams`, :func:`esea_gen.verify.ties.aimed_stream`; and each counter at
-        its end, alone.
+    return: for a Block with tunables one stream at the limits, with coefficients prepared from
+        tunables at their ends; :func:`esea_gen.verify.events.memories`; and, starting from the
+        states of these and of :func:`streams`, :func:`esea_gen.verify.ties.aimed_stream`; and each
+        counter at its end, alone.
     """
     from esea_gen.verify.events import memories
     from esea_gen.verify.ties import aimed_stream

@@ -40,23 +40,7 @@ def aimed_stream(
 ) -> list[Stream]:
     """A stream of single steps, each near a tie of one decision of a Block.
 
-    Parameters
-    ----------
-    block : Block
-        The Block, at its default tunables.
-    tried : sequence of Stream
-        Whose states and inputs it starts from.
-    dtype : dtype
-        The format whose numbers are meant.
-    seed : int
-        Seed of the choices.
-    trials : int
-        Ties wanted of each decision; each gives up to four steps.
-
-    Returns
-    -------
-    list of Stream
-        The stream; none when no decision could be aimed at.
+    trials: ties wanted of each decision; each gives up to four steps.
     """
     aim = _Aim.at(block, next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype)))
     if not aim.decisions:

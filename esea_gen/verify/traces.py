@@ -33,15 +33,7 @@ ACCEPT = "Accept with: esea-gen traces accept"
 
 @dataclass(frozen=True)
 class Part:
-    """A stretch of the stream.
-
-    Parameters
-    ----------
-    name : str
-        What it tries.
-    duration_s : float
-        Length.
-    """
+    """A stretch of the stream."""
 
     name: str
     duration_s: float
@@ -63,20 +55,9 @@ PARTS = (
 class Trace:
     """A System's answer, every so many steps.
 
-    Parameters
-    ----------
-    device : str
-        Name.
-    period_s : float
-        Base tick.
-    steps : ndarray
-        Step of each row, from 0.
-    inputs, outputs : dict of str to ndarray
-        One value a row; of a status word, every bit that was set since the row above.
-    flags : dict of str to tuple of str
-        Per status word, the names of its bits.
-    full_scale : dict of str to float
-        Per other output, what counts as 100 %.
+    inputs, outputs: one value a row; of a status word, every bit that was set since the row above.
+    flags: per status word, the names of its bits.
+    full_scale: per other output, what counts as 100 %.
     """
 
     device: str
@@ -120,16 +101,6 @@ def reference_stream(device: Device) -> dict[str, Array]:
 
     Every external input is driven, each with another phase.  Samples stand on a lattice of a power
     of two, so that a last digit of a sine does not move them.
-
-    Parameters
-    ----------
-    device : Device
-        Its domain, ranges, rate and inputs.
-
-    Returns
-    -------
-    dict of str to ndarray
-        One column per scalar input, one sample a base tick.
     """
     system, domain = device.system, device.file.domain
     rate_Hz = 1.0 / system.base_period_s
@@ -219,15 +190,7 @@ def _piece(part: Part, s: Array, reach: float, high: float, top_Hz: float, n: in
 def run_trace(device: Device) -> Trace:
     """Run a device's symbolic System over its reference stream.
 
-    Parameters
-    ----------
-    device : Device
-        The device.
-
-    Returns
-    -------
-    Trace
-        Every task at its ticks; between runs an output keeps its value.
+    return: every task at its ticks; between runs an output keeps its value.
     """
     system = device.system
     simulator = system.simulator()
@@ -296,17 +259,7 @@ def _read(text: str) -> tuple[list[str], dict[str, Array]]:
 def differences(trace: Trace, text: str) -> list[str]:
     """What differs between a trace and a stored one, in words.
 
-    Parameters
-    ----------
-    trace : Trace
-        As the System behaves now.
-    text : str
-        The stored trace.
-
-    Returns
-    -------
-    list of str
-        One line a difference, inputs first; empty when the behaviour is kept.
+    return: one line a difference, inputs first; empty when the behaviour is kept.
     """
     try:
         names, old = _read(text)
@@ -388,20 +341,7 @@ def _orphans(folder: Path, devices: Mapping[str, Device]) -> list[Path]:
 
 
 def check_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
-    """Compare every System with its stored trace.
-
-    Parameters
-    ----------
-    folder : Path
-        Holds ``<device>.csv``.
-    devices : mapping of str to Device, optional
-        By name; the shipped ones when not given.
-
-    Returns
-    -------
-    list of str
-        One line a difference; empty when all behaviour is kept.
-    """
+    """Compare every System with its stored trace."""
     chosen = _devices(devices)
     found = []
     for name, device in chosen.items():
@@ -417,23 +357,9 @@ def check_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> l
 def accept_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
     """Store the present behaviour where it differs from the stored one.
 
-    Parameters
-    ----------
-    folder : Path
-        Gets ``<device>.csv``.
-    devices : mapping of str to Device, optional
-        By name; the shipped ones when not given, and then traces of other devices are removed.
-
-    Returns
-    -------
-    list of str
-        What was accepted: the lines of :func:`check_traces`.  A file whose behaviour is kept is not
-        touched, so that machines do not take turns in changing last digits.
-
-    Raises
-    ------
-    UserError
-        When the folder cannot be written.
+    devices: by name; the shipped ones when not given, and then traces of other devices are removed.
+    return: what was accepted: the lines of :func:`check_traces`. A file whose behaviour is kept is
+        not touched, so that machines do not take turns in changing last digits.
     """
     chosen = _devices(devices)
     found = []

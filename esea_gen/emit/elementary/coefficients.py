@@ -37,19 +37,7 @@ Real: TypeAlias = Any  # mpmath.mpf, which carries no types
 def fixed(value: Real, fraction_bits: int, bias: float = 0.0) -> int:
     """Round a value to a fixed-point integer.
 
-    Parameters
-    ----------
-    value : mpmath.mpf
-        Value to convert.
-    fraction_bits : int
-        Number of fraction bits.
-    bias : float
-        Offset in units of the last place, half a unit where a later truncation is to be centred.
-
-    Returns
-    -------
-    int
-        Nearest integer to ``value * 2**fraction_bits + bias``.
+    bias: offset in units of the last place, half a unit where a later truncation is to be centred.
     """
     return int(mpmath.nint(mpmath.ldexp(value, fraction_bits) + mpf(bias)))
 
@@ -57,24 +45,7 @@ def fixed(value: Real, fraction_bits: int, bias: float = 0.0) -> int:
 def fit(
     function: Callable[[Real], Real], low: Real, high: Real, degree: int
 ) -> tuple[list[Real], Real]:
-    """Fit a polynomial and return its coefficients from the constant upwards, and the error bound.
-
-    Parameters
-    ----------
-    function : callable
-        Function of one real variable.
-    low, high : mpmath.mpf
-        Interval of the fit.
-    degree : int
-        Degree of the polynomial.
-
-    Returns
-    -------
-    coefficients : list of mpmath.mpf
-        Constant coefficient first.
-    error : mpmath.mpf
-        Bound on the absolute error over the interval.
-    """
+    """Fit a polynomial: its coefficients from the constant upwards, and the error bound."""
     coefficients, error = mpmath.chebyfit(function, [low, high], degree + 1, error=True)
     return list(reversed(coefficients)), error
 
@@ -85,11 +56,6 @@ def reciprocals() -> list[int]:
     The first and the last interval use exactly 1 and 1/2, so that the tabulated logarithm of both
     is an integer and nothing cancels around ``x = 1``. Eleven fraction bits make
     ``significand * reciprocal - 1`` exact modulo ``2**32``.
-
-    Returns
-    -------
-    list of int
-        Reciprocals as Q11.
     """
     chosen = []
     for index in range(LOG2_INTERVALS):
@@ -101,13 +67,7 @@ def reciprocals() -> list[int]:
 
 
 def reduced_range() -> tuple[Real, Real]:
-    """Return the range of ``significand * reciprocal - 1`` over all intervals.
-
-    Returns
-    -------
-    low, high : mpmath.mpf
-        The extreme reduced arguments.
-    """
+    """Return the range of ``significand * reciprocal - 1`` over all intervals."""
     low, high = mpf(0), mpf(0)
     for index, reciprocal in enumerate(reciprocals()):
         scale = mpmath.ldexp(mpf(reciprocal), -RECIPROCAL_BITS)
@@ -122,13 +82,7 @@ def reduced_range() -> tuple[Real, Real]:
 
 
 def log2_table() -> list[int]:
-    """Return log2 of the tabulated significands as Q64, with the reciprocal in the low twelve bits.
-
-    Returns
-    -------
-    list of int
-        One 64-bit word an interval.
-    """
+    """Log2 of the tabulated significands as Q64, with the reciprocal in the low twelve bits."""
     rows = []
     for reciprocal in reciprocals():
         logarithm = -mpmath.log(mpmath.ldexp(mpf(reciprocal), -RECIPROCAL_BITS), 2)
@@ -139,13 +93,7 @@ def log2_table() -> list[int]:
 
 
 def exp2_table() -> list[int]:
-    """Return 2**t at the interval centres as Q31, with the truncations of the C centred.
-
-    Returns
-    -------
-    list of int
-        One 32-bit word an interval.
-    """
+    """Return 2**t at the interval centres as Q31, with the truncations of the C centred."""
     # The fraction that arrives is truncated to Q32, on average 2**-33 too small.
     centred = 1 + mpmath.log(2) * mpmath.ldexp(1, -33)
     return [
@@ -157,10 +105,7 @@ def exp2_table() -> list[int]:
 def reciprocal_root_table() -> list[int]:
     """Return seeds of 1/sqrt(a) for a in [1, 4) as Q16.
 
-    Returns
-    -------
-    list of int
-        One seed for each value 16 to 63 of the six leading bits.
+    return: one seed for each value 16 to 63 of the six leading bits.
     """
     return [
         min(65535, fixed(1 / mpmath.sqrt((mpf(index) + mpf(0.5)) / 16), 16))
@@ -169,42 +114,20 @@ def reciprocal_root_table() -> list[int]:
 
 
 def two_over_pi_words() -> list[int]:
-    """Return 256 bits of 2/pi behind 64 zero bits, as words with the most significant first.
-
-    Returns
-    -------
-    list of int
-        Ten 32-bit words.
-    """
+    """Return 256 bits of 2/pi behind 64 zero bits, as words with the most significant first."""
     bits = int(mpmath.floor(mpmath.ldexp(2 / mp.pi, 256)))
     return [0, 0] + [(bits >> (32 * (7 - word))) & 0xFFFFFFFF for word in range(8)]
 
 
 def near_zero(function: Callable[[Real], Real], limit: Real) -> Callable[[Real], Real]:
-    """Fill the removable singularity of a function at zero.
-
-    Parameters
-    ----------
-    function : callable
-        Function of one real variable, undefined at zero.
-    limit : mpmath.mpf
-        Its limit at zero.
-
-    Returns
-    -------
-    callable
-        The completed function.
-    """
+    """Fill the removable singularity of a function at zero."""
     return lambda t: limit if t == 0 else function(t)
 
 
 def polynomials() -> list[tuple[str, str, list[int]]]:
     """Return every polynomial as name, meaning and integer coefficients.
 
-    Returns
-    -------
-    list of tuple
-        Macro stem, comment, coefficients from the constant upwards.
+    return: macro stem, comment, coefficients from the constant upwards.
     """
     low, high = reduced_range()
     ln2 = mpmath.log(2)
@@ -315,22 +238,7 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
 
 
 def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:
-    """Format table entries as lines.
-
-    Parameters
-    ----------
-    values : iterable of int
-        Entries.
-    pattern : str
-        Format of one entry.
-    per_line : int
-        Entries a line.
-
-    Returns
-    -------
-    list of str
-        Indented lines.
-    """
+    """Format table entries as lines."""
     texts = [pattern.format(value) for value in values]
     return [
         "    " + ", ".join(texts[at : at + per_line]) + "," for at in range(0, len(texts), per_line)
@@ -338,13 +246,7 @@ def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:
 
 
 def render() -> str:
-    """Render the header.
-
-    Returns
-    -------
-    str
-        Text of ``esea_f32_tables.h``.
-    """
+    """Render the header."""
     with mp.workdps(110):
         lines = [
             "/* Constants of esea_f32.c, derived to 110 digits by coefficients.py, for it alone.",
@@ -396,15 +298,7 @@ def render() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check or write the tables.
 
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line without the program name.
-
-    Returns
-    -------
-    int
-        Exit status: 0 when the committed file is current or was written.
+    return: exit status: 0 when the committed file is current or was written.
     """
     parser = argparse.ArgumentParser(description="Derive esea_f32_tables.h.")
     action = parser.add_mutually_exclusive_group(required=True)

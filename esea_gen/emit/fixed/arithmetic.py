@@ -186,23 +186,7 @@ class Arithmetic(LoweringBase):
     ) -> Value:
         """Two operands in one format, joined.
 
-        Parameters
-        ----------
-        i : int
-            Node that joins them.
-        args : tuple of int
-            Operands.
-        low, high : Fraction
-            Range of the result.
-        join : callable
-            ``join(a, b, bits) -> expression`` of the aligned operands.
-        override : mapping of int to Value, optional
-            Values in place of the operands' own.
-
-        Returns
-        -------
-        Value
-            The result in its format.
+        join: ``join(a, b, bits) -> expression`` of the aligned operands.
         """
         low, high = self._cut(i, low, high)
         filled = [f for f in map(self._fraction, args) if f < MOST_FRACTION_BITS]

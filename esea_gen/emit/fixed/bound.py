@@ -26,14 +26,9 @@ Array = npt.NDArray[np.float64]
 class Span:
     """Interval of the exact value and error model, one entry a box.
 
-    Parameters
-    ----------
-    low, high : ndarray
-        Interval, shape (boxes,).
-    a, r : ndarray
-        ``|computed - exact| <= a + r |exact|``, shape (boxes,).
-    held : bool
-        Whether the computed value, too, lies in the interval: an input or state that has passed
+    low, high: interval, shape (boxes,).
+    a, r: ``|computed - exact| <= a + r |exact|``, shape (boxes,).
+    held: whether the computed value, too, lies in the interval: an input or state that has passed
         its port's check.
     """
 
@@ -60,20 +55,7 @@ class Span:
 
 
 def span(low: float, high: float, error: float, boxes: int) -> Span:
-    """The same interval and error in every box.
-
-    Parameters
-    ----------
-    low, high, error : float
-        Interval and absolute error.
-    boxes : int
-        Number of boxes.
-
-    Returns
-    -------
-    Span
-        Constant over the boxes.
-    """
+    """The same interval and error in every box."""
     return Span(np.full(boxes, low), np.full(boxes, high), np.full(boxes, error), np.zeros(boxes))
 
 
@@ -296,19 +278,7 @@ def numeric_nodes(
 ) -> set[int]:
     """Nodes on which a result that is a number depends.
 
-    Parameters
-    ----------
-    lowered : LoweredKernel
-        The kernel.
-    flag_results : sequence of int
-        Results that are status words.
-    solved : collection of int
-        Nodes that an equation defines: on the way to them nothing is followed.
-
-    Returns
-    -------
-    set of int
-        Nodes, these included.
+    solved: nodes that an equation defines: on the way to them nothing is followed.
     """
     kernel = lowered.kernel
     needed = {i for k, r in enumerate(kernel.results) if k not in flag_results for i in r}
@@ -328,35 +298,10 @@ def analyse(
 ) -> tuple[list[list[Span]], tuple[str, ...], list[Span]]:
     """Push ranges and errors through a lowered kernel.
 
-    Parameters
-    ----------
-    lowered : LoweredKernel
-        The kernel.
-    arguments : sequence of sequence of Span
-        Per argument and element.
-    flag_results : sequence of int
-        Results that are status words: a decision that only they use is no assumption.
-    facts : mapping, optional
-        Ranges of nodes that follow from algebra, or pieces of them, shape (boxes,) each.
-    boxes : int
-        Number of boxes.
-    solved : mapping of int to float, optional
-        Error of nodes that an equation defines, of which a fact is known; what leads to them alone
-        is left out.
-
-    Returns
-    -------
-    results : list of list of Span
-        Per result and element, in the port's format.
-    assumptions : tuple of str
-        Decisions that rounding could turn: taken as equal.
-    values : list of Span
-        Per node.
-
-    Raises
-    ------
-    RangeError
-        For a division by a range holding zero and the like.
+    flag_results: results that are status words: a decision that only they use is no assumption.
+    facts: ranges of nodes that follow from algebra, or pieces of them, shape (boxes,) each.
+    solved: error of nodes that an equation defines, of which a fact is known; what leads to them
+        alone is left out.
     """
     kernel = lowered.kernel
     solved = solved or {}

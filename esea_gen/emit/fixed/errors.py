@@ -51,16 +51,10 @@ def _finer(cuts: Sequence[float], limits: tuple[float, float]) -> list[float]:
 class Propagation:
     """One step's errors of a planned Block, from errors of its states.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block, at its default tunables.
-    ranges : mapping
-        Ranges of states and inputs that replace their ports'.
-    input_errors : mapping of str to float
-        Largest error of an input; 0 for those not named.
-    room : float
-        Share of each range that inputs and states may lie beyond it: the guard's own comparisons
+    plan: the Block, at its default tunables.
+    ranges: ranges of states and inputs that replace their ports'.
+    input_errors: largest error of an input; 0 for those not named.
+    room: share of each range that inputs and states may lie beyond it: the guard's own comparisons
         then stay undecided, and what follows an invalid input or a corrupt state counts as well.
     """
 
@@ -125,18 +119,7 @@ class Propagation:
         return Span(low, high, np.full(self.count, error), np.zeros(self.count), True)
 
     def once(self, errors: Errors) -> Analysis:
-        """Errors of all results.
-
-        Parameters
-        ----------
-        errors : list of list of float
-            Of the states, per port and element.
-
-        Returns
-        -------
-        Analysis
-            Worst of all boxes.
-        """
+        """Errors of all results."""
         results, assumptions, _ = self._analysed(errors)
         assumptions += tuple(
             f"{self.block.name}: |{s.residual}| of {name} is at most {s.most:g}"
@@ -184,15 +167,7 @@ class Propagation:
     def node_errors(self, errors: Errors) -> list[float]:
         """Largest |error| of every value of the step, the decisions before it being the same.
 
-        Parameters
-        ----------
-        errors : list of list of float
-            Of the states, per port and element.
-
-        Returns
-        -------
-        list of float
-            Per node; worst of all boxes; 0 for those outside :attr:`followed`.
+        return: per node; worst of all boxes; 0 for those outside :attr:`followed`.
         """
         return [float(v.error.max()) for v in self._analysed(errors)[2]]
 
@@ -204,18 +179,7 @@ class Propagation:
         return frozenset(numeric_nodes(self.plan.step, self.block.flag_results, self.solved))
 
     def state_errors(self, result: Analysis) -> Errors:
-        """Errors of the next states: at most their range, for exact and computed both lie in it.
-
-        Parameters
-        ----------
-        result : Analysis
-            From :meth:`once`.
-
-        Returns
-        -------
-        list of list of float
-            Per port and element.
-        """
+        """Errors of the next states: at most their range, for exact and computed both lie in it."""
         out = []
         for p, r in zip(self.block.state, result.results, strict=False):
             low, high = self.limits[f"s_{p.name}"]
@@ -223,18 +187,7 @@ class Propagation:
         return out
 
     def outputs(self, result: Analysis) -> dict[str, float]:
-        """Errors of the outputs that are numbers.
-
-        Parameters
-        ----------
-        result : Analysis
-            From :meth:`once`.
-
-        Returns
-        -------
-        dict of str to float
-            Per output.
-        """
+        """Errors of the outputs that are numbers."""
         return {
             p.name: float(max(v.error for v in r))
             for p, r in zip(
@@ -251,25 +204,8 @@ def block_bound(
 ) -> Bound:
     """Worst-case error of a Block in q31 against exact arithmetic, for any number of steps.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block, at its default tunables.
-    ranges : mapping, optional
-        ``{"u_theta_rad": (low, high), ...}``: inputs and states that stay inside these ranges
+    ranges: ``{"u_theta_rad": (low, high), ...}``: inputs and states that stay inside these ranges
         instead of their ports'.
-    input_errors : mapping of str to float, optional
-        Largest error of an input; 0 for those not named.
-
-    Returns
-    -------
-    Bound
-        Per output and state.
-
-    Raises
-    ------
-    RangeError
-        When no finite bound can be derived.
     """
     block = plan.block
     step = Propagation(plan, ranges or {}, input_errors or {})
@@ -301,23 +237,8 @@ def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None
     For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
     adds its rounding errors up.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block, at its default tunables.
-    ranges : mapping, optional
-        As :func:`block_bound`.
-
-    Returns
-    -------
-    Bound
-        With ``steps`` 1: of the outputs, and of the states after the step.  It holds for corrupt
+    return: with ``steps`` 1: of the outputs, and of the states after the step. It holds for corrupt
         states and invalid inputs too.
-
-    Raises
-    ------
-    RangeError
-        When a value of the step has no finite error.
     """
     step = Propagation(plan, ranges or {}, {}, BEYOND)
     final = step.once(step.zero)
@@ -333,23 +254,7 @@ def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None
 
 
 def any_bound(plan: BlockPlan) -> Bound:
-    """The bound for all time where the Block forgets its errors, else the one for a step.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block, at its default tunables.
-
-    Returns
-    -------
-    Bound
-        ``steps`` says which.
-
-    Raises
-    ------
-    RangeError
-        When a value of the step has no finite error.
-    """
+    """The bound for all time where the Block forgets its errors, else the one for a step."""
     try:
         return block_bound(plan)
     except RangeError:

@@ -31,20 +31,9 @@ class OverflowProofError(Exception):
 class Expr:
     """One whole-number expression.
 
-    Parameters
-    ----------
-    op : str
-        What it does.
-    args : tuple of Expr
-        Operands.
-    bits : int
-        Type: 1 (``int``, 0 or 1), 32, 64, or -32 (``uint32_t``).
-    low, high : int
-        Interval of its value.
-    data : tuple of int
-        Numbers that belong to the operation: a shift, a literal's value.
-    name : str
-        Of a reference: the C name; of a read: the place in memory.
+    bits: type: 1 (``int``, 0 or 1), 32, 64, or -32 (``uint32_t``).
+    data: numbers that belong to the operation: a shift, a literal's value.
+    name: of a reference: the C name; of a read: the place in memory.
     """
 
     op: str
@@ -66,76 +55,22 @@ def _make(
 
 
 def read(place: str, bits: int, low: int, high: int) -> Expr:
-    """A value read from memory.
-
-    Parameters
-    ----------
-    place : str
-        C expression.
-    bits : int
-        Type.
-    low, high : int
-        Interval.
-
-    Returns
-    -------
-    Expr
-        The read.
-    """
+    """A value read from memory."""
     return Expr("read", (), bits, low, high, (), place)
 
 
 def reference(name: str, value: Expr) -> Expr:
-    """A value that has a name.
-
-    Parameters
-    ----------
-    name : str
-        C name.
-    value : Expr
-        What it holds.
-
-    Returns
-    -------
-    Expr
-        The reference.
-    """
+    """A value that has a name."""
     return Expr("ref", (), value.bits, value.low, value.high, (), name)
 
 
 def literal(value: int, bits: int = 32) -> Expr:
-    """A whole number.
-
-    Parameters
-    ----------
-    value : int
-        The number.
-    bits : int
-        Type.
-
-    Returns
-    -------
-    Expr
-        The literal.
-    """
+    """A whole number."""
     return _make("literal", (), bits, value, value, (value,))
 
 
 def cast(x: Expr, bits: int) -> Expr:
-    """The same number in another type.
-
-    Parameters
-    ----------
-    x : Expr
-        The number; its interval must fit.
-    bits : int
-        Type.
-
-    Returns
-    -------
-    Expr
-        The number.
-    """
+    """The same number in another type."""
     if x.bits == bits:
         return x
     if x.op == "literal":
@@ -144,72 +79,24 @@ def cast(x: Expr, bits: int) -> Expr:
 
 
 def add(x: Expr, y: Expr, bits: int) -> Expr:
-    """Sum.
-
-    Parameters
-    ----------
-    x, y : Expr
-        Terms.
-    bits : int
-        Type that it is computed in.
-
-    Returns
-    -------
-    Expr
-        The sum.
-    """
+    """Sum."""
     args = cast(x, bits), cast(y, bits)
     return _make("add", args, bits, x.low + y.low, x.high + y.high)
 
 
 def sub(x: Expr, y: Expr, bits: int) -> Expr:
-    """Difference.
-
-    Parameters
-    ----------
-    x, y : Expr
-        Terms.
-    bits : int
-        Type that it is computed in.
-
-    Returns
-    -------
-    Expr
-        The difference.
-    """
+    """Difference."""
     args = cast(x, bits), cast(y, bits)
     return _make("sub", args, bits, x.low - y.high, x.high - y.low)
 
 
 def neg(x: Expr) -> Expr:
-    """Negative.
-
-    Parameters
-    ----------
-    x : Expr
-        A number.
-
-    Returns
-    -------
-    Expr
-        Its negative.
-    """
+    """Negative."""
     return _make("neg", (x,), x.bits, -x.high, -x.low)
 
 
 def absolute(x: Expr) -> Expr:
-    """Magnitude.
-
-    Parameters
-    ----------
-    x : Expr
-        A number.
-
-    Returns
-    -------
-    Expr
-        Its magnitude.
-    """
+    """Magnitude."""
     most = max(abs(x.low), abs(x.high))
     _make("abs", (x,), x.bits, -most, most)  # its negative is computed
     low = 0 if x.low <= 0 <= x.high else min(abs(x.low), abs(x.high))
@@ -217,22 +104,7 @@ def absolute(x: Expr) -> Expr:
 
 
 def scale(x: Expr, shift: int, bits: int) -> Expr:
-    """``x 2**shift``, exact.
-
-    Parameters
-    ----------
-    x : Expr
-        A number.
-    shift : int
-        Bits, not negative.
-    bits : int
-        Type that it is computed in.
-
-    Returns
-    -------
-    Expr
-        The product; ``x`` itself for no shift.
-    """
+    """``x 2**shift``, exact."""
     if shift == 0:
         return cast(x, bits)
     if x.op == "literal":
@@ -247,22 +119,7 @@ def _rounded(value: int, shift: int) -> int:
 
 
 def round_shift(x: Expr, shift: int, bits: int = 0) -> Expr:
-    """``x / 2**shift`` rounded, half a unit upwards.
-
-    Parameters
-    ----------
-    x : Expr
-        A number.
-    shift : int
-        Bits, not negative.
-    bits : int
-        Type of the result; that of ``x`` when not given.
-
-    Returns
-    -------
-    Expr
-        The quotient.
-    """
+    """``x / 2**shift`` rounded, half a unit upwards."""
     bits = bits or x.bits
     if shift == 0:
         return cast(x, bits)
@@ -290,19 +147,8 @@ def _corners(x: Expr, y: Expr) -> tuple[int, int]:
 def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
     """``x y / 2**shift`` rounded, half a unit upwards.
 
-    Parameters
-    ----------
-    x, y : Expr
-        Factors.
-    shift : int
-        Bits: up to 62 for two of 32 bits, 1 to 94 when one has 64, 33 to 126 but not 64 when both.
-    bits : int
-        Type of the result.
-
-    Returns
-    -------
-    Expr
-        The product.
+    shift: bits: up to 62 for two of 32 bits, 1 to 94 when one has 64, 33 to 126 but not 64 when
+        both.
     """
     if x.bits < y.bits:
         x, y = y, x
@@ -337,58 +183,19 @@ def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
 
 
 def minimum(x: Expr, y: Expr, bits: int) -> Expr:
-    """The smaller.
-
-    Parameters
-    ----------
-    x, y : Expr
-        Numbers.
-    bits : int
-        Type.
-
-    Returns
-    -------
-    Expr
-        One of them.
-    """
+    """The smaller."""
     args = cast(x, bits), cast(y, bits)
     return _make("min", args, bits, min(x.low, y.low), min(x.high, y.high))
 
 
 def maximum(x: Expr, y: Expr, bits: int) -> Expr:
-    """The larger.
-
-    Parameters
-    ----------
-    x, y : Expr
-        Numbers.
-    bits : int
-        Type.
-
-    Returns
-    -------
-    Expr
-        One of them.
-    """
+    """The larger."""
     args = cast(x, bits), cast(y, bits)
     return _make("max", args, bits, max(x.low, y.low), max(x.high, y.high))
 
 
 def clamp(x: Expr, low: int, high: int) -> Expr:
-    """Cut a number to an interval, where its own is wider.
-
-    Parameters
-    ----------
-    x : Expr
-        A number.
-    low, high : int
-        The interval.
-
-    Returns
-    -------
-    Expr
-        ``x`` itself when it lies inside.
-    """
+    """Cut a number to an interval, where its own is wider."""
     if x.high > high:
         x = minimum(x, literal(high, x.bits), x.bits)
     if x.low < low:
@@ -397,41 +204,13 @@ def clamp(x: Expr, low: int, high: int) -> Expr:
 
 
 def choose(condition: Expr, x: Expr, y: Expr, bits: int) -> Expr:
-    """One of two numbers.
-
-    Parameters
-    ----------
-    condition : Expr
-        0 or 1.
-    x, y : Expr
-        Value if 1, if 0.
-    bits : int
-        Type.
-
-    Returns
-    -------
-    Expr
-        The number.
-    """
+    """One of two numbers."""
     args = condition, cast(x, bits), cast(y, bits)
     return _make("choose", args, bits, min(x.low, y.low), max(x.high, y.high))
 
 
 def compare(op: str, x: Expr, y: Expr) -> Expr:
-    """Whether a relation holds.
-
-    Parameters
-    ----------
-    op : str
-        ``lt``, ``le``, ``eq`` or ``ne``.
-    x, y : Expr
-        Numbers.
-
-    Returns
-    -------
-    Expr
-        0 or 1; a literal when the intervals decide.
-    """
+    """Whether a relation holds."""
     always = {
         "lt": x.high < y.low,
         "le": x.high <= y.low,
@@ -451,20 +230,7 @@ def compare(op: str, x: Expr, y: Expr) -> Expr:
 
 
 def logic(op: str, *args: Expr) -> Expr:
-    """``and``, ``or``, ``not``.
-
-    Parameters
-    ----------
-    op : str
-        Which.
-    *args : Expr
-        0 or 1 each.
-
-    Returns
-    -------
-    Expr
-        0 or 1; simplified where an operand is a literal.
-    """
+    """``and``, ``or``, ``not``."""
     fixed = [a.data[0] if a.op == "literal" else None for a in args]
     if op == "not":
         return literal(1 - fixed[0], 1) if fixed[0] is not None else Expr("not", args, 1, 0, 1)
@@ -478,41 +244,14 @@ def logic(op: str, *args: Expr) -> Expr:
 
 
 def truth(x: Expr) -> Expr:
-    """Whether a number is not zero.
-
-    Parameters
-    ----------
-    x : Expr
-        A number.
-
-    Returns
-    -------
-    Expr
-        0 or 1.
-    """
+    """Whether a number is not zero."""
     return x if x.bits == 1 else compare("ne", x, literal(0, x.bits))
 
 
 def call(name: str, args: tuple[Expr, ...], bits: int, low: int, high: int, *data: int) -> Expr:
     """A call of a function of ``esea_q31.c``.
 
-    Parameters
-    ----------
-    name : str
-        ``divide``, ``pow``, ``exp``, ``log``, ``sqrt`` or ``tanh``.
-    args : tuple of Expr
-        Numbers that vary.
-    bits : int
-        Type of the result.
-    low, high : int
-        Its interval.
-    *data : int
-        Numbers that do not vary.
-
-    Returns
-    -------
-    Expr
-        The call.
+    name: ``divide``, ``pow``, ``exp``, ``log``, ``sqrt`` or ``tanh``.
     """
     return _make(name, args, bits, low, high, data)
 
@@ -520,15 +259,7 @@ def call(name: str, args: tuple[Expr, ...], bits: int, low: int, high: int, *dat
 def flags(bits: tuple[tuple[Expr, int], ...]) -> Expr:
     """A status word.
 
-    Parameters
-    ----------
-    bits : tuple of (Expr, int)
-        Conditions and their bits.
-
-    Returns
-    -------
-    Expr
-        ``uint32_t``.
+    bits: conditions and their bits.
     """
     args = tuple(c for c, _ in bits)
     numbers = tuple(k for _, k in bits)
@@ -549,18 +280,7 @@ def _literal_text(value: int, bits: int) -> str:
 
 
 def c_text(x: Expr) -> str:
-    """The expression as C, bracketed so that it can stand anywhere.
-
-    Parameters
-    ----------
-    x : Expr
-        The expression.
-
-    Returns
-    -------
-    str
-        C text.
-    """
+    """The expression as C, bracketed so that it can stand anywhere."""
     if x.op in ("read", "ref"):
         return x.name
     if x.op == "literal":
@@ -570,18 +290,7 @@ def c_text(x: Expr) -> str:
 
 
 def bare_text(x: Expr) -> str:
-    """The expression as C, without brackets round it.
-
-    Parameters
-    ----------
-    x : Expr
-        The expression.
-
-    Returns
-    -------
-    str
-        C text.
-    """
+    """The expression as C, without brackets round it."""
     if x.op in ("read", "ref", "literal"):
         return c_text(x)
     a = [c_text(y) for y in x.args]
@@ -683,42 +392,14 @@ _RULES: dict[str, Callable[..., Array]] = {
 
 
 def names(x: Expr) -> set[str]:
-    """What an expression reads and refers to.
-
-    Parameters
-    ----------
-    x : Expr
-        The expression.
-
-    Returns
-    -------
-    set of str
-        Places and C names.
-    """
+    """What an expression reads and refers to."""
     return {x.name} if x.op in ("read", "ref") else {n for a in x.args for n in names(a)}
 
 
 def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:
     """Value of an expression over many argument sets at once.
 
-    Parameters
-    ----------
-    x : Expr
-        The expression.
-    values : mapping of str to ndarray
-        Of every read and reference in it, by name: Python integers, shape (count,).
-    count : int
-        Number of argument sets.
-
-    Returns
-    -------
-    ndarray
-        Python integers, shape (count,).
-
-    Raises
-    ------
-    OverflowProofError
-        For a value outside the expression's proven interval.
+    values: of every read and reference in it, by name: Python integers, shape (count,).
     """
     if x.op in ("read", "ref"):
         return values[x.name]

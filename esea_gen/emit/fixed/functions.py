@@ -31,10 +31,7 @@ _U64: Final = 0xFFFFFFFFFFFFFFFF
 def source_files() -> tuple[Path, ...]:
     """Files that travel with emitted q31 code.
 
-    Returns
-    -------
-    tuple of Path
-        Header and source, and the tables shared with the single-precision functions.
+    return: header and source, and the tables shared with the single-precision functions.
     """
     here = Path(__file__).parent
     tables = next(p for p in source_paths() if p.name == "esea_f32_tables.h")
@@ -66,18 +63,7 @@ def _signed(u: int) -> int:
 
 
 def log2_fraction(significand: int) -> int:
-    """log2 of a significand.
-
-    Parameters
-    ----------
-    significand : int
-        From 2^31 to below 2^32, in units of 2^-31.
-
-    Returns
-    -------
-    int
-        In units of 2^-64, modulo one.
-    """
+    """log2 of a significand."""
     numbers, tables = _constants()
     row = tables["LOG2_TABLE"][(significand >> 25) & 63]
     r = _signed((significand * (row & 0xFFF) + 128) >> 8)
@@ -88,18 +74,7 @@ def log2_fraction(significand: int) -> int:
 
 
 def exp2_fraction(fraction: int) -> int:
-    """Two to the power of a fraction.
-
-    Parameters
-    ----------
-    fraction : int
-        In units of 2^-32, below one.
-
-    Returns
-    -------
-    int
-        From 2^31 to below 2^32, in units of 2^-31.
-    """
+    """Two to the power of a fraction."""
     numbers, tables = _constants()
     t = _signed(((fraction << 5) & _U32) ^ 0x80000000)
     middle = tables["EXP2_TABLE"][fraction >> 27]
@@ -122,23 +97,7 @@ def _place(m: int, shift: int, top: int) -> int:
 def power(x: int, x_fraction: int, y_q27: int, fraction: int, top: int) -> int:
     """x^y.
 
-    Parameters
-    ----------
-    x : int
-        Base in units of ``2**-x_fraction``; below 0 counts as 0.
-    x_fraction : int
-        Its fraction bits.
-    y_q27 : int
-        Exponent in units of 2^-27.
-    fraction : int
-        Fraction bits of the result.
-    top : int
-        Largest result.
-
-    Returns
-    -------
-    int
-        In units of ``2**-fraction``.
+    x: base in units of ``2**-x_fraction``; below 0 counts as 0.
     """
     if x <= 0:
         return 0
@@ -154,24 +113,7 @@ def power(x: int, x_fraction: int, y_q27: int, fraction: int, top: int) -> int:
 
 
 def exponential(x: int, x_fraction: int, fraction: int, top: int) -> int:
-    """e^x.
-
-    Parameters
-    ----------
-    x : int
-        In units of ``2**-x_fraction``.
-    x_fraction : int
-        Its fraction bits, 1 to 62.
-    fraction : int
-        Fraction bits of the result.
-    top : int
-        Largest result.
-
-    Returns
-    -------
-    int
-        In units of ``2**-fraction``.
-    """
+    """e^x."""
     numbers, _ = _constants()
     z = x * numbers["LOG2_E_HIGH"] + (x * numbers["LOG2_E_LOW"] >> 32) >> (x_fraction - 1)
     whole = z >> 32
@@ -185,19 +127,7 @@ def exponential(x: int, x_fraction: int, fraction: int, top: int) -> int:
 def logarithm(x: int, x_fraction: int, fraction: int) -> int:
     """Natural logarithm.
 
-    Parameters
-    ----------
-    x : int
-        In units of ``2**-x_fraction``; below 1 unit counts as one.
-    x_fraction : int
-        Its fraction bits.
-    fraction : int
-        Fraction bits of the result, at most 52.
-
-    Returns
-    -------
-    int
-        In units of ``2**-fraction``.
+    x: in units of ``2**-x_fraction``; below 1 unit counts as one.
     """
     x = max(x, 1)
     bits = x.bit_length()
@@ -210,20 +140,7 @@ def logarithm(x: int, x_fraction: int, fraction: int) -> int:
 
 
 def root(x: int, k: int) -> int:
-    """Square root of ``x 2**k``, rounded down.
-
-    Parameters
-    ----------
-    x : int
-        Below 0 counts as 0.
-    k : int
-        Bits that it is moved up before.
-
-    Returns
-    -------
-    int
-        The root.
-    """
+    """Square root of ``x 2**k``, rounded down."""
     import math
 
     if x <= 0:
@@ -232,20 +149,7 @@ def root(x: int, k: int) -> int:
 
 
 def tangent(x: int, x_fraction: int) -> int:
-    """Hyperbolic tangent.
-
-    Parameters
-    ----------
-    x : int
-        In units of ``2**-x_fraction``.
-    x_fraction : int
-        Its fraction bits, 2 to 62.
-
-    Returns
-    -------
-    int
-        In units of 2^-30.
-    """
+    """Hyperbolic tangent."""
     one = 1 << 31
     t = exponential(-abs(x), x_fraction - 1, 31, one)
     y = ((one - t) * (1 << 30) + one // 2) // (one + t)
@@ -265,22 +169,7 @@ def _reciprocal(d: int) -> int:
 
 
 def divide(n: int, d: int, k: int, low: int, high: int) -> int:
-    """n 2^k / d with 31 significant bits, cut to a range.
-
-    Parameters
-    ----------
-    n, d : int
-        Dividend and divisor.
-    k : int
-        Bits that the quotient is moved up.
-    low, high : int
-        Smallest and largest result.
-
-    Returns
-    -------
-    int
-        The quotient.
-    """
+    """n 2^k / d with 31 significant bits, cut to a range."""
     value = 0
     if n and d:
         u, v = abs(n), abs(d)

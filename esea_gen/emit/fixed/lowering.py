@@ -72,18 +72,7 @@ class Lowering(Elementary):
         raise self._fail(i, "there is no rule for it", "Express it with the walker's operations.")
 
     def run(self, targets: Sequence[Sequence[Target]]) -> LoweredKernel:
-        """Lower every node, then convert the results.
-
-        Parameters
-        ----------
-        targets : sequence of sequence of Target
-            Per result and element.
-
-        Returns
-        -------
-        LoweredKernel
-            The whole-number kernel.
-        """
+        """Lower every node, then convert the results."""
         self._cap(targets)
         for i in range(len(self.kernel.nodes)):
             self.values.append(self._named(i, self._lower(i)))
@@ -166,36 +155,14 @@ def _needed(steps: Sequence[Step], results: Sequence[Sequence[Expr]]) -> tuple[S
 
 
 def names_in(e: Expr) -> set[str]:
-    """Names that an expression refers to.
-
-    Parameters
-    ----------
-    e : Expr
-        The expression.
-
-    Returns
-    -------
-    set of str
-        C names.
-    """
+    """Names that an expression refers to."""
     if e.op == "ref":
         return {e.name}
     return {n for a in e.args for n in names_in(a)}
 
 
 def rewrite(kernel: Kernel) -> Kernel:
-    """Write 1/x as the quotient that it is.
-
-    Parameters
-    ----------
-    kernel : Kernel
-        Fused.
-
-    Returns
-    -------
-    Kernel
-        The same values; nodes may have moved.
-    """
+    """Write 1/x as the quotient that it is."""
     nodes: list[Node] = []
     place: list[int] = []
 
@@ -227,34 +194,7 @@ def lower(
 ) -> LoweredKernel:
     """Lower a kernel to whole numbers.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        Fused, and rewritten by :func:`rewrite`.
-    source : callable
-        ``source(argument, element)`` gives what an input is.
-    targets : sequence of sequence of Target
-        Per result and element.
-    labels : mapping, optional
-        Name and comment of nodes.
-    facts : mapping, optional
-        Ranges of nodes that follow from algebra.
-    wide : collection of int
-        Nodes held in 64 bits.
-    words : sequence of int
-        Results that are status words.
-    block : str
-        For messages.
-
-    Returns
-    -------
-    LoweredKernel
-        The whole-number kernel.
-
-    Raises
-    ------
-    LoweringError
-        For what cannot be lowered.
+    source: ``source(argument, element)`` gives what an input is.
     """
     lowering = Lowering(kernel, source, labels or {}, facts or {}, wide, words, block)
     return lowering.run(targets)

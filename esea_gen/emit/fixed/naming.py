@@ -14,12 +14,7 @@ from esea_gen.language.system import External, Latch, Signal, System
 class Naming:
     """Names of a System's C fields.
 
-    Parameters
-    ----------
-    system : System
-        The System.
-    fixed : bool
-        Whether fields carry their q31 format.
+    fixed: whether fields carry their q31 format.
     """
 
     def __init__(self, system: System, fixed: bool) -> None:
@@ -28,19 +23,7 @@ class Naming:
     def field(self, block: Block, group: str, port: Any) -> str:
         """Name of a Block's field.
 
-        Parameters
-        ----------
-        block : Block
-            The Block.
-        group : str
-            Struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
-        port : Port or Tunable
-            The port.
-
-        Returns
-        -------
-        str
-            C name.
+        group: struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
         """
         return plan_block(block).field(group, port.name).name if self.fixed else str(port.name)
 
@@ -50,50 +33,20 @@ class Naming:
     def external_field(self, external: External) -> FieldPlan:
         """Format of an external value.
 
-        Parameters
-        ----------
-        external : External
-            An input or output of a task.
-
-        Returns
-        -------
-        FieldPlan
-            Of the first port that it feeds, or of the one that it comes from.
+        return: of the first port that it feeds, or of the one that it comes from.
         """
         group = "in" if external in self.system.inputs else "out"
         return self._end(external.signals[0], group)
 
     def external(self, external: External) -> str:
-        """Name of an external value's field.
-
-        Parameters
-        ----------
-        external : External
-            An input or output of a task.
-
-        Returns
-        -------
-        str
-            C name.
-        """
+        """Name of an external value's field."""
         if not self.fixed:
             return external.name
         f = self.external_field(external)
         return field_name(external.name, f.fraction, f.name == f.port.name)
 
     def latch(self, latch: Latch) -> str:
-        """Name of a latch's field.
-
-        Parameters
-        ----------
-        latch : Latch
-            The latch.
-
-        Returns
-        -------
-        str
-            C name.
-        """
+        """Name of a latch's field."""
         if not self.fixed:
             return latch.name
         f = self._end(latch.source, "out")
@@ -102,19 +55,7 @@ class Naming:
     def text(self, block: Block | None, group: str, port: Any) -> str:
         """What a q31 header adds to a port's description.
 
-        Parameters
-        ----------
-        block : Block or None
-            The Block; None adds nothing.
-        group : str
-            Struct.
-        port : Port or Tunable
-            The port.
-
-        Returns
-        -------
-        str
-            Raw range, unit and overflow behaviour; empty in other formats.
+        return: raw range, unit and overflow behaviour; empty in other formats.
         """
         if not self.fixed or block is None:
             return ""
@@ -124,21 +65,7 @@ class Naming:
     def convert(self, text: str, source: Signal | None, block: Block, port: Port) -> str:
         """A value in the format of the port that it feeds.
 
-        Parameters
-        ----------
-        text : str
-            C expression of the value.
-        source : Signal or None
-            Output that it comes from; None for an external input, which has the port's format.
-        block : Block
-            Block that reads.
-        port : Port
-            Its input port.
-
-        Returns
-        -------
-        str
-            C expression.
+        source: output that it comes from; None for an external input, which has the port's format.
         """
         if not self.fixed or source is None:
             return text

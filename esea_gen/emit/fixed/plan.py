@@ -22,15 +22,7 @@ MOST_PORT_FRACTION = 31
 def port_fraction(port: Port | Tunable) -> int:
     """Fraction bits of a port, from its range alone.
 
-    Parameters
-    ----------
-    port : Port or Tunable
-        The port.
-
-    Returns
-    -------
-    int
-        The most that leave room for the whole range, at most 31.
+    return: the most that leave room for the whole range, at most 31.
     """
     if getattr(port, "flags", ()):
         return 0
@@ -40,19 +32,7 @@ def port_fraction(port: Port | Tunable) -> int:
 def field_name(name: str, fraction: int, plain: bool) -> str:
     """C name of a field: the format stands where the unit was.
 
-    Parameters
-    ----------
-    name : str
-        The port's name, with its unit.
-    fraction : int
-        Fraction bits.
-    plain : bool
-        Whether it is a whole number or a word, which keeps its name.
-
-    Returns
-    -------
-    str
-        ``theta_q0_31`` for 0 integer and 31 fraction bits.
+    plain: whether it is a whole number or a word, which keeps its name.
     """
     if plain:
         return name
@@ -66,19 +46,7 @@ def field_name(name: str, fraction: int, plain: bool) -> str:
 
 @dataclass(frozen=True)
 class FieldPlan:
-    """One field of a struct.
-
-    Parameters
-    ----------
-    port : Port or Tunable
-        What it holds.
-    fraction : int
-        Fraction bits.
-    low, high : int
-        Valid raw numbers.
-    name : str
-        C name.
-    """
+    """One field of a struct."""
 
     port: Port | Tunable
     fraction: int
@@ -97,18 +65,7 @@ class FieldPlan:
         return int(getattr(self.port, "size", 1))
 
     def raw(self, value: float) -> int:
-        """Nearest raw number of a value inside the range.
-
-        Parameters
-        ----------
-        value : float
-            In the port's unit.
-
-        Returns
-        -------
-        int
-            Raw number.
-        """
+        """Nearest raw number of a value inside the range."""
         exact = math.floor(Fraction(value) * Fraction(2) ** self.fraction + Fraction(1, 2))
         return min(max(exact, self.low), self.high)
 
@@ -117,24 +74,10 @@ class FieldPlan:
 class BlockPlan:
     """A Block in whole numbers.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    fields : dict of str to tuple of FieldPlan
-        By struct: ``params``, ``coeffs``, ``state``, ``in``, ``out``.
-    prepare : LoweredKernel or None
-        None without tunables.
-    init, step : LoweredKernel
-        The other kernels.
-    facts : dict of int to (low, high)
-        Algebraic ranges of nodes of the step.
-    wide : frozenset of int
-        Nodes of the step held in 64 bits.
-    why_wide : dict of int to str
-        The reason, per such node.
-    labels : dict of int to (str, str)
-        Name and comment of nodes of the step.
+    fields: by struct: ``params``, ``coeffs``, ``state``, ``in``, ``out``.
+    facts: algebraic ranges of nodes of the step.
+    wide: nodes of the step held in 64 bits.
+    labels: name and comment of nodes of the step.
     """
 
     block: Block
@@ -148,20 +91,7 @@ class BlockPlan:
     labels: Mapping[int, tuple[str, str]] = field(default_factory=dict)
 
     def field(self, group: str, name: str) -> FieldPlan:
-        """A field by its port's name.
-
-        Parameters
-        ----------
-        group : str
-            Struct.
-        name : str
-            The port's name.
-
-        Returns
-        -------
-        FieldPlan
-            The field.
-        """
+        """A field by its port's name."""
         return next(f for f in self.fields[group] if f.port.name == name)
 
 
@@ -261,13 +191,7 @@ def _fields(ports: Iterable[Any], switches: Mapping[str, bool]) -> tuple[FieldPl
 
 
 class Planner:
-    """Makes plans of one Block with different sets of wide values.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    """
+    """Makes plans of one Block with different sets of wide values."""
 
     def __init__(self, block: Block) -> None:
         self.block = block
@@ -293,20 +217,7 @@ class Planner:
         )
 
     def plan(self, wide: Iterable[int] = (), why: Mapping[int, str] | None = None) -> BlockPlan:
-        """Lower the step with a set of wide values.
-
-        Parameters
-        ----------
-        wide : iterable of int
-            Nodes held in 64 bits.
-        why : mapping of int to str, optional
-            Reasons.
-
-        Returns
-        -------
-        BlockPlan
-            The plan.
-        """
+        """Lower the step with a set of wide values."""
         chosen = frozenset(wide)
         groups = [(g, self.fields[g]) for g in ("coeffs", "state", "in")]
         step = lower(
@@ -372,19 +283,7 @@ def run_lowered(
 ) -> list[list[ex.Array]]:
     """Evaluate a lowered kernel: what its C gives, bit for bit.
 
-    Parameters
-    ----------
-    lowered : LoweredKernel
-        The kernel.
-    places : mapping of str to ndarray
-        Raw numbers by the C expression that reads them: Python integers, shape (count,).
-    count : int
-        Number of argument sets.
-
-    Returns
-    -------
-    list of list of ndarray
-        Per result and element.
+    places: raw numbers by the C expression that reads them: Python integers, shape (count,).
     """
     values = _defined(lowered, places, count)
     return [[ex.evaluate(e, values, count) for e in r] for r in lowered.results]
@@ -393,22 +292,7 @@ def run_lowered(
 def lowered_values(
     lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
 ) -> dict[int, ex.Array]:
-    """Raw number of every value of a lowered kernel that its results need.
-
-    Parameters
-    ----------
-    lowered : LoweredKernel
-        The kernel.
-    places : mapping of str to ndarray
-        As :func:`run_lowered`.
-    count : int
-        Number of argument sets.
-
-    Returns
-    -------
-    dict of int to ndarray
-        Per node, Python integers; conditions are 0 or 1.
-    """
+    """Raw number of every value of a lowered kernel that its results need."""
     values = _defined(lowered, places, count)
     return {
         i: ex.evaluate(v.expr, values, count)
@@ -431,19 +315,7 @@ def raw_places(
 ) -> dict[str, ex.Array]:
     """Raw numbers under the names by which the C reads them.
 
-    Parameters
-    ----------
-    pointer : str
-        ``params``, ``coeffs``, ``state`` or ``in``.
-    fields : sequence of FieldPlan
-        Its fields.
-    columns : sequence of array_like
-        Per field, shape (count, size) or (count,).
-
-    Returns
-    -------
-    dict of str to ndarray
-        Python integers, shape (count,).
+    columns: per field, shape (count, size) or (count,).
     """
     out = {}
     for f, c in zip(fields, columns, strict=True):
@@ -456,20 +328,7 @@ def raw_places(
 def coefficients_raw(
     plan: BlockPlan, tunables: Mapping[str, float] | None = None
 ) -> list[list[int]]:
-    """Raw coefficients that the C's ``prepare`` gives.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The plan.
-    tunables : mapping of str to float, optional
-        Values other than the defaults.
-
-    Returns
-    -------
-    list of list of int
-        Per coefficient port and element.
-    """
+    """Raw coefficients that the C's ``prepare`` gives."""
     if plan.prepare is None:
         return []
     values = plan.block.default_tunables() | dict(tunables or {})

@@ -18,18 +18,7 @@ def _pointers(e: Expr) -> set[str]:
 
 
 def print_lowered(lowered: LoweredKernel) -> PrintedKernel:
-    """Print a lowered kernel as a list of C definitions.
-
-    Parameters
-    ----------
-    lowered : LoweredKernel
-        The kernel.
-
-    Returns
-    -------
-    PrintedKernel
-        Text pieces for the templates.
-    """
+    """Print a lowered kernel as a list of C definitions."""
     statements = tuple(
         Statement(C_TYPES[s.expr.bits], s.name, bare_text(s.expr), s.comment) for s in lowered.steps
     )
@@ -42,37 +31,14 @@ def print_lowered(lowered: LoweredKernel) -> PrintedKernel:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number with its unit.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-    unit : str
-        Its unit; ``1`` for none.
-
-    Returns
-    -------
-    str
-        ``4.66e-10 rad``.
-    """
+    """A number with its unit."""
     return f"{value:.3g}" + ("" if unit == "1" else f" {unit}")
 
 
 def field_text(f: FieldPlan, group: str) -> str:
     """What a header says of a field's numbers: raw range, unit, what happens outside.
 
-    Parameters
-    ----------
-    f : FieldPlan
-        The field.
-    group : str
-        Struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
-
-    Returns
-    -------
-    str
-        One line, generated from the range plan.
+    group: struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
     """
     if getattr(f.port, "flags", ()):
         return ""
@@ -92,23 +58,6 @@ def field_text(f: FieldPlan, group: str) -> str:
 
 
 def example(plan: BlockPlan, name: str, group: str, value: float) -> dict[str, Any]:
-    """A number of the example program as raw number.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        Plan of the Block that has the port.
-    name : str
-        The port.
-    group : str
-        Struct.
-    value : float
-        In the port's unit.
-
-    Returns
-    -------
-    dict
-        ``raw`` and ``fraction``.
-    """
+    """A number of the example program as raw number."""
     f = plan.field(group, name)
     return {"raw": f.raw(value), "fraction": f.fraction}

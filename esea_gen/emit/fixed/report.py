@@ -35,18 +35,9 @@ EXPLODED = (
 class BlockRanges:
     """One Block in the report.
 
-    Parameters
-    ----------
-    name : str
-        The Block.
-    plan : BlockPlan or None
-        Its plan; None when it cannot be lowered.
-    rows : tuple of RangeRow
-        Its ports and values.
-    bound : Bound or None
-        Its proven error; None when there is none.
-    refusal : str
-        Why it cannot be lowered, or has no proven error, and what would do.
+    plan: its plan; None when it cannot be lowered.
+    bound: its proven error; None when there is none.
+    refusal: why it cannot be lowered, or has no proven error, and what would do.
     """
 
     name: str
@@ -135,15 +126,7 @@ class BlockRanges:
 
 @dataclass(frozen=True)
 class RangeReport:
-    """All Blocks of a device.
-
-    Parameters
-    ----------
-    device : str
-        Name.
-    blocks : tuple of BlockRanges
-        In the order of the System.
-    """
+    """All Blocks of a device."""
 
     device: str
     blocks: tuple[BlockRanges, ...]
@@ -209,19 +192,7 @@ def range_report(
 ) -> RangeReport:
     """Ranges, formats and proven errors of a System's Blocks.
 
-    Parameters
-    ----------
-    name : str
-        The device.
-    system : System
-        Its Blocks.
-    progress : callable, optional
-        Told in words what is being done.
-
-    Returns
-    -------
-    RangeReport
-        A Block that cannot be lowered stands in it with the reason.
+    return: a Block that cannot be lowered stands in it with the reason.
     """
     say = progress or (lambda _: None)
     found = []

@@ -213,18 +213,6 @@ def _flat_roots(plan: BlockPlan) -> dict[int, str]:
 def coarse_values(plan: BlockPlan) -> dict[int, str]:
     """Values that are coarser than the port which they lead to by sums, choices and products.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-
-    Returns
-    -------
-    dict of int to str
-        Per node of 32 bits, how many bits are lost.
-
-    Notes
-    -----
     An intermediate sum of a filter can be larger than any of its states, and a value before its
     clip larger than the clip lets through.
     """
@@ -311,23 +299,7 @@ def _with_way(planner: Planner, plan: BlockPlan) -> BlockPlan:
 
 
 def search(block: Block) -> BlockPlan:
-    """Find the plan of a Block.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-
-    Returns
-    -------
-    BlockPlan
-        With as few 64-bit values as the aim allows.
-
-    Raises
-    ------
-    LoweringError
-        For what cannot be lowered.
-    """
+    """Find the plan of a Block."""
     planner = Planner(block)
     return _with_way(planner, _searched(planner))
 
@@ -386,18 +358,7 @@ _PLANS: dict[int, tuple[Block, BlockPlan]] = {}
 
 
 def plan_block(block: Block) -> BlockPlan:
-    """The plan of a Block, searched for once.
-
-    Parameters
-    ----------
-    block : Block
-        The Block.
-
-    Returns
-    -------
-    BlockPlan
-        Its plan.
-    """
+    """The plan of a Block, searched for once."""
     found = _PLANS.get(id(block))
     if found is None or found[0] is not block:
         found = _PLANS[id(block)] = (block, search(block))
@@ -407,21 +368,7 @@ def plan_block(block: Block) -> BlockPlan:
 def raw_tunable(block: Block, name: str, value: float) -> tuple[str, int]:
     """C field and raw number of a tunable's value.
 
-    Parameters
-    ----------
-    block : Block
-        The Block.
-    name : str
-        The tunable.
-    value : float
-        In its unit; NaN and what does not fit becomes ``INT32_MIN``, which prepare refuses.
-
-    Returns
-    -------
-    name : str
-        C field.
-    raw : int
-        Raw number.
+    value: in its unit; NaN and what does not fit becomes ``INT32_MIN``, which prepare refuses.
     """
     f = plan_block(block).field("params", name)
     scaled = value * 2.0**f.fraction

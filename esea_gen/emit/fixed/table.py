@@ -16,29 +16,13 @@ from esea_gen.emit.ranges import Bound
 class RangeRow:
     """One value of a Block.
 
-    Parameters
-    ----------
-    name : str
-        Field or local name.
-    kind : str
-        ``input``, ``state``, ``output``, ``coefficient`` or ``value``.
-    low, high : float
-        Range in the value's unit: the declared one of a port; of a value what it can reach over
-        every bit pattern of the inputs and states.
-    bits : int
-        Width.
-    fraction : int
-        Fraction bits.
-    headroom_bits : float
-        Bits that the range leaves of the width.
-    raw_low, raw_high : int
-        The same range in whole numbers.
-    physical : str
-        Unit of a port; empty for a value.
-    why : str
-        Why 64 bits, if so.
-    note : str
-        Of a value with 32 bits, what its range costs.
+    kind: ``input``, ``state``, ``output``, ``coefficient`` or ``value``.
+    low, high: range in the value's unit: the declared one of a port; of a value what it can reach
+        over every bit pattern of the inputs and states.
+    headroom_bits: bits that the range leaves of the width.
+    raw_low, raw_high: the same range in whole numbers.
+    physical: unit of a port; empty for a value.
+    note: of a value with 32 bits, what its range costs.
     """
 
     name: str
@@ -63,15 +47,7 @@ class RangeRow:
 def range_rows(plan: BlockPlan) -> list[RangeRow]:
     """Every value of a Block with its range and format.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-
-    Returns
-    -------
-    list of RangeRow
-        Ports first, then the step's values in order; conditions left out.
+    return: ports first, then the step's values in order; conditions left out.
     """
     kinds = {"in": "input", "state": "state", "out": "output", "coeffs": "coefficient"}
     rows = []
@@ -115,20 +91,7 @@ def _headroom(low: int, high: int, bits: int) -> float:
 
 
 def range_table(plan: BlockPlan, bound: Bound | None = None) -> str:
-    """The range report as Markdown.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    bound : Bound, optional
-        Its proven error, for a second table.
-
-    Returns
-    -------
-    str
-        One or two tables.
-    """
+    """The range report as Markdown."""
     lines = [
         f"### {plan.block.name}: ranges and formats",
         "",
@@ -160,17 +123,7 @@ def range_table(plan: BlockPlan, bound: Bound | None = None) -> str:
 def largest_contributions(plan: BlockPlan, count: int = 10) -> list[tuple[str, float]]:
     """Which values' own rounding the error of one step is made of, largest first.
 
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    count : int
-        How many.
-
-    Returns
-    -------
-    list of (str, float)
-        Name, and the rounding it adds itself, as a share of its range.
+    return: name, and the rounding it adds itself, as a share of its range.
     """
     found = []
     for s in plan.step.steps:
@@ -188,15 +141,7 @@ NARROW, WIDE, ROOM = "#3b6ea5", "#c8553d", "0.88"
 
 
 def draw_headroom(plan: BlockPlan, axes: Any) -> None:
-    """Draw how many bits of its width every port and every value of the step uses.
-
-    Parameters
-    ----------
-    plan : BlockPlan
-        The Block.
-    axes : matplotlib.axes.Axes
-        Where.
-    """
+    """Draw how many bits of its width every port and every value of the step uses."""
     rows: Sequence[RangeRow] = range_rows(plan)
     places = range(len(rows))
     used = [r.bits - 1 - r.headroom_bits for r in rows]

@@ -29,18 +29,7 @@ class LoweringError(Exception):
 class Source:
     """Where an input of a kernel comes from.
 
-    Parameters
-    ----------
-    name : str
-        Local name.
-    place : str
-        C expression that reads it.
-    fraction : int
-        Fraction bits.
-    low, high : int
-        Interval of the raw number.
-    port : str
-        Port and element, for messages.
+    port: port and element, for messages.
     """
 
     name: str
@@ -55,18 +44,10 @@ class Source:
 class Value:
     """A lowered value.
 
-    Parameters
-    ----------
-    expr : Expr
-        How it is written where it is used.
-    fraction : int
-        Fraction bits.
-    local : float
-        Largest absolute error that its own operation adds.
-    relative : float
-        Largest error that it adds relative to its result.
-    constants : dict of int to float
-        By operand position, the error of a constant as it is stored for this operation.
+    expr: how it is written where it is used.
+    local: largest absolute error that its own operation adds.
+    relative: largest error that it adds relative to its result.
+    constants: by operand position, the error of a constant as it is stored for this operation.
     """
 
     expr: Expr
@@ -90,16 +71,7 @@ class Value:
 class Step:
     """One definition of the lowered kernel.
 
-    Parameters
-    ----------
-    name : str
-        C name.
-    expr : Expr
-        What it is.
-    comment : str
-        Comment above it.
-    node : int
-        Node of the kernel it belongs to.
+    node: node of the kernel it belongs to.
     """
 
     name: str
@@ -112,20 +84,10 @@ class Step:
 class LoweredKernel:
     """A kernel in whole numbers.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        What was lowered.
-    steps : tuple of Step
-        Definitions, in order.
-    values : tuple of Value or None
-        Per node; None for constants, which take their format where they are used.
-    results : tuple of tuple of Expr
-        Per result and element, in its port's format.
-    conversions : tuple of tuple of float
-        Largest error of the conversion to the port's format.
-    saturations : tuple of str
-        Conversions to a port that saturate.
+    values: per node; None for constants, which take their format where they are used.
+    results: per result and element, in its port's format.
+    conversions: largest error of the conversion to the port's format.
+    saturations: conversions to a port that saturate.
     """
 
     kernel: Kernel
@@ -140,16 +102,7 @@ class LoweredKernel:
 class Target:
     """Format of a result.
 
-    Parameters
-    ----------
-    port : str
-        Port and element.
-    fraction : int
-        Fraction bits.
-    low, high : int
-        Cut to these raw numbers; a port's whole type when it is not to be cut.
-    word : bool
-        Whether it is a status word.
+    low, high: cut to these raw numbers; a port's whole type when it is not to be cut.
     """
 
     port: str
@@ -160,18 +113,7 @@ class Target:
 
 
 def two(power: int) -> Fraction:
-    """Two to a power, exact.
-
-    Parameters
-    ----------
-    power : int
-        The power, negative too.
-
-    Returns
-    -------
-    Fraction
-        ``2**power``.
-    """
+    """Two to a power, exact."""
     return Fraction(1 << power) if power >= 0 else Fraction(1, 1 << -power)
 
 
@@ -182,20 +124,7 @@ def _fits(x: Fraction, f: int, most: int) -> bool:
 
 
 def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> int:
-    """Largest number of fraction bits that a range leaves room for.
-
-    Parameters
-    ----------
-    low, high : Fraction
-        Range of the value.
-    limit : int
-        Largest raw number.
-
-    Returns
-    -------
-    int
-        Fraction bits; negative for values above the limit.
-    """
+    """Largest number of fraction bits that a range leaves room for."""
     most = max(abs(low), abs(high))
     if most == 0:
         return 30
@@ -207,37 +136,13 @@ def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> i
 
 
 def stem(name: str) -> str:
-    """A port's name without its unit.
-
-    Parameters
-    ----------
-    name : str
-        ``theta_rad``.
-
-    Returns
-    -------
-    str
-        ``theta``.
-    """
+    """A port's name without its unit."""
     suffix = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
     return name[: -len(suffix)] if suffix and suffix != name else name
 
 
 def local_name(name: str, fraction: int) -> str:
-    """C name of a local value.
-
-    Parameters
-    ----------
-    name : str
-        Its label.
-    fraction : int
-        Fraction bits.
-
-    Returns
-    -------
-    str
-        The label without its unit, with the format behind.
-    """
+    """C name of a local value."""
     base = stem(name.removesuffix("_used")) + ("_used" if name.endswith("_used") else "")
     return f"{base}_q{fraction}" if fraction >= 0 else f"{base}_qm{-fraction}"
 
@@ -245,22 +150,10 @@ def local_name(name: str, fraction: int) -> str:
 class LoweringBase:
     """What all rules share: operands in a format, ranges, messages.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        What is lowered.
-    source : callable
-        ``source(argument, element) -> Source`` of an input.
-    labels : mapping of int to (str, str)
-        Name and comment by node.
-    facts : mapping of int to (float, float)
-        Ranges that follow from algebra, by node.
-    wide : collection of int
-        Nodes held in 64 bits.
-    words : sequence of int
-        Results that are status words.
-    block : str
-        Name of the Block, for messages.
+    source: ``source(argument, element) -> Source`` of an input.
+    labels: name and comment by node.
+    facts: ranges that follow from algebra, by node.
+    block: name of the Block, for messages.
     """
 
     def __init__(
@@ -356,22 +249,7 @@ class LoweringBase:
     def align(
         self, i: int, fraction: int, bits: int, inwards: bool = False
     ) -> tuple[Expr, float, float]:
-        """Operand in a format.
-
-        Parameters
-        ----------
-        i : int
-            The operand's node.
-        fraction, bits : int
-            Fraction bits and width of the format.
-        inwards : bool
-            Whether a constant is rounded towards zero.
-
-        Returns
-        -------
-        tuple of (Expr, float, float)
-            Expression, error of its rounding, error of a constant.
-        """
+        """Operand in a format."""
         c = self._constant(i)
         if c is not None:
             scaled = c * two(fraction)
@@ -416,34 +294,12 @@ class LoweringBase:
 
 
 def stored(*errors: float) -> dict[int, float]:
-    """Errors of stored constants by operand position, those that are none left out.
-
-    Parameters
-    ----------
-    *errors : float
-        One an operand.
-
-    Returns
-    -------
-    dict of int to float
-        By position.
-    """
+    """Errors of stored constants by operand position, those that are none left out."""
     return {k: e for k, e in enumerate(errors) if e}
 
 
 def is_power(c: Fraction) -> bool:
-    """Whether a number is a power of two, of either sign.
-
-    Parameters
-    ----------
-    c : Fraction
-        The number.
-
-    Returns
-    -------
-    bool
-        True for 1/4 or -2.
-    """
+    """Whether a number is a power of two, of either sign."""
     m = abs(c)
     return m != 0 and (m.numerator & (m.numerator - 1)) == 0 == (
         m.denominator & (m.denominator - 1)
@@ -453,21 +309,7 @@ def is_power(c: Fraction) -> bool:
 def last_raw(c: Fraction, fraction: int, strict: bool, upper: bool) -> int:
     """The last raw number for which a comparison with a constant holds.
 
-    Parameters
-    ----------
-    c : Fraction
-        The constant.
-    fraction : int
-        Fraction bits of what is compared.
-    strict : bool
-        Whether equality does not count.
-    upper : bool
-        Largest raw number at or below ``c``; else smallest at or above.
-
-    Returns
-    -------
-    int
-        The raw number.
+    upper: largest raw number at or below ``c``; else smallest at or above.
     """
     scaled = c * two(fraction)
     if upper:
@@ -476,20 +318,7 @@ def last_raw(c: Fraction, fraction: int, strict: bool, upper: bool) -> int:
 
 
 def threshold(raw: int, like: Expr) -> Expr:
-    """A threshold as a literal; one beyond the type decides at once, by its interval.
-
-    Parameters
-    ----------
-    raw : int
-        The threshold.
-    like : Expr
-        What is compared with it.
-
-    Returns
-    -------
-    Expr
-        The literal.
-    """
+    """A threshold as a literal; one beyond the type decides at once, by its interval."""
     low, high = ex.LIMITS[like.bits]
     if low <= raw <= high:
         return ex.literal(raw, like.bits)

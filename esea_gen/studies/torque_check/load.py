@@ -9,24 +9,7 @@ from esea_gen.errors import UserError
 
 
 def require(what: str, value: float, low: float, high: float, unit: str, fix: str) -> None:
-    """Refuse a number out of its range; NaN is in none.
-
-    Parameters
-    ----------
-    what : str
-        What it is.
-    value, low, high : float
-        The number and its range.
-    unit : str
-        Its unit.
-    fix : str
-        What to do about it.
-
-    Raises
-    ------
-    UserError
-        When it is outside.
-    """
+    """Refuse a number out of its range; NaN is in none."""
     if not low <= value <= high:
         raise UserError(f"{what} = {value:g} {unit} is not within {low:g} to {high:g} {unit}.", fix)
 
@@ -35,23 +18,10 @@ def require(what: str, value: float, low: float, high: float, unit: str, fix: st
 class Reference:
     """The load, and how well it is known: standard uncertainties.
 
-    Parameters
-    ----------
-    mass_kg : float
-        Mass that is hung up.
-    arm_m : float
-        From the joint's axis to the point where it hangs.
-    angle_rad : float
-        Of the arm above or below the horizontal.
-    u_mass_kg, u_arm_m, u_angle_rad : float
-        Standard uncertainties.
-    g_m_s2, u_g_m_s2 : float
-        Gravity and its standard uncertainty; the default covers any place at sea level.
-
-    Raises
-    ------
-    UserError
-        For a value out of its range, NaN included.
+    arm_m: from the joint's axis to the point where it hangs.
+    angle_rad: of the arm above or below the horizontal.
+    g_m_s2, u_g_m_s2: gravity and its standard uncertainty; the default covers any place at sea
+        level.
     """
 
     mass_kg: float

@@ -19,19 +19,7 @@ Kind = Literal["zero", "plus", "minus"]
 
 @dataclass(frozen=True)
 class Limit:
-    """One limit of the check.
-
-    Parameters
-    ----------
-    name : str
-        Criterion.
-    percent : float
-        Limit in % of full scale.
-    what : str
-        What is compared with it.
-    reason : str
-        Why this number.
-    """
+    """One limit of the check."""
 
     name: str
     percent: float
@@ -94,14 +82,7 @@ LIMITS = (
 class Step:
     """One phase of the procedure.
 
-    Parameters
-    ----------
-    label : str
-        ``zero_1``, ``plus_1``, ``minus_1`` ...; what a recording's column ``step`` says.
-    kind : {"zero", "plus", "minus"}
-        Load.
-    text : str
-        What the person does.
+    label: ``zero_1``, ``plus_1``, ``minus_1`` ...; what a recording's column ``step`` says.
     """
 
     label: str
@@ -110,20 +91,7 @@ class Step:
 
 
 def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
-    """Torque at a deflection that was reached slowly from rest, rate terms relaxed (3.2, 3.9).
-
-    Parameters
-    ----------
-    device : DeviceData
-        Its elastomer.
-    theta_rad : float
-        Deflection, positive.
-
-    Returns
-    -------
-    float
-        Nm.
-    """
+    """Torque at a deflection that was reached slowly from rest, rate terms relaxed (3.2, 3.9)."""
     e = device.file.elastomer
     zone = e.dead_zone_rad.value if e.dead_zone_rad else 0.0
     delta = max(theta_rad - zone, 0.0)
@@ -137,15 +105,7 @@ def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
 def largest_torque_Nm(device: DeviceData) -> float:
     """Largest still load inside the identified domain.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Its domain.
-
-    Returns
-    -------
-    float
-        Nm: full scale, or the static torque at the largest identified deflection where that is
+    return: nm: full scale, or the static torque at the largest identified deflection where that is
         less.
     """
     return min(
@@ -154,39 +114,12 @@ def largest_torque_Nm(device: DeviceData) -> float:
 
 
 def load_range_Nm(device: DeviceData) -> tuple[float, float]:
-    """Loads that the check accepts.
-
-    Parameters
-    ----------
-    device : DeviceData
-        The device.
-
-    Returns
-    -------
-    low, high : float
-        Nm.
-    """
+    """Loads that the check accepts."""
     return SMALLEST_LOAD_PCT / 100 * device.tau_full_scale_Nm, largest_torque_Nm(device)
 
 
 def procedure(repeats: int = REPEATS) -> tuple[Step, ...]:
-    """The phases, in order.
-
-    Parameters
-    ----------
-    repeats : int
-        Loads in each direction, 2 to 20.
-
-    Returns
-    -------
-    tuple of Step
-        Unloaded before and after every load.
-
-    Raises
-    ------
-    UserError
-        For a number of repeats out of range.
-    """
+    """The phases, in order."""
     require("repeats", repeats, 2, 20, "loads", "Repeatability needs at least two.")
     unload = "Take the mass off; leave the arm as it is, and do not touch it."
     steps = [Step("zero_1", "zero", unload)]

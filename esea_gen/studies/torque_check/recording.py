@@ -29,14 +29,8 @@ SHORTEST_S = 2.0
 class Recording:
     """Samples of a check.
 
-    Parameters
-    ----------
-    name : str
-        File name.
-    time_s, tau_Nm : ndarray
-        Samples, shape (n,).
-    step : tuple of str, optional
-        Label of each sample, empty between steps; None when the file has no such column.
+    time_s, tau_Nm: samples, shape (n,).
+    step: label of each sample, empty between steps; None when the file has no such column.
     """
 
     name: str
@@ -46,24 +40,7 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a CSV file with the columns ``time_s``, ``tau_Nm`` and, if labelled, ``step``.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Recording
-        Its samples, other columns left out.
-
-    Raises
-    ------
-    UserError
-        When it cannot be read, a column is missing or doubled, or a cell is no finite number; the
-        message names the line.
-    """
+    """Read a CSV file with the columns ``time_s``, ``tau_Nm`` and, if labelled, ``step``."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -116,23 +93,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def read_check(path: Path) -> Any:
-    """Read the JSON of a check to go on with.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    object
-        Its content, for :meth:`TorqueCheck.resumed`.
-
-    Raises
-    ------
-    UserError
-        When it cannot be read or is no JSON.
-    """
+    """Read the JSON of a check to go on with."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -146,12 +107,7 @@ def read_check(path: Path) -> Any:
 class Phase:
     """A run of samples of one step.
 
-    Parameters
-    ----------
-    name : str
-        Label, or kind of load.
-    first, last : int
-        Samples, the last one included.
+    first, last: samples, the last one included.
     """
 
     name: str
@@ -188,22 +144,8 @@ def _kinds(recording: Recording, torque_Nm: float) -> list[Phase]:
 def apply_recording(check: TorqueCheck, recording: Recording) -> tuple[Measurement, ...]:
     """Record the phases of a recording, one after the other.
 
-    Parameters
-    ----------
-    check : TorqueCheck
-        A check under way; the recording goes on where it stands.
-    recording : Recording
-        With labels, or without: then the phases are told by their torque.
-
-    Returns
-    -------
-    tuple of Measurement
-        What was recorded.
-
-    Raises
-    ------
-    UserError
-        For phases that are not the procedure's, and as :meth:`TorqueCheck.record`.
+    check: a check under way; the recording goes on where it stands.
+    recording: with labels, or without: then the phases are told by their torque.
     """
     t = recording.time_s
     back = np.flatnonzero(np.diff(t) <= 0)
