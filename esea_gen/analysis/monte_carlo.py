@@ -77,6 +77,25 @@ def files_digest(files: Mapping[str, str]) -> str:
     return hashlib.sha256(json.dumps(sorted(files.items())).encode()).hexdigest()
 
 
+def rooms_digest() -> str:
+    """SHA-256 of what the figures of a study depend on beside the C that runs.
+
+    Returns
+    -------
+    str
+        Hexadecimal, of every source and number file of the rooms twin, analysis and studies.
+    """
+    top = Path(__file__).parents[1]
+    found = [p for room in ("twin", "analysis", "studies") for p in (top / room).rglob("*")]
+    return files_digest(
+        {
+            p.relative_to(top).as_posix(): p.read_text(encoding="utf-8")
+            for p in sorted(found)
+            if p.suffix in (".py", ".toml")
+        }
+    )
+
+
 def file_digest(path: Path | str) -> str:
     """SHA-256 of a file, for a configuration.
 

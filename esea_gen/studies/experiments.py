@@ -22,8 +22,8 @@ from esea_gen.analysis.frequency import FrequencyResponse
 from esea_gen.analysis.monte_carlo import (
     Configuration,
     MonteCarlo,
-    file_digest,
     files_digest,
+    rooms_digest,
     run_cases,
 )
 from esea_gen.analysis.response import StepMetrics, step_metrics
@@ -707,9 +707,8 @@ def simulate(
                 "controller": s.controller,
                 "controller_hash": device_hash(device),
                 "c": files_digest(loop.files),
-                "plants": file_digest(Path(__file__).parent / "plants.toml"),
                 # What the numbers depend on beside the C that runs.
-                **{p.stem: file_digest(p) for p in sorted(Path(__file__).parent.glob("*.py"))},
+                "code": rooms_digest(),
             }
         ),
         folder=folder,

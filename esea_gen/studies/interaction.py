@@ -12,12 +12,11 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.analysis.monte_carlo import Configuration, Result, file_digest, run_cases
+from esea_gen.analysis.monte_carlo import Configuration, Result, rooms_digest, run_cases
 from esea_gen.analysis.passivity import Bools, Hand, PassivityMap, energy_balance, hand_family
 from esea_gen.analysis.response import plain
 from esea_gen.control.limits import FAULT_TEXT, Fault
@@ -463,8 +462,7 @@ def study_interaction(
     configuration = Configuration(
         {
             "controller_hash": device_hash(device),
-            "plants": file_digest(Path(__file__).parent / "plants.toml"),
-            "interaction": file_digest(Path(__file__)),
+            "code": rooms_digest(),
         }
     )
     fixed = {"controller": controller, "plant": plant, "push_rad_s": push_rad_s, "seed": seed}

@@ -11,12 +11,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.analysis.monte_carlo import Configuration, Result, file_digest, run_cases
+from esea_gen.analysis.monte_carlo import Configuration, Result, rooms_digest, run_cases
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
@@ -425,8 +424,7 @@ def tune(
     configuration = Configuration(
         {
             "controller_hash": device_hash(device),
-            "plants": file_digest(Path(__file__).parent / "plants.toml"),
-            "tune": file_digest(Path(__file__)),
+            "code": rooms_digest(),
         }
     )
 
