@@ -365,8 +365,8 @@ def test_the_site_fetches_nothing(site):
 
 
 def test_the_site_holds_the_example_and_no_leftover(site):
-    page = text_of(site / "add-a-controller.html")
-    assert "def impedance(device: Device) -> Block:" in page
+    assert "def impedance(device: Device) -> Block:" in text_of(site / "own-system.html")
+    assert "def proportional(base: Base) -> Block:" in text_of(site / "add-a-controller.html")
     for path in site.rglob("*.html"):
         assert "--8<--" not in path.read_text(encoding="utf-8"), path
     assert not list(site.rglob("*.py"))

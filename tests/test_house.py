@@ -1,0 +1,113 @@
+"""The house stays one that a newcomer can hold: one direction, no circle, no room that outgrows it.
+
+The direction itself is written in pyproject.toml (``[tool.importlinter]``); imports inside
+functions count.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from .conftest import ROOT
+
+MOST_LINES, MOST_FUNCTION = 500, 80
+# A file or function may be longer where a line says why: `# Long: reason` at its top.
+REASON = "# Long: "
+ROOMS = ("esea_gen", "host")
+
+
+def sources() -> list[Path]:
+    return sorted(p for room in ROOMS for p in (ROOT / room).rglob("*.py"))
+
+
+def long_ones(path: Path) -> list[str]:
+    """What in a file is too long without a reason."""
+    text = path.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    found = []
+    if len(lines) > MOST_LINES and not any(x.startswith(REASON) for x in lines[:20]):
+        found.append(f"{path.name}: {len(lines)} lines")
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            length = node.end_lineno - node.lineno + 1
+            body = lines[node.lineno - 1 : node.body[0].end_lineno + 2]
+            if length > MOST_FUNCTION and not any(x.strip().startswith(REASON) for x in body):
+                found.append(f"{path.name}: {node.name} has {length} lines")
+    return found
+
+
+def test_nothing_outgrows_its_room():
+    assert [x for path in sources() for x in long_ones(path)] == []
+
+
+def test_growth_is_seen(tmp_path):
+    """Armed: one line more than allowed is found, and a reason is heard."""
+    path = tmp_path / "a.py"
+    path.write_text("\n" * (MOST_LINES + 1))
+    assert long_ones(path) == [f"a.py: {MOST_LINES + 1} lines"]
+    path.write_text('"""A table."""\n# Long: a table\n' + "\n" * MOST_LINES)
+    assert long_ones(path) == []
+    body = "    x = 1\n" * MOST_FUNCTION
+    path.write_text(f"def f():\n{body}")
+    assert long_ones(path) == [f"a.py: f has {MOST_FUNCTION + 1} lines"]
+    path.write_text(f"def f():\n    # Long: one table\n{body}")
+    assert long_ones(path) == []
+
+
+def linted(folder: Path) -> tuple[int, str]:
+    command = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]
+    done = subprocess.run(
+        [*command, "--no-cache"],
+        cwd=folder,
+        env={"PYTHONPATH": f"{folder}:{folder / 'host'}", "PATH": "/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_one_direction_and_no_circle():
+    code, said = linted(ROOT)
+    assert code == 0, said
+    assert "3 kept, 0 broken" in said
+
+
+@pytest.mark.parametrize(
+    ("where", "line", "seen"),
+    [
+        ("esea_gen/model/joint.py", "    from esea_gen.emit import walker\n", "esea_gen.model"),
+        ("esea_gen/language/ports.py", "    import esea_gen.language.block\n", "language"),
+        ("host/esea_link/__init__.py", "    import esea_gen.errors\n", "esea_link"),
+    ],
+)
+def test_a_wrong_import_is_found_inside_a_function_too(tmp_path, where, line, seen):
+    """Armed: an arrow up, a circle of files, a link that knows the generator."""
+    for room in ROOMS:
+        for path in (ROOT / room).rglob("*.py"):
+            target = tmp_path / path.relative_to(ROOT)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(path.read_bytes())
+    (tmp_path / "pyproject.toml").write_bytes((ROOT / "pyproject.toml").read_bytes())
+    path = tmp_path / where
+    path.write_text(path.read_text(encoding="utf-8") + f"\n\ndef late() -> None:\n{line}")
+    code, said = linted(tmp_path)
+    assert code == 1
+    assert seen in said
+
+
+def test_a_class_name_is_used_once():
+    """So that a reader who finds a name has found it."""
+    names = Counter(
+        node.name
+        for path in sources()
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert {n: k for n, k in names.items() if k > 1} == {}
