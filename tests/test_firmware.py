@@ -17,6 +17,7 @@ from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
+from esea_gen.targets import BOARDS, firmware_folder
 from esea_gen.verify.emulator import (
     LinkError,
     RunningBoard,
@@ -25,12 +26,10 @@ from esea_gen.verify.emulator import (
     run_in_emulator,
 )
 from esea_gen.verify.firmware import (
-    BOARDS,
     build_firmware,
     deepest_stack,
     double_arithmetic,
     double_helpers,
-    firmware_folder,
 )
 
 STEPS = 2000
@@ -376,7 +375,7 @@ def test_image_needs_neither_double_nor_heap(image):
 def test_gate_against_double_and_libraries_is_armed(tmp_path, code, symbol):
     need("arm-none-eabi-gcc", "arm-none-eabi-nm")
     (tmp_path / "a.c").write_text(code)
-    flags = BOARDS["netduinoplus2"].flags
+    flags = BOARDS["netduinoplus2"].compile_flags
     command = ["arm-none-eabi-gcc", *flags, "-O2", "-c", "a.c"]
     subprocess.run(command, cwd=tmp_path, check=True)
     assert f"a.o: {symbol}" in double_arithmetic([tmp_path / "a.o"])

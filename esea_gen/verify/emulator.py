@@ -28,7 +28,8 @@ from esea_gen.emit.dialect import FAULTS, MODES, load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import run_schedule
-from esea_gen.verify.firmware import FirmwareImage, find_board
+from esea_gen.targets import Board, find_board
+from esea_gen.verify.firmware import FirmwareImage
 
 Array = npt.NDArray[Any]
 Progress = Callable[[int, int], None]
@@ -55,6 +56,16 @@ def find_qemu() -> str:
             "Install it with: apt-get install --no-install-recommends qemu-system-arm",
         )
     return path
+
+
+def qemu_command(board: Board, semihosting: bool = False) -> list[str]:
+    """The emulator's command for a machine, without any window or device of its own choice.
+
+    semihosting: whether the image prints through the emulator.
+    """
+    command = [find_qemu(), "-M", board.machine, "-display", "none", "-monitor", "none"]
+    more = ("-semihosting-config", "enable=on,target=native") if semihosting else ()
+    return [*command, "-nodefaults", *more]
 
 
 def emulator_version() -> str:
@@ -107,9 +118,9 @@ class RunningBoard:
         self.close()
 
     def _start(self) -> None:
-        machine = find_board(self.image.board).machine
+        board = find_board(self.image.board)
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close()
-        if not machine:
+        if not board.machine:
             self._link, theirs = socket.socketpair()
             self._process = subprocess.Popen(
                 [str(self.image.elf), *self.options],
@@ -130,8 +141,7 @@ class RunningBoard:
             server.settimeout(POLL_S)
             self._process = subprocess.Popen(
                 [
-                    find_qemu(),
-                    *("-M", machine, "-display", "none", "-monitor", "none", "-nodefaults"),
+                    *qemu_command(board),
                     *("-serial", f"unix:{path},server=off"),
                     *("-icount", "shift=0", "-kernel", str(self.image.elf)),
                     *self.options,
