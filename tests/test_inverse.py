@@ -12,7 +12,8 @@ from esea_gen.device import Device, parse_device
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system
-from esea_gen.language.block import Block, threshold
+from esea_gen.language.block import Block
+from esea_gen.language.ports import threshold
 from esea_gen.model.inverse import (
     FILTER_B,
     cubic_root,

@@ -99,8 +99,9 @@ def test_frames_split_anywhere_are_put_together(peer, piece):
 
 
 def test_a_wrong_checksum_is_counted_and_passed_over(peer):
-    good, bad, after = (bytearray(peer.frame(output(k))) for k in range(3))
-    bad[HEAD_BYTES] ^= 0x40
+    # The second has a start byte inside, which is no second frame.
+    good, bad, after = (bytearray(peer.frame(output(k))) for k in (0, 0x05FD, 2))
+    bad[HEAD_BYTES + 4] ^= 0x40
     reader = FrameReader(DIALECT)
     assert [m.sequence for m in reader.feed(bytes(good + bad + after))] == [0, 2]
     counters = reader.counters

@@ -14,7 +14,8 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CBoard, HostLibrary, compile_device, run_schedule
-from esea_gen.language.block import Array, Simulator
+from esea_gen.language.component import Executor
+from esea_gen.language.ports import Array
 from esea_gen.language.system import System, SystemSimulator
 from esea_gen.studies.experiments import ARM_S, EXPERIMENTS, OFF, ON_S, TORQUE, plant_variant
 from esea_gen.twin.closed_loop import PATH, ClosedLoop, ClosedLoopRun
@@ -90,7 +91,7 @@ def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
 class _Listener:
     """A Block's simulator that keeps what it was given."""
 
-    def __init__(self, simulator: Simulator) -> None:
+    def __init__(self, simulator: Executor) -> None:
         self._simulator = simulator
         self.given: list[dict[str, Any]] = []
 

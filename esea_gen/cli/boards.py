@@ -58,7 +58,7 @@ def emulate(
     given in the tuning case in closed loop with the virtual exoskeleton.
     """
     loaded = load_device(device)
-    if loaded.file.sliding_mode is not None:
+    if loaded.laws:
         if recording is not None or data is not None:
             raise UserError(
                 f"{loaded.origin}: a drive is not run on a recorded deflection.",

@@ -36,7 +36,7 @@ def report(
     from esea_gen.report.drive import gather_drive
 
     loaded = load_device(device)
-    has_drive = loaded.file.sliding_mode is not None
+    has_drive = bool(loaded.laws)
     if has_drive and (recording is not None or data is not None):
         raise UserError(
             f"{loaded.name} has a drive: its page is of closed-loop runs and takes no recording.",

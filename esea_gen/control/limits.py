@@ -32,12 +32,10 @@ import sympy as sp
 
 from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
 from esea_gen.errors import UserError
-from esea_gen.language.block import (
-    Block,
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import (
     Constant,
     Flag,
-    Guard,
-    Labels,
     Port,
     Tunable,
     clip,

@@ -26,7 +26,7 @@ from esea_gen.emit.build import Bundle, _manifest, build_command, device_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, port_text
 from esea_gen.errors import UserError
-from esea_gen.language.block import Flag, Port
+from esea_gen.language.ports import Flag, Port
 from esea_gen.language.system import External, System
 
 FOLDER = "dialect"

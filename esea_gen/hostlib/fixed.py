@@ -12,7 +12,7 @@ from esea_gen.emit.fixed.naming import Naming
 from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.fixed.search import plan_block, raw_tunable
 from esea_gen.hostlib.library import Array, CBoard, CRunner
-from esea_gen.language.block import Port
+from esea_gen.language.ports import Port
 
 if TYPE_CHECKING:
     from esea_gen.hostlib.library import HostLibrary

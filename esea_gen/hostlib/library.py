@@ -26,7 +26,8 @@ from esea_gen.emit.fixed.search import raw_tunable
 from esea_gen.emit.formats import ALL_FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.language.system import System, SystemSimulator
 from esea_gen.targets import EXACT_FLAGS, HOST_GCC
 

@@ -17,7 +17,8 @@ import numpy as np
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.hostlib.library import Array, HostLibrary
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.verify.equivalence import changed, run_c, run_symbolic
 from esea_gen.verify.executor import (
     coefficients_of,

@@ -35,7 +35,8 @@ from esea_gen.emit.ranges import Bound, RangeError, block_bound
 from esea_gen.emit.render import reference_c, template_folder
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_sources
-from esea_gen.language.block import Array, Block, Flag, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Flag, Port
 from esea_gen.language.system import System
 from esea_gen.verify.streams import Stream, inside, single, streams
 
@@ -389,13 +390,13 @@ def run_symbolic(block: Block, stream: Stream) -> tuple[dict[str, Array], dict[s
         Per port.
     """
     simulator = block.simulator()
-    prepared = [c.copy() for c in simulator._c]
+    prepared = list(simulator.coefficients.values())
     parts = []
     for start, stop in _segments(stream):
         if start in stream.coefficients:
             values = changed(block, prepared, stream.coefficients[start])
-            for held, c in zip(simulator._c, values, strict=True):
-                held[:] = c
+            names = (p.name for p in block.coefficients)
+            simulator.coefficients = dict(zip(names, values, strict=True))
         if start in stream.injections:
             simulator.state = stream.injections[start]
         parts.append(simulator.run({k: v[start:stop] for k, v in stream.inputs.items()}))

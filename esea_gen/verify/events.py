@@ -15,7 +15,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import NESTING_ROOM_RAD
 from esea_gen.verify.streams import SPECIAL, Stream, single

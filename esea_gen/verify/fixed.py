@@ -28,7 +28,8 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.hostlib.fixed import INVALID, FixedRunner, from_raw, to_raw
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.verify.equivalence import full_scales, run_symbolic
 from esea_gen.verify.executor import counter_fields, evaluate, expected_counters
 from esea_gen.verify.streams import Stream

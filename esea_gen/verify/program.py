@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.language.program import Program
 from esea_gen.verify.equivalence import (
     EXACT_PROGRAM,

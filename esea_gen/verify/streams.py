@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.emit.ranges import counts
-from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System
 
 SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
