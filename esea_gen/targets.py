@@ -65,6 +65,11 @@ class Processor:
     clock_Hz: float = 0.0
 
     @property
+    def m_profile(self) -> bool:
+        """Whether it starts by a table of addresses and calls the debugger by ``bkpt``."""
+        return self.name.startswith("cortex-m")
+
+    @property
     def full_title(self) -> str:
         """Title with what tells it from its like."""
         return f"{self.title}, {self.note}" if self.note else self.title

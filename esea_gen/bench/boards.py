@@ -62,8 +62,7 @@ def count_step(board: Board, sources: Sources, renderer: Renderer, step: str, st
     gcc = find_compiler(*board.processor.toolchain.gcc)
     qemu = qemu_command(board, semihosting=True)
     plugin = _plugin()
-    m_profile = "-mthumb" in board.compile_flags
-    context = {"board": board, "double": sources.libm, "m_profile": m_profile}
+    context = {"board": board, "double": sources.libm}
     extra = {n: renderer.render(f"bench/{n}.j2", **context) for n in ("board.c", "board.ld")}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
