@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import DeviceArgument, chosen_formats
+from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
 from esea_gen.cli.output import write_text
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import shipped_devices
@@ -41,6 +41,7 @@ def build(
     folder: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output; generated/<device>.")
     ] = None,
+    controller: ControllerOption = None,
 ) -> None:
     """Generate C for a device: one folder per number format that stands alone.
 
@@ -50,7 +51,7 @@ def build(
     from esea_gen.emit.build import device_hash, write_bundles
     from esea_gen.emit.dialect import core_bundle, without_core
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     target = folder or GENERATED / loaded.name
     bundles = _bundles(loaded, real)
     if folder is None and real is None:
@@ -68,6 +69,7 @@ def check(
     folder: Annotated[
         Path, typer.Option("--in", metavar="DIR", help="Folder that holds <device>/.")
     ] = GENERATED,
+    controller: ControllerOption = None,
 ) -> None:
     """Compare generated output on disk with what would be generated now; exit 1 when stale."""
     from esea_gen.emit.build import differences
@@ -76,7 +78,7 @@ def check(
     shared = (folder / CORE_FOLDER).is_dir()
     stale = _tell(CORE_FOLDER, differences([core_bundle()], folder)) if shared else 0
     for name in devices or sorted(shipped_devices()):
-        loaded = load_device(name)
+        loaded = load_device(name, controller)
         bundles = _bundles(loaded, None)
         if shared:
             bundles = [without_core(b) for b in bundles]

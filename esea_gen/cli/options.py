@@ -66,6 +66,15 @@ RealOption = Annotated[
 ]
 
 
+ControllerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--controller",
+        metavar="NAME",
+        help="In place of the file's laws: a controller (mpc), a law (sliding_mode), FILE.py:law; "
+        "several with a comma between.",
+    ),
+]
 BoardOption = Annotated[
     str,
     typer.Option("--board", help=f"Board of the firmware: {', '.join(firmware_boards())}."),

@@ -89,7 +89,7 @@ ESTIMATED = {
 
 
 @dataclass(frozen=True)
-class Axis:
+class _Axis:
     """One axis, wired, before it has a name."""
 
     sense: Mapping[str, Component]
@@ -192,7 +192,7 @@ def _wired(
     blocks: tuple[dict[str, Component], dict[str, Component]],
     laws: Sequence[Law],
     parts: Sequence[Parts],
-) -> Axis:
+) -> _Axis:
     sense, control = blocks
     every = sense | control
     inputs = dict(INPUTS)
@@ -221,7 +221,7 @@ def _wired(
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}
-    return Axis(sense, control, wires, inputs, outputs)
+    return _Axis(sense, control, wires, inputs, outputs)
 
 
 def _command(laws: Sequence[Law], parts: Sequence[Parts]) -> tuple[dict[str, str], dict[str, str]]:
@@ -241,7 +241,7 @@ def _command(laws: Sequence[Law], parts: Sequence[Parts]) -> tuple[dict[str, str
     return wires, {"u_command_Nm": "law.u_command_Nm", "law_held": "law.law_held"}
 
 
-def _of_axes(device: DeviceData, one: Axis) -> System:
+def _of_axes(device: DeviceData, one: _Axis) -> System:
     def instance(name: str, axis: str) -> str:
         return f"{name}_{axis}" if axis else name
 

@@ -263,7 +263,9 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
         # COMMAND_LONG is the longest of the standard messages.
         "largest_payload": max(33, *(m.payload_bytes for m in own)),
     }
-    xml = renderer.render("dialect/esea_dialect.xml.j2", **context)
+    # An XML comment cannot hold two hyphens in a row.
+    command = str(renderer.env.globals["command"]).replace("--", "- -")
+    xml = renderer.render("dialect/esea_dialect.xml.j2", **context | {"command": command})
     return {
         f"{prefix}.xml": xml,
         f"{prefix}_link.h": renderer.render("dialect/esea_link.h.j2", **context),

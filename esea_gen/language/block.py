@@ -24,15 +24,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.language.component import (
-    Component,
-    Executor,
-    PrepareFn,
-    check_ports,
-    collect,
-    start_functions,
-)
+from esea_gen.language.component import Component, Executor
 from esea_gen.language.ports import Constant, Equation, Port, Tunable, port_ok, symbols_of
+from esea_gen.language.start import PrepareFn, check_ports, collect, start_functions
 
 
 class Guard(SimpleNamespace):

@@ -9,7 +9,18 @@ from esea_gen.language.system import System, Task
 
 
 def of_axis(name: str, axis: str) -> str:
-    """A name with its axis, before the unit, which stays last: ``tau_flexion_Nm``."""
+    """A name with its axis, before the unit, which stays last: ``tau_flexion_Nm``.
+
+    Parameters
+    ----------
+    name, axis : str
+        A quantity's name and an axis; empty for a single axis without a name.
+
+    Returns
+    -------
+    str
+        The name of that axis' quantity.
+    """
     if not axis:
         return name
     unit = max((u for u in UNIT_SUFFIXES if name.endswith(u)), key=len, default="")

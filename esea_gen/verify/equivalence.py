@@ -331,7 +331,7 @@ class _Cells:
         }
 
 
-def is_program(block: object) -> bool:
+def is_program(block: Any) -> bool:
     """Whether a Block of a System is a Program: kernels in loops, no step in one piece.
 
     Parameters
@@ -344,7 +344,7 @@ def is_program(block: object) -> bool:
     bool
         True for a Program.
     """
-    return bool(getattr(block, "kernels", None))
+    return bool(block.kind == "program")
 
 
 def _flat(p: Port, a: Array) -> Array:
