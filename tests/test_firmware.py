@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from esea_link.transport import LinkError
 
 from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
@@ -31,6 +30,7 @@ from esea_gen.verify.firmware import (
     double_arithmetic,
     double_helpers,
 )
+from esea_link.transport import LinkError
 
 STEPS = 2000
 

@@ -9,14 +9,14 @@ import sys
 import time
 
 import pytest
-from esea_link.frames import FrameReader
-from esea_link.session import BOARD, HOST, Session
-from esea_link.transport import LinkError, ProcessTransport, SocketTransport
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.device import load_device
 from esea_gen.emit.dialect import load_dialect
+from esea_link.frames import FrameReader
+from esea_link.session import BOARD, HOST, Session
+from esea_link.transport import LinkError, ProcessTransport, SocketTransport
 
 DIALECT = load_dialect(load_device("elbow"))
 HEAD_BYTES, CHECKSUM_BYTES = 10, 2

@@ -55,6 +55,13 @@ def test_tools_and_their_debian_packages(toolchain, tool, expected):
     assert toolchain.tool(tool) == expected
 
 
+def test_the_set_up_installs_every_compiler_from_its_package():
+    setup = (ROOT / ".ci" / "setup").read_text()
+    for processor in targets.PROCESSORS.values():
+        command, package = processor.toolchain.gcc
+        assert re.search(rf'need {command} "{package}', setup), processor.name
+
+
 def test_every_use_has_one_board_a_core():
     for use in ("instructions", "bits"):
         cores = [b.core for b in targets.boards_for(use)]

@@ -19,8 +19,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from esea_link.session import Session
-from esea_link.transport import LinkError, Process, ProcessTransport, Transport
 
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
@@ -31,6 +29,8 @@ from esea_gen.hostlib.library import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.targets import Board, find_board
 from esea_gen.verify.firmware import FirmwareImage
+from esea_link.session import Session
+from esea_link.transport import LinkError, Process, ProcessTransport, Transport
 
 Array = npt.NDArray[Any]
 Progress = Callable[[int, int], None]
