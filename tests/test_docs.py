@@ -125,26 +125,61 @@ def test_the_example_prints_what_the_page_says(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    shown = re.search(r"```text\n(.*?)```", (DOCS / "add-a-controller.md").read_text(), re.DOTALL)
+    shown = re.search(r"```text\n(.*?)```", (DOCS / "own-system.md").read_text(), re.DOTALL)
     assert done.stdout == shown.group(1)
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["f32", "f64"]
     assert "[pd 1]" in (tmp_path / "out" / "f32" / "esea_elbow_pd_impedance.c").read_text()
 
 
-def test_the_page_shows_the_example_file_and_nothing_else():
-    page = (DOCS / "add-a-controller.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("page", "example", "least"),
+    [("own-system.md", "controller.py", 5), ("add-a-controller.md", "proportional.py", 3)],
+)
+def test_the_page_shows_the_example_file_and_nothing_else(page, example, least):
+    page = (DOCS / page).read_text(encoding="utf-8")
     # Fenced as `{ .python }`: the formatter would take the include for an expression.
     assert "```py" not in page
     blocks = re.findall(r"``` \{ \.python \}\n(.*?)```", page, re.DOTALL)
-    assert len(blocks) >= 5
-    source = (ROOT / "examples" / "controller.py").read_text(encoding="utf-8")
+    assert len(blocks) >= least
+    source = (ROOT / "examples" / example).read_text(encoding="utf-8")
     names = re.findall(r"--8<-- \[start:(\w+)\]", source)
     assert names == re.findall(r"--8<-- \[end:(\w+)\]", source)
     shown = [SNIPPET.fullmatch(b.strip()) for b in blocks]
     assert all(shown), "Python on this page is included from the example, not typed"
-    assert {m.group(1) for m in shown} == {"examples/controller.py"}
+    assert {m.group(1) for m in shown} == {f"examples/{example}"}
     assert [m.group(2) for m in shown] == names  # all of it, in its order
+
+
+def test_the_page_on_laws_followed_literally_touches_one_file(tmp_path):
+    """In a folder of its own, with nothing but the file that the page shows."""
+    require_tool("gcc")
+    page = (DOCS / "add-a-controller.md").read_text(encoding="utf-8")
+    (tmp_path / "examples").mkdir()
+    law = tmp_path / "examples" / "proportional.py"
+    source = (ROOT / "examples" / "proportional.py").read_text(encoding="utf-8")
+    shown = re.findall(r'--8<-- "examples/proportional.py:(\w+)"', page)
+    parts = [re.search(rf"\[start:{n}\]\n(.*?)# --8<-- \[end:{n}\]", source, re.S) for n in shown]
+    head = "from __future__ import annotations\nfrom types import SimpleNamespace\n"
+    law.write_text(head + "from typing import Any\n" + "".join(p.group(1) for p in parts))
+    (commands,) = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+    lines = [line.split() for line in commands.splitlines()]
+    assert {line[1] for line in lines} == {"simulate", "build", "verify", "coverage"}
+    before = package_files()
+    for line in lines:
+        command = [sys.executable, "-m", "esea_gen.cli", *line[1:]]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, (line, done.stdout, done.stderr)
+    written = [p for p in tmp_path.rglob("*") if p.is_file() and "out" not in p.parts]
+    touched = [p for p in written if "__pycache__" not in p.parts]
+    assert touched == [law]  # one file, and nothing of the package
+    assert package_files() == before
+    assert "proportional" in (tmp_path / "out/proportional/f32/esea_elbow_drive.h").read_text()
+
+
+def package_files() -> dict[Path, int]:
+    folder = ROOT / "esea_gen"
+    return {p: p.stat().st_mtime_ns for p in folder.rglob("*.py")}
 
 
 # -- other code on the pages ----------------------------------------------------------------------
