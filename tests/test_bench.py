@@ -120,7 +120,7 @@ def test_instructions_on_this_machine(elbow, monkeypatch):
     assert row.ratio > 1
 
 
-@pytest.mark.parametrize("board", BOARDS, ids=lambda b: b.name)
+@pytest.mark.parametrize("board", BOARDS, ids=lambda b: b.processor.name)
 def test_steps_on_boards_are_counted_and_compute_the_hosts_bits(elbow, board):
     for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
         require_tool(tool)
@@ -139,7 +139,7 @@ def test_steps_on_boards_are_counted_and_compute_the_hosts_bits(elbow, board):
         assert found.least <= found.mean <= found.most
         # Counts, not times; the code is the same on all three, the instruction sets are not.
         assert AIMS[subject.name] / 4 < found.mean < AIMS[subject.name]
-        if board.name == "Cortex-M4F" and subject.name == "sensor":
+        if board.processor.name == "cortex-m4f" and subject.name == "sensor":
             # A second way: the timer, which also counts the loop round the step.
             extra = {n: renderer.render(f"bench/{n}.j2") for n in ("bare.c", "bare.ld")}
             timed = count_board_instructions(sources, extra, steps)

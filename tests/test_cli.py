@@ -41,13 +41,20 @@ def test_build_and_check(tmp_path):
         "f32",
         "dialect",
     }
-    assert run("check", "elbow", cwd=tmp_path).returncode == 0
+    assert run("check", "elbow", cwd=tmp_path).stdout == "mavlink: current\nelbow: current\n"
     header = tmp_path / "generated" / "elbow" / "f32" / "esea_elbow.h"
     header.write_text(header.read_text().replace("1000u", "999u"))
     done = run("check", "elbow", cwd=tmp_path)
     assert done.returncode == 1
     assert "-#define ESEA_ELBOW_TICK_US 999u" in done.stdout
     assert "esea-gen build" in done.stdout
+    assert run("build", "elbow", cwd=tmp_path).returncode == 0
+    (tmp_path / "generated" / "mavlink" / "protocol.h").unlink()
+    assert "mavlink: 1 stale files" in run("check", "elbow", cwd=tmp_path).stdout
+    # Elsewhere the dialect has all that it needs.
+    assert run("build", "elbow", "--out", "o/elbow", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "o" / "elbow" / "dialect" / "mavlink" / "protocol.h").is_file()
+    assert run("check", "elbow", "--in", "o", cwd=tmp_path).stdout == "elbow: current\n"
 
 
 def test_build_one_format_elsewhere(tmp_path):

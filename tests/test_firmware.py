@@ -17,21 +17,20 @@ from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
+from esea_gen.targets import BOARDS, firmware_folder
 from esea_gen.verify.emulator import (
-    LinkError,
     RunningBoard,
     find_qemu,
     first_difference,
     run_in_emulator,
 )
 from esea_gen.verify.firmware import (
-    BOARDS,
     build_firmware,
     deepest_stack,
     double_arithmetic,
     double_helpers,
-    firmware_folder,
 )
+from esea_link.transport import LinkError
 
 STEPS = 2000
 
@@ -215,18 +214,10 @@ def test_info_names_device_board_and_hash(board, elbow, native):
 
 
 def test_heartbeat_comes_every_thousand_steps(board):
-    beats = []
-    receive = board.receive
-
-    def watched(timeout_s=None):
-        message = receive(timeout_s)
-        if message.get_type() == "HEARTBEAT":
-            beats.append(board.mode())
-        return message
-
-    board.receive = watched
     board.stream("sense", {"theta_rad": chirp(2500)})
-    assert beats == ["RUNNING", "RUNNING"]
+    beats = board.pending()
+    assert [m.get_type() for m in beats] == ["HEARTBEAT", "HEARTBEAT"]
+    assert {m.custom_mode for m in beats} == {board.dialect.ESEA_MODE_RUNNING}
 
 
 def test_exhausted_stack_latches_a_fault_and_no_step_is_taken(elbow, native):
@@ -376,7 +367,7 @@ def test_image_needs_neither_double_nor_heap(image):
 def test_gate_against_double_and_libraries_is_armed(tmp_path, code, symbol):
     need("arm-none-eabi-gcc", "arm-none-eabi-nm")
     (tmp_path / "a.c").write_text(code)
-    flags = BOARDS["netduinoplus2"].flags
+    flags = BOARDS["netduinoplus2"].compile_flags
     command = ["arm-none-eabi-gcc", *flags, "-O2", "-c", "a.c"]
     subprocess.run(command, cwd=tmp_path, check=True)
     assert f"a.o: {symbol}" in double_arithmetic([tmp_path / "a.o"])

@@ -25,7 +25,7 @@ def broken(files, old, new, name="esea_elbow_sensor.c"):
 
 @pytest.mark.parametrize("target", sorted(TARGETS))
 def test_the_emitted_objects_pass(elbow, target):
-    require_tool(TARGETS[target].compiler)
+    require_tool(TARGETS[target].toolchain.compiler)
     report = check_objects(elbow, target)
     assert report.problems == ()
     assert report.passed
@@ -79,7 +79,7 @@ OFFENCES = {
 @pytest.mark.parametrize("target", ["host", "cortex-m4f"])
 @pytest.mark.parametrize("offence", sorted(OFFENCES))
 def test_each_gate_is_armed(elbow, texts, target, offence):
-    require_tool(TARGETS[target].compiler)
+    require_tool(TARGETS[target].toolchain.compiler)
     old, new, rule = OFFENCES[offence]
     report = check_objects(elbow, target, files=broken(texts["f32"], old, new.replace("{}", old)))
     assert any(rule in p for p in report.problems), report.problems
@@ -87,7 +87,7 @@ def test_each_gate_is_armed(elbow, texts, target, offence):
 
 @pytest.mark.parametrize("target", sorted(TARGETS))
 def test_libm_and_double_are_seen_on_every_target(elbow, texts, target):
-    require_tool(TARGETS[target].compiler)
+    require_tool(TARGETS[target].toolchain.compiler)
     files = broken(texts["f32"], STEP, STEP + " state->tau_r_Nm = powf(in->theta_rad, 0.77f);")
     files = broken(files, '#include "esea_elbow.h"', '#include "esea_elbow.h"\n#include <math.h>')
     report = check_objects(elbow, target, files=files)

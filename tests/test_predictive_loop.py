@@ -150,7 +150,8 @@ def test_the_board_c_has_no_warning_and_no_double(program, core, tmp_path):
     source = "esea_program_predictive.c"
     target = tmp_path / "step.o"
     subprocess.run(
-        [gcc, *CORES[core], *FLAGS, *strict, "-c", tmp_path / source, "-o", target], check=True
+        [gcc, *CORES[core].flags, *FLAGS, *strict, "-c", tmp_path / source, "-o", target],
+        check=True,
     )
     symbols = subprocess.run(
         ["arm-none-eabi-nm", target], capture_output=True, text=True, check=True

@@ -98,7 +98,7 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
         else fmt.literal(tunable.default),
         "stack_top": 0x20000000 + chosen.ram_bytes,
         "board": chosen.machine,
-        "flash_bytes": chosen.flash_bytes,
+        "flash_bytes": chosen.code_bytes,
         "ram_bytes": chosen.ram_bytes,
     }
     files: dict[str, str] = {}

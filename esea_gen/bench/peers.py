@@ -25,19 +25,25 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, reference_c
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CFLAGS, compile_sources, find_compiler
+from esea_gen.hostlib.library import compile_sources, find_compiler
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System
 from esea_gen.model.elastomer import stop_grid
+from esea_gen.targets import (
+    BARE_LINK,
+    BOARDS,
+    EXACT_FLAGS,
+    HOST_GCC,
+    SECTION_FLAGS,
+)
 from esea_gen.verify.streams import Stream
 
 # As in a program: a call from one file to another is direct, not through a table that a loader
 # may redirect.
 LIBRARY_FLAGS = ("-fvisibility=hidden",)
 REALS = ("f64", "f32")
-M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
-BARE_FLAGS = ("-std=gnu99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
+BARE_FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS)
 
 
 class Peer(Protocol):
@@ -284,7 +290,7 @@ def count_host_instructions(sources: Sources, extra: dict[str, str], steps: int)
 
     steps: steps of the stream to run; the difference of two numbers of passes is taken.
     """
-    gcc = find_compiler("gcc", "gcc libc6-dev")
+    gcc = find_compiler(*HOST_GCC.gcc)
     valgrind = shutil.which("valgrind")
     if valgrind is None:
         raise UserError(
@@ -294,8 +300,7 @@ def count_host_instructions(sources: Sources, extra: dict[str, str], steps: int)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         paths = _place(_short(sources, steps) | extra, folder)
-        flags = [f for f in CFLAGS if f != "-fPIC"]
-        _call([gcc, *flags, f"-I{folder}", *paths, "-o", folder / "count", "-lm"])
+        _call([gcc, *EXACT_FLAGS, f"-I{folder}", *paths, "-o", folder / "count", "-lm"])
         seen = []
         for passes in (1, 11):
             done = _call(
@@ -313,23 +318,19 @@ def count_host_instructions(sources: Sources, extra: dict[str, str], steps: int)
 
 def count_board_instructions(sources: Sources, extra: dict[str, str], steps: int) -> float:
     """Instructions of a step on an emulated Cortex-M4F, loop included."""
-    from esea_gen.verify.emulator import find_qemu
+    from esea_gen.verify.emulator import qemu_command
 
-    gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
-    qemu = find_qemu()
+    board = BOARDS["netduinoplus2"]  # the one whose timer bare.c.j2 knows
+    gcc = find_compiler(*board.processor.toolchain.gcc)
+    qemu = qemu_command(board, semihosting=True)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         paths = _place(_short(sources, steps) | extra, folder)
-        link = ["-nostartfiles", "--specs=nosys.specs", f"-T{folder}/bare.ld", "-Wl,--gc-sections"]
+        link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/bare.ld"]
         image = folder / "bare.elf"
-        _call([gcc, *M4F, *BARE_FLAGS, f"-I{folder}", *paths, *link, "-o", image, "-lm"])
-        said = _call(
-            [
-                *(qemu, "-M", "netduinoplus2", "-display", "none", "-monitor", "none"),
-                *("-nodefaults", "-semihosting-config", "enable=on,target=native"),
-                *("-icount", "shift=0", "-kernel", image),
-            ]
-        )
+        flags = [*board.compile_flags, *BARE_FLAGS, f"-I{folder}"]
+        _call([gcc, *flags, *paths, *link, "-o", image, "-lm"])
+        said = _call([*qemu, "-icount", "shift=0", "-kernel", image])
     found = re.search(r"^([0-9a-f]{8})$", said, re.MULTILINE)
     if found is None:
         raise RuntimeError(f"the emulated board did not answer:\n{said}")

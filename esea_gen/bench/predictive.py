@@ -35,14 +35,10 @@ from esea_gen.hostlib.library import HostLibrary, find_compiler
 from esea_gen.language.ports import Array
 from esea_gen.language.program import Program
 from esea_gen.studies.experiments import EXPERIMENTS, controller_device
+from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 
-CORES = {
-    "Cortex-M4F": ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
-    "Cortex-M7": ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-sp-d16", "-mfloat-abi=hard"),
-    "Cortex-A9": ("-mcpu=cortex-a9", "-marm", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
-}
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections", "-g")
-CLOCKS_HZ = {"Cortex-M4F": 168e6, "Cortex-M7": 216e6, "Cortex-A9": 667e6}
+CORES = {b.core: b.processor for b in boards_for("instructions")}
+FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")
 CYCLES_PER_INSTRUCTION = (1.0, 1.5, 2.0)
 AIM_BOUND, AIM_TYPICAL = 120_000, 45_000
 
@@ -62,14 +58,14 @@ class Cost:
 
 
 def _build(renderer: ProgramRenderer, folder: Path, core: str, extra: dict[str, str]) -> Path:
-    gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
+    gcc = find_compiler(*CORES[core].toolchain.gcc)
     files = renderer.files() | extra
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     sources = [str(folder / n) for n in files if n.endswith(".c")]
     out = folder / "program.elf"
-    link = ["-nostartfiles", "--specs=nosys.specs", f"-T{folder / 'bare.ld'}", "-Wl,--gc-sections"]
-    command = [gcc, *CORES[core], *FLAGS, f"-I{folder}", *sources, *link, "-o", str(out)]
+    link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder / 'bare.ld'}"]
+    command = [gcc, *CORES[core].flags, *FLAGS, f"-I{folder}", *sources, *link, "-o", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"the compiler refuses the program:\n{done.stderr}")
@@ -136,17 +132,15 @@ def seen_on_m4f(
 
     rows: shape (steps, numbers): the inputs, port by port.
     """
-    from esea_gen.verify.emulator import find_qemu
+    from esea_gen.verify.emulator import qemu_command
 
-    qemu = find_qemu()
+    qemu = qemu_command(BOARDS["netduinoplus2"], semihosting=True)
     renderer = render_program(program, "f32")
     with tempfile.TemporaryDirectory() as scratch:
         board = _board(renderer, rows, tunables or {})
         elf = _build(renderer, Path(scratch), "Cortex-M4F", board)
-        machine = ["-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-nodefaults"]
-        semihosting = ["-semihosting-config", "enable=on,target=native", "-icount", "shift=0"]
         done = subprocess.run(
-            [qemu, *machine, *semihosting, "-kernel", str(elf)],
+            [*qemu, "-icount", "shift=0", "-kernel", str(elf)],
             capture_output=True,
             text=True,
             check=False,
@@ -345,7 +339,8 @@ def run_benchmarks(
     """
     program: Any = controller_device("mpc").system.blocks["predictive"]
     lines = []
-    for core, clock in CLOCKS_HZ.items():
+    for core, processor in CORES.items():
+        clock = processor.clock_Hz
         say(f"bound on {core}")
         c = cost_on(program, core)
         rates = ", ".join(

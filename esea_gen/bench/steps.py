@@ -169,17 +169,17 @@ def task_cost_rows(
         expected = checksum(np.hstack(wanted))
         sources = task_sources(device, task, given[task.name])
         for board in BOARDS:
-            parts = [known.get(_row_name(f"{device.name} {i}", board.name)) for i in task.blocks]
+            parts = [known.get(_row_name(f"{device.name} {i}", board.core)) for i in task.blocks]
             if None in parts:
                 continue
             name = f"{device.name} task {task.name}"
-            say(f"{name}, {board.name}")
+            say(f"{name}, {board.core}")
             step = f"esea_{system.name}_{task.name}_step"
             found = count_step(board, sources, renderer, step, runs)
             if found.checksum != expected:
-                raise RuntimeError(f"{name}: {board.name} computes other bits than this machine")
+                raise RuntimeError(f"{name}: {board.core} computes other bits than this machine")
             total = sum(x for x in parts if x is not None)
-            row = _row_name(name, board.name, BLOCKS)
+            row = _row_name(name, board.core, BLOCKS)
             rows.append(Row.exact(row, found.mean, total, "instructions"))
     return rows
 
@@ -252,7 +252,7 @@ def _cost_rows(
         renderer = Renderer(subject.system, FORMATS["f32"], "-", "-", device.title)
         prefix = f"esea_{subject.system.name}"
         for board in list(boards):
-            say(f"{name}, {board.name}")
+            say(f"{name}, {board.core}")
             try:
                 mine = count_step(
                     board, sources["f32"], renderer, f"{prefix}_{block.name}_step", steps
@@ -265,13 +265,13 @@ def _cost_rows(
                     steps,
                 )
             except UserError as error:
-                say(f"{board.name} left out: {error}")
+                say(f"{board.core} left out: {error}")
                 boards.remove(board)
                 continue
             if mine.checksum != expected:
-                raise RuntimeError(f"{name}: {board.name} computes other bits than this machine")
+                raise RuntimeError(f"{name}: {board.core} computes other bits than this machine")
             rows.append(
-                Row.exact(_row_name(name, board.name), mine.mean, other.mean, "instructions")
+                Row.exact(_row_name(name, board.core), mine.mean, other.mean, "instructions")
             )
     return rows
 

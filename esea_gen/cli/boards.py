@@ -21,12 +21,13 @@ from esea_gen.cli.options import (
 from esea_gen.cli.output import progress_bar, write_json
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
+from esea_gen.targets import DEFAULT_BOARD
 
 
 @app.command()
 def firmware(
     device: DeviceArgument,
-    board: BoardOption = "netduinoplus2",
+    board: BoardOption = DEFAULT_BOARD,
     folder: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output; build/<device>.")
     ] = None,
@@ -51,7 +52,7 @@ def emulate(
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
-    board: BoardOption = "netduinoplus2",
+    board: BoardOption = DEFAULT_BOARD,
     seconds: Annotated[
         float | None,
         typer.Option("--seconds", help="Of a drive: how much of the tuning case; 3."),
@@ -151,8 +152,9 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
 def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
     """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop."""
     from esea_gen.bench.recorded import record_drive
+    from esea_gen.targets import find_board
     from esea_gen.verify.emulator import run_tasks_in_emulator
-    from esea_gen.verify.firmware import build_firmware, find_board
+    from esea_gen.verify.firmware import build_firmware
 
     find_board(board)
     with progress_bar() as p, tempfile.TemporaryDirectory() as scratch:

@@ -23,7 +23,6 @@ from esea_gen.cli.options import (
 )
 from esea_gen.cli.output import picture, progress_line, show, write_json
 from esea_gen.device import Device, load_device
-from esea_gen.errors import UserError
 
 
 @app.command()
@@ -159,12 +158,11 @@ def gates(
     json_file: JsonOption = None,
 ) -> None:
     """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
-    from esea_gen.verify.gates import TARGETS, check_objects
+    from esea_gen.verify.gates import TARGETS, check_objects, find_target
 
     loaded = load_device(device, controller)
     for name in target or []:
-        if name not in TARGETS:
-            raise UserError(f"Unknown target '{name}'.", f"Choose from {', '.join(TARGETS)}.")
+        find_target(name)
     found = {name: check_objects(loaded, name) for name in target or TARGETS}
     for name, r in found.items():
         stacks = ", ".join(f"{task} {n} B" for task, n in r.stack_bytes.items())

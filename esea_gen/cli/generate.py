@@ -15,6 +15,8 @@ from esea_gen.device import Device, load_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
 
+GENERATED = Path("generated")
+
 
 def _bundles(device: Device, real: list[str] | None) -> list[Any]:
     from esea_gen.emit.build import render_device
@@ -41,12 +43,20 @@ def build(
     ] = None,
     controller: ControllerOption = None,
 ) -> None:
-    """Generate C for a device: one folder per number format that stands alone."""
+    """Generate C for a device: one folder per number format that stands alone.
+
+    In generated/, MAVLink's core headers stand once for all devices, in generated/mavlink; with
+    --out the dialect folder holds its own and stands alone too.
+    """
     from esea_gen.emit.build import device_hash, write_bundles
+    from esea_gen.emit.dialect import core_bundle, without_core
 
     loaded = load_device(device, controller)
-    target = folder or Path("generated") / loaded.name
+    target = folder or GENERATED / loaded.name
     bundles = _bundles(loaded, real)
+    if folder is None and real is None:
+        bundles = [without_core(b) for b in bundles]
+        write_bundles([core_bundle()], GENERATED)
     for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
         size = sum(len(t) for t in bundle.files.values())
         out.print(f"{path}: {len(bundle.files)} files, {size / 1000:.0f} kB")
@@ -58,28 +68,34 @@ def check(
     devices: Annotated[list[str] | None, typer.Argument(help="Devices; all shipped.")] = None,
     folder: Annotated[
         Path, typer.Option("--in", metavar="DIR", help="Folder that holds <device>/.")
-    ] = Path("generated"),
+    ] = GENERATED,
     controller: ControllerOption = None,
 ) -> None:
     """Compare generated output on disk with what would be generated now; exit 1 when stale."""
     from esea_gen.emit.build import differences
+    from esea_gen.emit.dialect import CORE_FOLDER, core_bundle, without_core
 
-    stale = 0
+    shared = (folder / CORE_FOLDER).is_dir()
+    stale = _tell(CORE_FOLDER, differences([core_bundle()], folder)) if shared else 0
     for name in devices or sorted(shipped_devices()):
         loaded = load_device(name, controller)
-        found = differences(_bundles(loaded, None), folder / loaded.name)
-        stale += len(found)
-        for diff in found:
-            lines = diff.splitlines()
-            out.print("\n".join(lines[:60]))
-            if len(lines) > 60:
-                out.print(f"... {len(lines) - 60} more lines")
-        out.print(
-            f"{loaded.name}: {len(found)} stale files" if found else f"{loaded.name}: current"
-        )
+        bundles = _bundles(loaded, None)
+        if shared:
+            bundles = [without_core(b) for b in bundles]
+        stale += _tell(loaded.name, differences(bundles, folder / loaded.name))
     if stale:
         out.print("Regenerate with: esea-gen build DEVICE")
         raise typer.Exit(1)
+
+
+def _tell(name: str, found: list[str]) -> int:
+    for diff in found:
+        lines = diff.splitlines()
+        out.print("\n".join(lines[:60]))
+        if len(lines) > 60:
+            out.print(f"... {len(lines) - 60} more lines")
+    out.print(f"{name}: {len(found)} stale files" if found else f"{name}: current")
+    return len(found)
 
 
 @app.command()

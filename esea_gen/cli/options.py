@@ -12,6 +12,7 @@ import typer
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
+from esea_gen.targets import firmware_boards
 
 DeviceArgument = Annotated[
     str, typer.Argument(metavar="DEVICE", help="Shipped device (elbow) or path of a device file.")
@@ -74,7 +75,10 @@ ControllerOption = Annotated[
         "several with a comma between.",
     ),
 ]
-BoardOption = Annotated[str, typer.Option("--board", help="Board to build firmware for.")]
+BoardOption = Annotated[
+    str,
+    typer.Option("--board", help=f"Board of the firmware: {', '.join(firmware_boards())}."),
+]
 
 
 def chosen_formats(real: list[str] | None, known: Collection[str] | None = None) -> list[str]:

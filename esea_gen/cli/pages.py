@@ -12,6 +12,7 @@ from esea_gen.cli.options import BoardOption, ControllerOption, DeviceArgument, 
 from esea_gen.cli.output import progress_line, write_json, write_text
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
+from esea_gen.targets import DEFAULT_BOARD
 
 
 @app.command()
@@ -23,7 +24,7 @@ def report(
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
-    board: BoardOption = "netduinoplus2",
+    board: BoardOption = DEFAULT_BOARD,
     page: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", callback=writable, help="The page; <device>.html."),

@@ -29,8 +29,9 @@ from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System, SystemSimulator
+from esea_gen.targets import EXACT_FLAGS, HOST_GCC
 
-CFLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC")
+CFLAGS = (*EXACT_FLAGS, "-fPIC")
 Array = npt.NDArray[Any]
 
 
@@ -101,7 +102,7 @@ def compile_sources(
     RuntimeError
         When the compiler refuses the files, with what it said.
     """
-    gcc = find_compiler("gcc", "gcc libc6-dev")
+    gcc = find_compiler(*HOST_GCC.gcc)
     version = subprocess.run([gcc, "--version"], capture_output=True, text=True, check=True).stdout
     command = [gcc, *CFLAGS, *flags, "-shared"]
     key = hashlib.sha256("\0".join([version, *command, *link]).encode())
@@ -147,7 +148,7 @@ def declarations(text: str) -> str:
     str
         Types and prototypes.
     """
-    gcc = find_compiler("gcc", "gcc libc6-dev")
+    gcc = find_compiler(*HOST_GCC.gcc)
     bare = re.sub(r"^\s*#\s*include.*$", "", text, flags=re.MULTILINE)
     done = subprocess.run(
         [gcc, "-E", "-P", "-x", "c", "-std=c99", "-"],

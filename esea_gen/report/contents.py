@@ -16,9 +16,10 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import block_kernels
 from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
+from esea_gen.targets import firmware_boards
 from esea_gen.verify.emulator import EmulatorResult
 from esea_gen.verify.equivalence import Verification
-from esea_gen.verify.firmware import BOARDS, FirmwareImage, build_firmware
+from esea_gen.verify.firmware import FirmwareImage, build_firmware
 
 REALS = ("f64", "f32")
 REAL_NAMES = {"f64": "float64", "f32": "float32"}
@@ -70,7 +71,8 @@ def on_board(
     emulate: given the image; puts each result into the dictionary as it has it.
     return: skipped when a tool is missing, failed when the firmware does not build or answer.
     """
-    title = BOARDS[board].title if board in BOARDS else ""
+    known = firmware_boards()
+    title = known[board].title if board in known else ""
     image = None
     results: dict[str, EmulatorResult] = {}
     try:
@@ -79,7 +81,7 @@ def on_board(
             image = build_firmware(device, board, Path(scratch))
             emulate(image, results)
     except UserError as error:
-        if board not in BOARDS or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
+        if board not in known or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
             raise
         return BoardRun(board, title, image, results, skipped=str(error))
     except RuntimeError as error:

@@ -43,6 +43,7 @@ from esea_gen.report.contents import (
     verification_problems,
 )
 from esea_gen.report.page import count_text, finite, render
+from esea_gen.targets import BOARDS, DEFAULT_BOARD
 from esea_gen.verify.emulator import EmulatorResult, run_in_emulator
 from esea_gen.verify.equivalence import (
     F64_TOLERANCE,
@@ -51,7 +52,7 @@ from esea_gen.verify.equivalence import (
     operating_ranges,
     verify,
 )
-from esea_gen.verify.firmware import BOARDS, FirmwareImage
+from esea_gen.verify.firmware import FirmwareImage
 from esea_gen.verify.streams import deflection_inputs, first_axis, single
 
 Array = npt.NDArray[Any]
@@ -645,7 +646,7 @@ def gather(
     device: Device,
     recording: Path | None = None,
     data: Path | None = None,
-    board: str = "netduinoplus2",
+    board: str = DEFAULT_BOARD,
     progress: Say | None = None,
 ) -> Findings:
     """Build, verify, emulate and measure a device.
@@ -679,7 +680,7 @@ def gather(
         words.append(f"--recording {Path(recording).name}")
     if data is not None:
         words.append("--data DIR")
-    if board != "netduinoplus2":
+    if board != DEFAULT_BOARD:
         words.append(f"--board {board}")
     return Findings(device, verification, bundles, tuple(runs), board_run, source, " ".join(words))
 

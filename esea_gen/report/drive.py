@@ -37,6 +37,7 @@ from esea_gen.studies.experiments import (
     default_person,
     simulate,
 )
+from esea_gen.targets import DEFAULT_BOARD
 from esea_gen.verify.emulator import EmulatorResult, run_tasks_in_emulator
 from esea_gen.verify.equivalence import Comparison, Verification, verify
 from esea_gen.verify.firmware import FirmwareImage
@@ -317,7 +318,7 @@ class DriveFindings:
 
 
 def gather_drive(
-    device: Device, board: str = "netduinoplus2", progress: Say | None = None
+    device: Device, board: str = DEFAULT_BOARD, progress: Say | None = None
 ) -> DriveFindings:
     """Build, verify, simulate and emulate a device with a drive."""
     say = progress or (lambda _: None)
@@ -337,7 +338,7 @@ def gather_drive(
     verification = verify(device, REALS, progress=say)
     board_run = run_tasks_on_board(device, board, TICKS, say)
     words = ["esea-gen report", device.name if shipped else device.origin]
-    if board != "netduinoplus2":
+    if board != DEFAULT_BOARD:
         words.append(f"--board {board}")
     return DriveFindings(
         device, verification, bundles, simulations, yardsticks, board_run, " ".join(words)

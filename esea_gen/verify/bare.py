@@ -27,40 +27,22 @@ from esea_gen.hostlib.library import (
     compile_sources,
     find_compiler,
 )
-from esea_gen.verify.emulator import find_qemu
-from esea_gen.verify.firmware import firmware_folder
+from esea_gen.targets import (
+    ARM_GCC,
+    BARE_LINK,
+    EXACT_FLAGS,
+    SECTION_FLAGS,
+    Board,
+    boards_for,
+    firmware_folder,
+)
+from esea_gen.verify.emulator import qemu_command
 
 Array = np.ndarray[Any, np.dtype[Any]]
 TIMEOUT_S = 300
 
 
-@dataclass(frozen=True)
-class BareBoard:
-    """An emulated board.
-
-    fpu: whether there is a unit for single precision.
-    """
-
-    machine: str
-    core: str
-    flags: tuple[str, ...]
-    flash_bytes: int
-    ram_bytes: int
-    fpu: bool = False
-
-
-BARE_BOARDS = {
-    "m0": BareBoard("microbit", "Cortex-M0", ("-mcpu=cortex-m0", "-mthumb"), 1 << 18, 1 << 14),
-    "m3": BareBoard("mps2-an385", "Cortex-M3", ("-mcpu=cortex-m3", "-mthumb"), 1 << 22, 1 << 22),
-    "m4f": BareBoard(
-        "mps2-an386",
-        "Cortex-M4F",
-        ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
-        1 << 22,
-        1 << 22,
-        True,
-    ),
-}
+BARE_BOARDS = {b.processor.name.removeprefix("cortex-"): b for b in boards_for("bits")}
 
 
 @dataclass(frozen=True)
@@ -93,7 +75,7 @@ def _plugin() -> Path:
 
 
 def _symbols(image: Path) -> dict[str, tuple[int, int]]:
-    nm = find_compiler("arm-none-eabi-nm", "binutils-arm-none-eabi")
+    nm = find_compiler(*ARM_GCC.tool("nm"))
     text = _said([nm, "-S", str(image)])
     found = {}
     for row in re.findall(r"^([0-9a-f]+) (?:([0-9a-f]+) )?\w (\S+)$", text, re.MULTILINE):
@@ -128,25 +110,24 @@ class Emulation:
     flash_bytes: int
 
 
-def emulate(files: Mapping[str, str], board: BareBoard) -> Emulation:
+def emulate(files: Mapping[str, str], board: Board) -> Emulation:
     """Compile a program with ``-O2`` and run it on an emulated board."""
-    gcc = find_compiler("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
+    gcc = find_compiler(*board.processor.toolchain.gcc)
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         folder = Path(scratch)
         for name, content in files.items():
             (folder / name).write_text(content, encoding="utf-8")
         sources = [str(folder / n) for n in sorted(files) if n.endswith(".c")]
         image = folder / "bare.elf"
-        flags = ["-std=c99", "-O2", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections"]
-        link = ["-nostartfiles", "--specs=nosys.specs", f"-T{folder}/bare.ld", "-Wl,--gc-sections"]
-        _said([gcc, *board.flags, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
+        flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS]
+        link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/bare.ld"]
+        _said([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
         symbols = _symbols(image)
         start, end = symbols["counted_step"][0], symbols["harness"][0]
         count = f"{_plugin()},entry={start:#x},low=0x0,high={end:#x}"
         said = _said(
             [
-                *(find_qemu(), "-M", board.machine, "-display", "none", "-monitor", "none"),
-                *("-nodefaults", "-semihosting-config", "enable=on,target=native"),
+                *qemu_command(board, semihosting=True),
                 *("-d", "plugin", "-plugin", count),
                 *("-kernel", str(image)),
             ]
@@ -197,10 +178,10 @@ def run_bare(
         "steps": len(packed),
         "rows": [[text(v) for n in names for v in np.atleast_1d(row[n])] for row in packed],
         "words": words,
-        "stack_top": 0x20000000 + chosen.ram_bytes,
-        "has_fpu": chosen.fpu,
+        "stack_top": chosen.ram + chosen.ram_bytes,
+        "has_fpu": chosen.processor.fpu,
         "board": chosen.machine,
-        "flash_bytes": chosen.flash_bytes,
+        "flash_bytes": chosen.code_bytes,
         "ram_bytes": chosen.ram_bytes,
     }
     files = {n: t for n, t in renderer.files().items() if n != "main.c" and "/" not in n}
@@ -270,10 +251,10 @@ def run_bare_system(
         "ticks": ticks,
         "rows": rows,
         "words": words,
-        "stack_top": 0x20000000 + chosen.ram_bytes,
-        "has_fpu": chosen.fpu,
+        "stack_top": chosen.ram + chosen.ram_bytes,
+        "has_fpu": chosen.processor.fpu,
         "board": chosen.machine,
-        "flash_bytes": chosen.flash_bytes,
+        "flash_bytes": chosen.code_bytes,
         "ram_bytes": chosen.ram_bytes,
     }
     files = {n: t for n, t in renderer.files().items() if n != "main.c" and "/" not in n}
@@ -348,7 +329,6 @@ def _scheduled(
 
 __all__ = [
     "BARE_BOARDS",
-    "BareBoard",
     "BareResult",
     "Emulation",
     "emulate",

@@ -13,37 +13,29 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
-from esea_gen.emit.dialect import FAULTS, MODES, load_dialect
+from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import run_schedule
-from esea_gen.verify.firmware import FirmwareImage, find_board
+from esea_gen.language.system import Task
+from esea_gen.targets import Board, find_board
+from esea_gen.verify.firmware import FirmwareImage
+from esea_link.session import Session
+from esea_link.transport import LinkError, Process, ProcessTransport, Transport
 
 Array = npt.NDArray[Any]
 Progress = Callable[[int, int], None]
 
-HOST_SYSTEM, HOST_COMPONENT = 255, 190  # MAVLink's address of a ground station
-BOARD_SYSTEM, BOARD_COMPONENT = 1, 1
-FRAME_OVERHEAD_BYTES = 12
-MOST_FRAMES = 64
-RECEIVE_CHUNK = 1 << 16
 POLL_S = 0.1
-STOP_S = 3.0
-
-
-class LinkError(RuntimeError):
-    """The board did not answer, or not as the protocol says."""
 
 
 def find_qemu() -> str:
@@ -57,17 +49,69 @@ def find_qemu() -> str:
     return path
 
 
+def qemu_command(board: Board, semihosting: bool = False) -> list[str]:
+    """The emulator's command for a machine, without any window or device of its own choice.
+
+    semihosting: whether the image prints through the emulator.
+    """
+    command = [find_qemu(), "-M", board.machine, "-display", "none", "-monitor", "none"]
+    more = ("-semihosting-config", "enable=on,target=native") if semihosting else ()
+    return [*command, "-nodefaults", *more]
+
+
 def emulator_version() -> str:
     """First line of QEMU's version."""
     done = subprocess.run([find_qemu(), "--version"], capture_output=True, text=True, check=True)
     return done.stdout.splitlines()[0]
 
 
-class RunningBoard:
+def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] = ()) -> Transport:
+    """Start what an image runs on, QEMU or the host itself.
+
+    options: options for QEMU beside our own; for the host, arguments of the image.
+    """
+    board = find_board(image.board)
+    if not board.machine:
+        return ProcessTransport.over_stdio([str(image.elf), *options])
+    with (
+        tempfile.TemporaryDirectory(prefix="esea-") as folder,
+        socket.socket(socket.AF_UNIX) as server,
+    ):
+        # QEMU calls us: nobody can take a socket that we hold, and no retries are needed.
+        path = f"{folder}/uart"
+        server.bind(path)
+        server.listen(1)
+        server.settimeout(POLL_S)
+        process = Process(
+            [
+                *qemu_command(board),
+                *("-serial", f"unix:{path},server=off"),
+                *("-icount", "shift=0", "-kernel", str(image.elf)),
+                *options,
+            ]
+        )
+        try:
+            return ProcessTransport(process, _accept(server, process, timeout_s))
+        except BaseException:
+            process.stop()
+            raise
+
+
+def _accept(server: socket.socket, process: Process, timeout_s: float) -> socket.socket:
+    deadline_s = time.monotonic() + timeout_s
+    while time.monotonic() < deadline_s and process.runs():
+        try:
+            return server.accept()[0]
+        except TimeoutError:
+            continue
+    raise LinkError("the emulator did not open its serial line", said=process.said())
+
+
+class RunningBoard(Session):
     """A board that runs an image: QEMU, or the host itself.  Use it as a context manager.
 
     timeout_s: longest silence; the first exchange with QEMU may take a second.
-    options: options for QEMU beside our own; for the host, arguments of the image.
+    options: see :func:`start_board`.
     """
 
     def __init__(
@@ -77,189 +121,9 @@ class RunningBoard:
         timeout_s: float = 10.0,
         options: Sequence[str] = (),
     ) -> None:
-        self.device, self.image, self.timeout_s = device, image, timeout_s
-        self.options = tuple(options)
-        self.dialect: Any = load_dialect(device)
-        self.heartbeat: Any = None
-        self._encoder: Any = self.dialect.MAVLink(None, HOST_SYSTEM, HOST_COMPONENT)
-        self._decoder: Any = self.dialect.MAVLink(None, HOST_SYSTEM, HOST_COMPONENT)
-        self._decoder.robust_parsing = True  # noise is counted, not raised
-        self._pending: deque[Any] = deque()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._link: socket.socket | None = None
-        self._log: IO[bytes] | None = None
-
-    def __enter__(self) -> RunningBoard:
-        try:
-            self._start()
-            self.wait_for("HEARTBEAT")
-        except BaseException:
-            self.close()
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def _start(self) -> None:
-        machine = find_board(self.image.board).machine
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close()
-        if not machine:
-            self._link, theirs = socket.socketpair()
-            self._process = subprocess.Popen(
-                [str(self.image.elf), *self.options],
-                stdin=theirs.fileno(),
-                stdout=theirs.fileno(),
-                stderr=self._log,
-            )
-            theirs.close()
-            return
-        with (
-            tempfile.TemporaryDirectory(prefix="esea-") as folder,
-            socket.socket(socket.AF_UNIX) as server,
-        ):
-            # QEMU calls us: nobody can take a socket that we hold, and no retries are needed.
-            path = f"{folder}/uart"
-            server.bind(path)
-            server.listen(1)
-            server.settimeout(POLL_S)
-            self._process = subprocess.Popen(
-                [
-                    find_qemu(),
-                    *("-M", machine, "-display", "none", "-monitor", "none", "-nodefaults"),
-                    *("-serial", f"unix:{path},server=off"),
-                    *("-icount", "shift=0", "-kernel", str(self.image.elf)),
-                    *self.options,
-                ],
-                stdin=subprocess.DEVNULL,
-                stdout=self._log,
-                stderr=self._log,
-            )
-            self._link = self._accept(server)
-
-    def _accept(self, server: socket.socket) -> socket.socket:
-        assert self._process is not None
-        deadline_s = time.monotonic() + self.timeout_s
-        while time.monotonic() < deadline_s and self._process.poll() is None:
-            try:
-                return server.accept()[0]
-            except TimeoutError:
-                continue
-        raise LinkError(f"the emulator did not open its serial line{self._said()}")
-
-    def _said(self) -> str:
-        if self._log is None:
-            return ""
-        self._log.seek(0)
-        text = self._log.read().decode(errors="replace").strip()
-        return f"; it said:\n{text}" if text else ""
-
-    def close(self) -> None:
-        """Stop the board."""
-        if self._link is not None:
-            self._link.close()
-        if self._process is not None:
-            self._process.terminate()
-            try:
-                self._process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
-        if self._log is not None:
-            self._log.close()
-        self._link = self._process = self._log = None
-
-    def send_bytes(self, data: bytes) -> None:
-        """Send raw bytes."""
-        assert self._link is not None
-        self._link.settimeout(self.timeout_s)
-        try:
-            self._link.sendall(data)
-        except OSError as error:
-            raise LinkError(f"the board does not take data ({error}){self._said()}") from None
-
-    def pack(self, message: Any) -> bytes:
-        """A message as a frame from the host."""
-        frame: bytes = bytes(message.pack(self._encoder))
-        # pack() leaves counting to send(), which wants a file.
-        self._encoder.seq = (self._encoder.seq + 1) % 256
-        return frame
-
-    def send(self, message: Any) -> None:
-        """Send a message."""
-        self.send_bytes(self.pack(message))
-
-    def receive(self, timeout_s: float | None = None) -> Any:
-        """The next message.
-
-        return: an instance of one of the dialect's classes; noise is left out.
-        """
-        assert self._link is not None
-        limit_s = self.timeout_s if timeout_s is None else timeout_s
-        self._link.settimeout(limit_s)
-        while not self._pending:
-            try:
-                data = self._link.recv(RECEIVE_CHUNK)
-            except TimeoutError:
-                raise LinkError(f"the board was silent for {limit_s:g} s{self._said()}") from None
-            except OSError as error:
-                raise LinkError(f"the link broke ({error}){self._said()}") from None
-            if not data:
-                raise LinkError(f"the board has stopped{self._said()}")
-            for message in self._decoder.parse_buffer(data) or ():
-                if message.get_type() != "BAD_DATA":
-                    self._pending.append(message)
-        message = self._pending.popleft()
-        if message.get_type() == "HEARTBEAT":
-            self.heartbeat = message
-            if message.system_status == self.dialect.MAV_STATE_EMERGENCY:
-                raise LinkError(f"the processor took a fault exception and halted{self._said()}")
-        return message
-
-    def wait_for(self, name: str, timeout_s: float | None = None) -> Any:
-        """The next message of a name; others are dropped."""
-        while True:
-            message = self.receive(timeout_s)
-            if message.get_type() == name:
-                return message
-
-    def command(self, command: int, param1: float = 0.0) -> int:
-        """Give a command and wait for its answer."""
-        self.send(
-            self.dialect.MAVLink_command_long_message(
-                BOARD_SYSTEM, BOARD_COMPONENT, command, 0, param1, 0, 0, 0, 0, 0, 0
-            )
-        )
-        while True:
-            ack = self.wait_for("COMMAND_ACK")
-            if ack.command == command:
-                return int(ack.result)
-
-    def reset(self) -> None:
-        """Return the board to its initial state."""
-        result = self.command(self.dialect.MAV_CMD_USER_1)
-        if result != self.dialect.MAV_RESULT_ACCEPTED:
-            raise LinkError(f"the board cannot reset: {self.fault()}")
-
-    def info(self) -> Any:
-        """What runs on the board, and its counters."""
-        message_id = self.dialect.MAVLINK_MSG_ID_ESEA_INFO
-        self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, float(message_id))
-        return self.wait_for("ESEA_INFO")
-
-    def mode(self) -> str:
-        """State of the firmware, as its last HEARTBEAT said."""
-        return MODES[self.heartbeat.custom_mode][0]
-
-    def fault(self) -> str:
-        """The latched fault: its name and meaning."""
-        name, meaning = FAULTS[self.info().fault]
-        return f"{name}: {meaning}"
+        self.device = device
+        dialect = load_dialect(device)
+        super().__init__(start_board(image, timeout_s, options), dialect, timeout_s)
 
     def stream(
         self, task: str, inputs: Mapping[str, Array], progress: Progress | None = None
@@ -299,51 +163,28 @@ class RunningBoard:
             for k, t in enumerate(order)
             for i in range(counts[t.name])
         )
-        made = {t.name: self._frames(t.name, t.phase, t.every, inputs[t.name]) for t in order}
-        frames = (next(made[name]) for _, _, name, _ in schedule)
-        window = min(self._window(t.name) for t in order)
-        total, sent = len(schedule), 0
-        for done, (tick, _, name, run) in enumerate(schedule):
-            # Refill when half of the window has come back: few, large pieces go faster.
-            if sent - done <= window // 2:
-                batch = [next(frames) for _ in range(min(window - (sent - done), total - sent))]
-                self.send_bytes(b"".join(batch))
-                sent += len(batch)
-            wanted = f"ESEA_{name.upper()}_OUT"
-            message = self.receive()
-            while message.get_type() != wanted:
-                if self.heartbeat is not None and self.mode() == "FAULT":
-                    raise LinkError(f"a fault is latched: {self.fault()}")
-                message = self.receive()
-            if message.sequence != tick % 2**32:
-                raise LinkError(f"answer {message.sequence} came in place of {tick % 2**32}")
+        made = {t.name: self._messages(t, inputs[t.name]) for t in order}
+        requests = ((next(made[t]), f"ESEA_{t.upper()}_OUT") for _, _, t, _ in schedule)
+        window = self.window(f"ESEA_{t.name.upper()}_IN" for t in order)
+        answers = self.exchange(requests, window)
+        total = len(schedule)
+        for done, ((_, _, name, run), answer) in enumerate(zip(schedule, answers, strict=True), 1):
             for output, store in outputs[name].items():
-                store[run] = getattr(message, output)
-            ticks[name][run] = message.step_ticks
-            if progress is not None and (done + 1) % 100 == 0:
-                progress(done + 1, total)
+                store[run] = getattr(answer, output)
+            ticks[name][run] = answer.step_ticks
+            if progress is not None and done % 100 == 0:
+                progress(done, total)
         if progress is not None:
             progress(total, total)
         return outputs, ticks
 
-    def _window(self, task: str) -> int:
-        frame_bytes: int = FRAME_OVERHEAD_BYTES + self._input_class(task).unpacker.size
-        room_bytes = int(self.info().receive_buffer_bytes) - 1
-        return max(1, min(MOST_FRAMES, room_bytes // frame_bytes))
-
-    def _input_class(self, task: str) -> Any:
-        return getattr(self.dialect, f"MAVLink_esea_{task}_in_message")
-
-    def _frames(
-        self, task: str, phase: int, every: int, inputs: Mapping[str, Array]
-    ) -> Iterator[bytes]:
-        build = self._input_class(task)
-        system = self.device.system
-        columns = [inputs[x.name].tolist() for x in system.task_inputs(system.task(task))]
+    def _messages(self, task: Task, inputs: Mapping[str, Array]) -> Iterator[Any]:
+        columns = [inputs[x.name].tolist() for x in self.device.system.task_inputs(task)]
         runs = len(next(iter(inputs.values())))
         rows = zip(*columns, strict=True) if columns else iter([()] * runs)
         for i, row in enumerate(rows):
-            yield self.pack(build((phase + i * every) % 2**32, *row))
+            sequence = (task.phase + i * task.every) % 2**32
+            yield self.message(f"ESEA_{task.name.upper()}_IN", sequence, *row)
 
 
 @dataclass(frozen=True)

@@ -17,56 +17,15 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import find_compiler
-
-# What was verified: no contraction to fused multiply-add, no other liberty.
-CONTROL_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra")
-APP_FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror")
-
-
-@dataclass(frozen=True)
-class Board:
-    """A board, or machine, that an image can be built for.
-
-    name: name, of its folder in ``firmware/boards`` too.
-    compiler, package: command, and the Debian package that has it.
-    machine: QEMU's name of it; empty for the host itself.
-    """
-
-    name: str
-    title: str
-    compiler: str
-    package: str
-    flags: tuple[str, ...]
-    link: tuple[str, ...]
-    machine: str
-    app_flags: tuple[str, ...] = ()
-
-
-BOARDS = {
-    b.name: b
-    for b in (
-        Board(
-            "netduinoplus2",
-            "STM32F405, Cortex-M4F",
-            "arm-none-eabi-gcc",
-            "gcc-arm-none-eabi libnewlib-arm-none-eabi",
-            ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
-            ("-nostartfiles", "-Wl,--gc-sections", "-Wl,--fatal-warnings"),
-            "netduinoplus2",
-        ),
-        Board(
-            "host",
-            "this computer, frames on standard input and output",
-            "gcc",
-            "gcc libc6-dev",
-            # A report ends the program, so that no test can overlook it.
-            ("-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
-            (),
-            "",
-            ("-D_POSIX_C_SOURCE=200809L",),
-        ),
-    )
-}
+from esea_gen.targets import (
+    APP_FLAGS,
+    ARM_GCC,
+    CONTROL_FLAGS,
+    SECTION_FLAGS,
+    Toolchain,
+    find_board,
+    firmware_folder,
+)
 
 # What control code may ask of the compiler's own library: moving memory and dividing integers.
 _ALLOWED = re.compile(
@@ -104,26 +63,12 @@ class FirmwareImage:
         return asdict(self) | {"elf": self.elf.name}
 
 
-def firmware_folder() -> Path:
-    """Folder of the hand-written C: inside the wheel, or at the top of a checkout."""
-    packaged = Path(__file__).parent.parent / "_firmware"
-    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "firmware"
-
-
-def find_board(name: str) -> Board:
-    """A board by name."""
-    if name not in BOARDS:
-        listed = "; ".join(f"{b.name} ({b.title})" for b in BOARDS.values())
-        raise UserError(f"There is no board '{name}'.", f"Boards: {listed}.")
-    return BOARDS[name]
-
-
-def double_arithmetic(objects: Sequence[Path], nm: str = "arm-none-eabi-nm") -> list[str]:
+def double_arithmetic(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[str]:
     """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio.
 
     return: ``"esea_elbow_sensor.o: __aeabi_dmul"``; empty when the objects need only each other.
     """
-    tool = find_compiler(nm, "binutils-arm-none-eabi" if nm.startswith("arm") else "binutils")
+    tool = find_compiler(*toolchain.tool("nm"))
     defined, wanted = set(), []
     for path in objects:
         done = subprocess.run([tool, "-P", path], capture_output=True, text=True, check=True)
@@ -136,9 +81,9 @@ def double_arithmetic(objects: Sequence[Path], nm: str = "arm-none-eabi-nm") -> 
     return [f"{o}: {s}" for o, s in wanted if s not in defined and not _ALLOWED.fullmatch(s)]
 
 
-def double_helpers(elf: Path, nm: str = "arm-none-eabi-nm") -> list[str]:
+def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     """Helpers of double arithmetic that have been linked into an image."""
-    tool = find_compiler(nm, "binutils-arm-none-eabi" if nm.startswith("arm") else "binutils")
+    tool = find_compiler(*toolchain.tool("nm"))
     done = subprocess.run([tool, "-P", elf], capture_output=True, text=True, check=True)
     names = {line.split()[0] for line in done.stdout.splitlines()}
     return sorted(n for n in names if _DOUBLE.fullmatch(n))
@@ -192,13 +137,13 @@ def build_firmware(
 ) -> FirmwareImage:
     """Build a device's firmware image.
 
-    board: what it runs on: ``netduinoplus2``, or ``host`` (with sanitizers).
+    board: what it runs on: a name of :func:`~esea_gen.targets.firmware_boards`.
     control: files of the f32 folder to compile in place of the device's own; tests alter one to
         prove that a comparison finds it.
     """
     chosen = find_board(board)
-    gcc = find_compiler(chosen.compiler, chosen.package)
-    tool = gcc.removesuffix("gcc")
+    toolchain = chosen.processor.toolchain
+    gcc = find_compiler(*toolchain.gcc)
     prefix = f"esea_{device.name}"
     files = dict(control if control is not None else render_device(device, ["f32"])[0].files)
     dialect = render_dialect(device).files
@@ -212,7 +157,7 @@ def build_firmware(
         for part in ("app", "port", f"boards/{board}"):
             shutil.copytree(firmware_folder() / part, folder / part)
 
-        common = [gcc, *chosen.flags, "-ffunction-sections", "-fdata-sections", "-c"]
+        common = [gcc, *chosen.compile_flags, *SECTION_FLAGS, "-c"]
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         control_objects = []
         for name in sources:
@@ -220,7 +165,7 @@ def build_firmware(
             measured = (*CONTROL_FLAGS, "-fcallgraph-info=su")
             _run([*common, *measured, f"f32/{name}", "-o", item], folder, f"control file {name}")
             control_objects.append(folder / item)
-        found = double_arithmetic(control_objects, f"{Path(tool).name}nm") if chosen.machine else []
+        found = double_arithmetic(control_objects, toolchain) if chosen.machine else []
         if found:
             raise RuntimeError("the control code is not float-only: " + ", ".join(found))
 
@@ -235,12 +180,12 @@ def build_firmware(
         link = [*chosen.link, *(["-T", script] if (folder / script).is_file() else [])]
         built = folder / f"{prefix}_{board}.elf"
         objects: list[str | Path] = [*app_objects, *control_objects]
-        _run([gcc, *chosen.flags, *objects, *link, "-o", built], folder, "the image")
-        helpers = double_helpers(built, f"{Path(tool).name}nm") if chosen.machine else []
+        _run([gcc, *chosen.compile_flags, *objects, *link, "-o", built], folder, "the image")
+        helpers = double_helpers(built, toolchain) if chosen.machine else []
         if helpers:
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
 
-        sections = _sections(built, f"{tool}size")
+        sections = _sections(built, find_compiler(*toolchain.tool("size")))
         graphs = sorted((folder / "f32").glob("*.ci"))
         step_stack = {
             t.name: deepest_stack(graphs, f"{prefix}_{t.name}_step") for t in device.system.tasks

@@ -21,13 +21,9 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import find_compiler
+from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
 from esea_gen.verify.equivalence import is_program
-from esea_gen.verify.firmware import (
-    CONTROL_FLAGS,
-    deepest_stack,
-    double_arithmetic,
-    double_helpers,
-)
+from esea_gen.verify.firmware import deepest_stack, double_arithmetic, double_helpers
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
 _SOFT_SINGLE = re.compile(
@@ -48,99 +44,18 @@ _X86_DOUBLE = re.compile(
 _A64_DOUBLE = re.compile(r"\bf\w+\s+[^\n]*\bd\d+[^\n]*")
 
 
-@dataclass(frozen=True)
-class Target:
-    """A processor that emitted C is compiled for.
+_HOST_DOUBLE = _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X86_DOUBLE
 
-    compiler, package: command, and the Debian package that has it.
-    double: double arithmetic in its disassembly.
-    stack_limit_bytes: largest stack use of a task's step, in single precision, of a device that
-        only measures.
-    soft: whether float arithmetic is done by the compiler's helpers.
-    """
-
-    name: str
-    title: str
-    compiler: str
-    package: str
-    flags: tuple[str, ...]
-    double: re.Pattern[str]
-    stack_limit_bytes: int
-    soft: bool = False
-
-    @property
-    def prefix(self) -> str:
-        """Prefix of its binary tools."""
-        return self.compiler.removesuffix("gcc")
-
-    def stack_limit(self, device: Device) -> int:
-        """Largest stack use of a task's step of a device.
-
-        device: one with torque control wires 13 Blocks in its sensing task, whose inputs and
-            outputs take ``CONTROL_STACK_BYTES`` more; a program's parts, which call each other, and
-            its wide inputs take ``PROGRAM_STACK_BYTES``.
-        """
-        programs = any(is_program(b) for b in device.system.kinds)
-        more = CONTROL_STACK_BYTES if device.system.latches else 0
-        return self.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
-
-
-# Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.
+# Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.  A
+# device with torque control wires 13 Blocks in its sensing task; a program's parts call each other,
+# and its inputs are wide.
 CONTROL_STACK_BYTES = 256
 PROGRAM_STACK_BYTES = 384
 
-_BARE = ("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
-TARGETS = {
-    t.name: t
-    for t in (
-        Target(
-            "host",
-            "this computer",
-            "gcc",
-            "gcc libc6-dev",
-            (),
-            _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X86_DOUBLE,
-            1024,
-        ),
-        Target(
-            "cortex-m3",
-            "Cortex-M3, no FPU",
-            *_BARE,
-            ("-mcpu=cortex-m3", "-mthumb", "-mfloat-abi=soft"),
-            _ARM_DOUBLE,
-            768,
-            soft=True,
-        ),
-        Target(
-            "cortex-m4f",
-            "Cortex-M4F, single precision FPU",
-            *_BARE,
-            ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
-            _ARM_DOUBLE,
-            640,
-        ),
-        Target(
-            "cortex-m7",
-            "Cortex-M7, double precision FPU: a slip to double would be fast, and silent",
-            *_BARE,
-            ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"),
-            _ARM_DOUBLE,
-            640,
-        ),
-        Target(
-            "cortex-a9",
-            "Cortex-A9, Linux, vfpv3, softfp",
-            "arm-linux-gnueabi-gcc",
-            "gcc-arm-linux-gnueabi libc6-dev-armel-cross",
-            ("-march=armv7-a", "-mtune=cortex-a9", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
-            _ARM_DOUBLE,
-            640,
-        ),
-    )
-}
+TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not None}
 
 STRICT_FLAGS = (
-    *("-std=c99", "-O2", "-ffp-contract=off"),
+    *EXACT_FLAGS,
     *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"),
 )
 # These see a slip to double where -Wconversion does not look.
@@ -176,30 +91,32 @@ class GateReport:
         return asdict(self) | {"passed": self.passed}
 
 
-def find_target(name: str) -> Target:
-    """A target by name."""
+def find_target(name: str) -> Processor:
+    """A processor that the gates know, by name."""
     if name not in TARGETS:
-        listed = "; ".join(f"{t.name} ({t.title})" for t in TARGETS.values())
+        listed = "; ".join(f"{t.name} ({t.full_title})" for t in TARGETS.values())
         raise UserError(f"There is no target '{name}'.", f"Targets: {listed}.")
     return TARGETS[name]
+
+
+def _stack_limit(device: Device, target: Processor) -> int:
+    assert target.stack_limit_bytes is not None
+    programs = any(is_program(b) for b in device.system.kinds)
+    more = CONTROL_STACK_BYTES if device.system.latches else 0
+    return target.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
 
 
 def _output(*command: str | Path) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
-def _tool(target: Target, name: str) -> str:
-    package = "binutils" if target.prefix == "" else f"binutils-{target.prefix.rstrip('-')}"
-    return find_compiler(f"{target.prefix}{name}", package)
-
-
-def _unwanted(objects: Sequence[Path], target: Target, libm: bool) -> list[str]:
-    _tool(target, "nm")
+def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[str]:
     found = []
-    helpers = {} if libm else {o.name: double_helpers(o, f"{target.prefix}nm") for o in objects}
-    for item in double_arithmetic(objects, f"{target.prefix}nm"):
+    tools = target.toolchain
+    helpers = {} if libm else {o.name: double_helpers(o, tools) for o in objects}
+    for item in double_arithmetic(objects, tools):
         file, symbol = item.split(": ")
-        if target.soft and _SOFT_SINGLE.fullmatch(symbol):
+        if not target.fpu and _SOFT_SINGLE.fullmatch(symbol):
             continue
         if libm and (_LIBM.fullmatch(symbol) or symbol.startswith("__aeabi_")):
             continue
@@ -215,10 +132,11 @@ def _unwanted(objects: Sequence[Path], target: Target, libm: bool) -> list[str]:
     return found
 
 
-def _symbols(objects: Sequence[Path], target: Target) -> list[str]:
+def _symbols(objects: Sequence[Path], target: Processor) -> list[str]:
     found = []
+    nm = find_compiler(*target.toolchain.tool("nm"))
     for path in objects:
-        for line in _output(_tool(target, "nm"), "-P", path).splitlines():
+        for line in _output(nm, "-P", path).splitlines():
             symbol, kind = line.split()[:2]
             if kind in "DdBbCGgSs":
                 found.append(f"{path.name}: {symbol}: writable data")
@@ -227,19 +145,20 @@ def _symbols(objects: Sequence[Path], target: Target) -> list[str]:
     return found
 
 
-def _instructions(objects: Sequence[Path], target: Target) -> list[str]:
+def _instructions(objects: Sequence[Path], target: Processor) -> list[str]:
     found = []
-    tool = _tool(target, "objdump")
+    tool = find_compiler(*target.toolchain.tool("objdump"))
+    double = _HOST_DOUBLE if target.name == "host" else _ARM_DOUBLE
     for path in objects:
         text = _output(tool, "-d", "--no-show-raw-insn", path)
-        hits = [" ".join(m.group().split()) for m in target.double.finditer(text)]
+        hits = [" ".join(m.group().split()) for m in double.finditer(text)]
         if hits:
             found.append(f"{path.name}: {len(hits)} double instructions, first '{hits[0]}'")
     return found
 
 
 def _stack(
-    device: Device, folder: Path, target: Target, bounded: bool
+    device: Device, folder: Path, target: Processor, bounded: bool
 ) -> tuple[dict[str, int], list[str]]:
     graphs = sorted(folder.glob("*.ci"))
     found = []
@@ -258,10 +177,10 @@ def _stack(
         except ValueError as error:
             found.append(f"task {task.name}: {error}")
             continue
-        if bounded and used[task.name] > target.stack_limit(device):
+        limit = _stack_limit(device, target)
+        if bounded and used[task.name] > limit:
             found.append(
-                f"task {task.name}: {used[task.name]} bytes of stack, above the limit of "
-                f"{target.stack_limit(device)}"
+                f"task {task.name}: {used[task.name]} bytes of stack, above the limit of {limit}"
             )
     return used, found
 
@@ -276,7 +195,7 @@ def check_objects(
     files: files to compile in place of the device's own; tests break a rule in one.
     """
     chosen = find_target(target)
-    gcc = find_compiler(chosen.compiler, chosen.package)
+    gcc = find_compiler(*chosen.toolchain.gcc)
     texts = dict(files if files is not None else render_device(device, [real])[0].files)
     single = not FORMATS[real].needs_libm
     with tempfile.TemporaryDirectory(prefix="esea-gates-") as scratch:
@@ -304,7 +223,7 @@ def check_objects(
         if single:
             problems += _instructions(objects, chosen)
         used, stack_problems = _stack(device, folder, chosen, single)
-        sizes = _output(_tool(chosen, "size"), *objects).splitlines()[1:]
+        sizes = _output(find_compiler(*chosen.toolchain.tool("size")), *objects).splitlines()[1:]
     return GateReport(
         device.name,
         real,
@@ -312,7 +231,7 @@ def check_objects(
         _output(gcc, "--version").splitlines()[0],
         tuple(problems + stack_problems),
         used,
-        chosen.stack_limit(device),
+        _stack_limit(device, chosen),
         sum(int(line.split()[0]) for line in sizes),
     )
 
@@ -321,7 +240,7 @@ def compiler_warnings(
     device: Device, real: str, compiler: str = "gcc", files: Mapping[str, str] | None = None
 ) -> str:
     """What a strict compiler says of a device's C."""
-    tool = find_compiler(compiler, "gcc libc6-dev" if compiler == "gcc" else compiler)
+    tool = find_compiler(*(HOST_GCC.gcc if compiler == "gcc" else (compiler, compiler)))
     texts = dict(files if files is not None else render_device(device, [real])[0].files)
     flags = [*STRICT_FLAGS, *(() if FORMATS[real].needs_libm else STRICT_F32)]
     if "gcc" in compiler and not FORMATS[real].needs_libm:

@@ -28,6 +28,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import Array, HostLibrary, find_compiler
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
+from esea_gen.targets import HOST_GCC
 from esea_gen.verify.equivalence import chosen_blocks, is_program, run_c
 from esea_gen.verify.executor import counter_fields
 from esea_gen.verify.streams import Stream, at_the_limits, other_memories, streams
@@ -209,7 +210,7 @@ class Replay:
         compiler = (
             find_compiler("clang", "clang")
             if sanitizer == "memory"
-            else find_compiler("gcc", "gcc libc6-dev")
+            else find_compiler(*HOST_GCC.gcc)
         )
         done = subprocess.run(
             [compiler, *_FLAGS, *SANITIZERS[sanitizer], *_STOP, *sources, "-o", "replay", "-lm"],

@@ -1,0 +1,275 @@
+"""Processors, toolchains, flags and boards: the one table of what emitted C is built for.
+
+A processor or a board is one entry here; a board that runs the firmware also has a folder of its
+name in ``firmware/boards``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from esea_gen.errors import UserError
+
+# What every verified number rests on: no contraction to fused multiply-add, no other liberty.
+EXACT_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+CONTROL_FLAGS = (*EXACT_FLAGS, "-Wall", "-Wextra")
+APP_FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+# So that the linker drops what nobody calls.
+SECTION_FLAGS = ("-ffunction-sections", "-fdata-sections")
+# An image without an operating system.
+BARE_LINK = ("-nostartfiles", "-Wl,--gc-sections")
+
+
+@dataclass(frozen=True)
+class Toolchain:
+    """A compiler, and the Debian package that has it."""
+
+    compiler: str
+    package: str
+
+    @property
+    def gcc(self) -> tuple[str, str]:
+        """The compiler's command and package."""
+        return self.compiler, self.package
+
+    def tool(self, name: str) -> tuple[str, str]:
+        """Command and package of a binary tool (``nm``, ``objdump``)."""
+        prefix = self.compiler.removesuffix("gcc")
+        return prefix + name, "-".join(["binutils", *filter(None, [prefix.rstrip("-")])])
+
+
+HOST_GCC = Toolchain("gcc", "gcc libc6-dev")
+ARM_GCC = Toolchain("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
+ARM_LINUX_GCC = Toolchain("arm-linux-gnueabi-gcc", "gcc-arm-linux-gnueabi libc6-dev-armel-cross")
+
+
+@dataclass(frozen=True)
+class Processor:
+    """A processor that C is compiled for.
+
+    fpu: whether it computes single precision itself; else the compiler's helpers do.
+    stack_limit_bytes: largest stack use of a task's step, in single precision, of a device that
+        only measures; None where no gate asks.
+    clock_Hz: of a common part, for what a number of instructions would take; 0 where nobody asks.
+    """
+
+    name: str
+    title: str
+    note: str
+    toolchain: Toolchain
+    flags: tuple[str, ...]
+    fpu: bool = True
+    stack_limit_bytes: int | None = None
+    clock_Hz: float = 0.0
+
+    @property
+    def m_profile(self) -> bool:
+        """Whether it starts by a table of addresses and calls the debugger by ``bkpt``."""
+        return self.name.startswith("cortex-m")
+
+    @property
+    def full_title(self) -> str:
+        """Title with what tells it from its like."""
+        return f"{self.title}, {self.note}" if self.note else self.title
+
+
+PROCESSORS = {
+    p.name: p
+    for p in (
+        Processor("host", "this computer", "", HOST_GCC, (), stack_limit_bytes=1024),
+        Processor(
+            "cortex-m0",
+            "Cortex-M0",
+            "no FPU",
+            ARM_GCC,
+            ("-mcpu=cortex-m0", "-mthumb", "-mfloat-abi=soft"),
+            fpu=False,
+        ),
+        Processor(
+            "cortex-m3",
+            "Cortex-M3",
+            "no FPU",
+            ARM_GCC,
+            ("-mcpu=cortex-m3", "-mthumb", "-mfloat-abi=soft"),
+            fpu=False,
+            stack_limit_bytes=768,
+        ),
+        Processor(
+            "cortex-m4f",
+            "Cortex-M4F",
+            "single precision FPU",
+            ARM_GCC,
+            ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
+            stack_limit_bytes=640,
+            clock_Hz=168e6,
+        ),
+        Processor(
+            "cortex-m7",
+            "Cortex-M7",
+            "double precision FPU: a slip to double would be fast, and silent",
+            ARM_GCC,
+            ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"),
+            stack_limit_bytes=640,
+            clock_Hz=216e6,
+        ),
+        Processor(
+            "cortex-a9",
+            "Cortex-A9",
+            "Linux, vfpv3, softfp",
+            ARM_LINUX_GCC,
+            ("-march=armv7-a", "-mtune=cortex-a9", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
+            stack_limit_bytes=640,
+        ),
+        Processor(
+            "cortex-a9-bare",
+            "Cortex-A9",
+            "no operating system, vfpv3, softfp",
+            ARM_GCC,
+            ("-mcpu=cortex-a9", "-marm", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
+            clock_Hz=667e6,
+        ),
+    )
+}
+
+Use = Literal["instructions", "bits"]
+_MB = 1 << 20
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board, or machine, that an image can be built for.
+
+    name: name, of its folder in ``firmware/boards`` too, if it has one.
+    machine: QEMU's name of it; empty for the host itself.
+    code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
+    uses: what it serves beside the firmware: ``instructions`` of a step counted in the benchmarks,
+        ``bits`` of fixed point and float held against the host.
+    flags, app_flags, link: beside the processor's; of all files, of the application's, of the
+        firmware's linking.
+    """
+
+    name: str
+    title: str
+    processor: Processor
+    machine: str
+    code: int = 0
+    code_bytes: int = 0
+    ram: int = 0x20000000
+    ram_bytes: int = 0
+    uses: tuple[Use, ...] = ()
+    flags: tuple[str, ...] = ()
+    app_flags: tuple[str, ...] = ()
+    link: tuple[str, ...] = (*BARE_LINK, "-Wl,--fatal-warnings")
+
+    @property
+    def core(self) -> str:
+        """Title of its processor."""
+        return self.processor.title
+
+    @property
+    def compile_flags(self) -> tuple[str, ...]:
+        """Flags of every file that is compiled for it."""
+        return (*self.processor.flags, *self.flags)
+
+
+BOARDS = {
+    b.name: b
+    for b in (
+        Board(
+            "netduinoplus2",
+            "STM32F405, Cortex-M4F",
+            PROCESSORS["cortex-m4f"],
+            "netduinoplus2",
+            code=0x08000000,
+            code_bytes=_MB,
+            ram_bytes=128 << 10,
+            uses=("instructions",),
+        ),
+        Board(
+            "host",
+            "this computer, frames on standard input and output",
+            PROCESSORS["host"],
+            "",
+            # A report ends the program, so that no test can overlook it.
+            flags=("-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+            app_flags=("-D_POSIX_C_SOURCE=200809L",),
+            link=(),
+        ),
+        Board(
+            "microbit",
+            "nRF51822, Cortex-M0",
+            PROCESSORS["cortex-m0"],
+            "microbit",
+            code_bytes=256 << 10,
+            ram_bytes=16 << 10,
+            uses=("bits",),
+        ),
+        Board(
+            "mps2-an385",
+            "Arm MPS2, Cortex-M3",
+            PROCESSORS["cortex-m3"],
+            "mps2-an385",
+            code_bytes=4 * _MB,
+            ram_bytes=4 * _MB,
+            uses=("bits",),
+        ),
+        Board(
+            "mps2-an386",
+            "Arm MPS2, Cortex-M4F",
+            PROCESSORS["cortex-m4f"],
+            "mps2-an386",
+            code_bytes=4 * _MB,
+            ram_bytes=4 * _MB,
+            uses=("bits",),
+        ),
+        Board(
+            "mps2-an500",
+            "Arm MPS2, Cortex-M7",
+            PROCESSORS["cortex-m7"],
+            "mps2-an500",
+            code_bytes=4 * _MB,
+            ram_bytes=4 * _MB,
+            uses=("instructions",),
+        ),
+        Board(
+            "xilinx-zynq-a9",
+            "Zynq-7000, Cortex-A9",
+            PROCESSORS["cortex-a9-bare"],
+            "xilinx-zynq-a9",
+            code=0x00100000,
+            code_bytes=16 * _MB,
+            ram=0x01100000,
+            ram_bytes=16 * _MB,
+            uses=("instructions",),
+        ),
+    )
+}
+DEFAULT_BOARD = "netduinoplus2"
+
+
+def boards_for(use: Use) -> tuple[Board, ...]:
+    """Boards that serve a use, in the table's order."""
+    return tuple(b for b in BOARDS.values() if use in b.uses)
+
+
+def firmware_folder() -> Path:
+    """Folder of the hand-written C: inside the wheel, or at the top of a checkout."""
+    packaged = Path(__file__).parent / "_firmware"
+    return packaged if packaged.is_dir() else Path(__file__).parents[1] / "firmware"
+
+
+def firmware_boards() -> dict[str, Board]:
+    """Boards that the firmware runs on: those with a folder."""
+    boards = firmware_folder() / "boards"
+    return {b.name: b for b in BOARDS.values() if (boards / b.name).is_dir()}
+
+
+def find_board(name: str) -> Board:
+    """A board that the firmware runs on, by name."""
+    known = firmware_boards()
+    if name not in known:
+        listed = "; ".join(f"{b.name} ({b.title})" for b in known.values())
+        raise UserError(f"There is no board '{name}'.", f"Boards: {listed}.")
+    return known[name]

@@ -1,0 +1,81 @@
+"""One table of processors and boards: an entry, and a folder for a board that runs the firmware."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from esea_gen import targets
+from esea_gen.cli import app
+from esea_gen.errors import UserError
+
+from .conftest import ROOT
+
+
+def test_every_firmware_folder_has_an_entry_and_is_found():
+    folders = {p.name for p in (ROOT / "firmware" / "boards").iterdir()}
+    assert set(targets.firmware_boards()) == folders
+    assert targets.DEFAULT_BOARD in folders
+    for name in folders:
+        assert targets.find_board(name) is targets.BOARDS[name]
+
+
+def test_a_board_is_one_entry_and_its_folder(tmp_path, monkeypatch):
+    new = replace(targets.BOARDS["netduinoplus2"], name="olimex", title="Olimex, Cortex-M4F")
+    monkeypatch.setitem(targets.BOARDS, "olimex", new)
+    with pytest.raises(UserError, match="no board 'olimex'"):  # no firmware for it yet
+        targets.find_board("olimex")
+    shutil.copytree(ROOT / "firmware", tmp_path / "firmware")
+    (tmp_path / "firmware" / "boards" / "olimex").mkdir()
+    monkeypatch.setattr(targets, "firmware_folder", lambda: tmp_path / "firmware")
+    assert targets.find_board("olimex") is new
+    with pytest.raises(UserError, match=r"olimex \(Olimex, Cortex-M4F\)"):
+        targets.find_board("arduino")
+
+
+def test_the_help_names_every_board_with_firmware():
+    said = CliRunner().invoke(app, ["firmware", "--help"], env={"COLUMNS": "300"}).output
+    for name in targets.firmware_boards():
+        assert name in said
+
+
+@pytest.mark.parametrize(
+    ("toolchain", "tool", "expected"),
+    [
+        (targets.HOST_GCC, "nm", ("nm", "binutils")),
+        (targets.ARM_GCC, "nm", ("arm-none-eabi-nm", "binutils-arm-none-eabi")),
+        (targets.ARM_LINUX_GCC, "size", ("arm-linux-gnueabi-size", "binutils-arm-linux-gnueabi")),
+    ],
+)
+def test_tools_and_their_debian_packages(toolchain, tool, expected):
+    assert toolchain.tool(tool) == expected
+
+
+def test_the_set_up_installs_every_compiler_from_its_package():
+    setup = (ROOT / ".ci" / "setup").read_text()
+    for processor in targets.PROCESSORS.values():
+        command, package = processor.toolchain.gcc
+        assert re.search(rf'need {command} "{package}', setup), processor.name
+
+
+def test_every_use_has_one_board_a_core():
+    for use in ("instructions", "bits"):
+        cores = [b.core for b in targets.boards_for(use)]
+        assert cores
+        assert len(set(cores)) == len(cores)
+        assert all(b.machine and b.code_bytes and b.ram_bytes for b in targets.boards_for(use))
+        assert use == "bits" or all(b.processor.clock_Hz for b in targets.boards_for(use))
+
+
+def test_no_flag_of_a_processor_stands_outside_the_table():
+    pattern = re.compile(r"-m(cpu|arch|fpu|float-abi|tune|thumb)\b")
+    found = [
+        str(p.relative_to(ROOT))
+        for p in (ROOT / "esea_gen").rglob("*.py")
+        if pattern.search(p.read_text(encoding="utf-8"))
+    ]
+    assert found == ["esea_gen/targets.py"]
