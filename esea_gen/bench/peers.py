@@ -25,11 +25,11 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, reference_c
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CFLAGS, compile_sources, find_compiler
+from esea_gen.hostlib.compiler import CFLAGS, compile_sources, find_compiler
 from esea_gen.language.block import Array, Block
+from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 from esea_gen.model.elastomer import stop_grid
-from esea_gen.verify.streams import Stream
 
 # As in a program: a call from one file to another is direct, not through a table that a loader
 # may redirect.

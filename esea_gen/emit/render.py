@@ -255,7 +255,8 @@ def reference_c(system: System) -> dict[str, str]:
     )
     for block in system.kinds:
         # A Program has no step in one piece; its kernels stand for it.
-        steps = getattr(block, "kernels", None) or {"step": block.step}
+        body: Any = block
+        steps = body.kernels if body.kind == "program" else {"step": body.step}
         for verb, function in {"prepare": block.prepare, "init": block.init, **steps}.items():
             if verb == "prepare" and not block.tunables:
                 continue
@@ -348,7 +349,7 @@ class Renderer:
             "prefix": self.prefix,
             "PREFIX": self.prefix.upper(),
             "system": system,
-            "programs": [b.name for b in system.kinds if getattr(b, "kernels", None)],
+            "programs": [b.name for b in system.kinds if b.kind == "program"],
             "title": title,
             "content_hash": digest,
             "command": command,

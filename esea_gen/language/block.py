@@ -26,6 +26,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.language.stream import OwnStreams
+
 Array = npt.NDArray[np.float64]
 Status = Literal["published", "identified", "assumed", "derived"]
 
@@ -128,6 +130,10 @@ class Flag:
         that all number formats agree.
     threshold : float
         What it is compared with.
+    only_by_fault : str
+        Why only a fault of the arithmetic itself can set the bit, so that no stream is asked to.
+        That it stays quiet is checked by the comparisons, with the distance to its threshold; no
+        interval shows it.
     """
 
     name: str
@@ -135,6 +141,7 @@ class Flag:
     counted: bool = False
     compares: tuple[str, ...] = ()
     threshold: float = 0.0
+    only_by_fault: str = ""
 
 
 @dataclass(frozen=True)
@@ -446,6 +453,8 @@ class Block:
     solved : mapping of str to Solved
         Labelled values, of which a fact is known too, that an equation defines.  The error analysis
         of fixed point bounds them by their residual and not by the way on which they were found.
+    streams : OwnStreams
+        Streams that it brings along: what random inputs do not bring about.
     """
 
     name: str
@@ -466,6 +475,7 @@ class Block:
     split: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     facts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     solved: Mapping[str, Solved] = field(default_factory=dict)
+    streams: OwnStreams = field(default=OwnStreams(), repr=False)
 
     @classmethod
     def define(
@@ -486,6 +496,7 @@ class Block:
         split: Mapping[str, tuple[float, ...]] | None = None,
         facts: Mapping[str, tuple[float, float]] | None = None,
         solved: Mapping[str, Solved] | None = None,
+        streams: OwnStreams | None = None,
     ) -> Block:
         """Build a Block from Python functions on symbols.
 
@@ -493,7 +504,7 @@ class Block:
         ----------
         name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
             As in the class.
-        equations, split, facts, solved
+        equations, split, facts, solved, streams
             As in the class.
         step : callable
             ``step(c, s, u, guard, label) -> (next_state, outputs)``: ``c``, ``s``, ``u`` hold one
@@ -622,7 +633,13 @@ class Block:
             split=dict(split or {}),
             facts=dict(facts or {}),
             solved=dict(solved or {}),
+            streams=streams or OwnStreams(),
         )
+
+    @property
+    def kind(self) -> Literal["block", "program"]:
+        """``"block"``: a step in one piece."""
+        return "block"
 
     @property
     def status_port(self) -> Port | None:

@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 
@@ -44,6 +44,7 @@ from esea_gen.language.statements import (
     When,
     walk_statements,
 )
+from esea_gen.language.stream import OwnStreams
 
 if TYPE_CHECKING:
     from esea_gen.emit.formats import Format
@@ -68,6 +69,8 @@ class Program:
         Every array by name.
     parts : mapping of str to Part
         The body; ``step`` is the entry.
+    streams : OwnStreams
+        As in a Block.
     """
 
     name: str
@@ -84,6 +87,7 @@ class Program:
     init: ca.Function = field(repr=False)
     memory: Mapping[str, Memory] = field(repr=False)
     parts: Mapping[str, Part] = field(repr=False)
+    streams: OwnStreams = field(default=OwnStreams(), repr=False)
 
     @classmethod
     def define(
@@ -101,6 +105,7 @@ class Program:
         coefficients: tuple[Port, ...] = (),
         prepare: PrepareFn | None = None,
         equations: tuple[Equation, ...] = (),
+        streams: OwnStreams | None = None,
     ) -> Program:
         """Build a Program.
 
@@ -109,6 +114,8 @@ class Program:
         Parameters
         ----------
         name, title, period_s, inputs, outputs, state, constants, tunables, coefficients, equations
+            As in the class.
+        streams : OwnStreams, optional
             As in the class.
         builder : Builder
             Arrays and body.
@@ -154,6 +161,7 @@ class Program:
             symbols.init,
             dict(builder.memory),
             dict(builder.parts),
+            streams or OwnStreams(),
         )
         program._check()
         return program
@@ -181,6 +189,11 @@ class Program:
                 for r in s.results:
                     if self.memory[r.array].region in ("coeffs", "in", "table", "index"):
                         raise ProgramError(f"{self.name}: {s.kernel.name()} writes to {r.array}")
+
+    @property
+    def kind(self) -> Literal["block", "program"]:
+        """``"program"``: kernels in loops."""
+        return "program"
 
     @property
     def work(self) -> tuple[Memory, ...]:

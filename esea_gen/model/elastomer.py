@@ -46,6 +46,7 @@ from esea_gen.language.block import (
     flag_word,
     threshold,
 )
+from esea_gen.model.plays import STREAMS
 from esea_gen.model.symbolic import equation, to_casadi
 
 if TYPE_CHECKING:
@@ -358,6 +359,7 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
         # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
         facts={"share": (0.0, 1.0)} if rate_terms else {},
         step=step,
+        streams=STREAMS,
     )
 
 

@@ -29,6 +29,7 @@ from esea_gen.language.block import (
     clip,
     flag_word,
 )
+from esea_gen.model.encoder_streams import STREAMS
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -361,6 +362,7 @@ def encoder(device: DeviceData, side: Side) -> Block:
         ),
         equations=_equations(bool(table)),
         step=step,
+        streams=STREAMS,
     )
 
 

@@ -17,8 +17,8 @@ from esea_gen.emit.render import block_kernels
 from esea_gen.errors import UserError
 from esea_gen.language.block import unit_of
 from esea_gen.verify.emulator import EmulatorResult
-from esea_gen.verify.equivalence import Verification
 from esea_gen.verify.firmware import BOARDS, FirmwareImage, build_firmware
+from esea_gen.verify.verdict import Verification
 
 REALS = ("f64", "f32")
 REAL_NAMES = {"f64": "float64", "f32": "float32"}

@@ -38,8 +38,9 @@ from esea_gen.studies.experiments import (
     simulate,
 )
 from esea_gen.verify.emulator import EmulatorResult, run_tasks_in_emulator
-from esea_gen.verify.equivalence import Comparison, Verification, verify
+from esea_gen.verify.equivalence import verify
 from esea_gen.verify.firmware import FirmwareImage
+from esea_gen.verify.verdict import Comparison, Verification
 
 Say = Callable[[str], None]
 

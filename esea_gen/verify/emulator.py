@@ -27,7 +27,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.dialect import FAULTS, MODES, load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.library import run_schedule
+from esea_gen.hostlib.runner import run_schedule
 from esea_gen.verify.firmware import FirmwareImage, find_board
 
 Array = npt.NDArray[Any]

@@ -20,10 +20,9 @@ from esea_gen.device import Device
 from esea_gen.emit.fixed.search import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.verify.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
-from esea_gen.verify.equivalence import domain_chirp
 from esea_gen.verify.fixed import bounds_of, compare_fixed
 from esea_gen.verify.proof import EvaResult, prove_block
-from esea_gen.verify.streams import streams
+from esea_gen.verify.streams import domain_chirp, streams
 
 Array = npt.NDArray[np.float64]
 AIM_SHARE = 0.0005

@@ -20,8 +20,7 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import find_compiler
-from esea_gen.verify.equivalence import is_program
+from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.verify.firmware import (
     CONTROL_FLAGS,
     deepest_stack,
@@ -80,7 +79,7 @@ class Target:
             outputs take ``CONTROL_STACK_BYTES`` more; a program's parts, which call each other, and
             its wide inputs take ``PROGRAM_STACK_BYTES``.
         """
-        programs = any(is_program(b) for b in device.system.kinds)
+        programs = any(b.kind == "program" for b in device.system.kinds)
         more = CONTROL_STACK_BYTES if device.system.latches else 0
         return self.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
 
