@@ -154,6 +154,10 @@ def test_a_board_takes_tunables_in_units_and_refuses_bad_ones(library):
         CBoard(library, {instance: {tunable.name: 2 * tunable.high + 1}})
     with pytest.raises(ValueError, match=rf"{instance}\.{tunable.name}"):
         CBoard(library, {instance: {tunable.name: float("nan")}})
+    # A bound is taken as the device file states it: within one float32 rounding.
+    for instance, tunable in system.tunables:
+        above = float(np.nextafter(np.float32(tunable.high), np.float32(np.inf)))
+        CBoard(library, {instance: {tunable.name: above}})
 
 
 def test_an_arm_is_judged_where_it_is_taken():
