@@ -191,7 +191,7 @@ def _compare_blocks(
     for block in device.system.kinds:
         say(f"{block.name}")
         plan, bound = plan_block(block), bounds[block.name]
-        runner: Any = library.block(block.name)
+        runner = library.block(block.name)
         full = {p.name: max(abs(p.low), abs(p.high)) for p in block.outputs if not p.flags}
         proven = max((bound.outputs[n] / f for n, f in full.items()), default=0.0)
         measured, turned, problems = 0.0, 0, []
