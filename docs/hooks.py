@@ -12,7 +12,7 @@ import inspect
 import re
 import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, get_args
 
 import typer
@@ -27,6 +27,8 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "core": (
         "Blocks, Systems, devices",
         (
+            "language.ports",
+            "language.component",
             "language.block",
             "language.program",
             "language.builder",
@@ -102,9 +104,8 @@ class Item:
                 return [n for n, f in target.model_fields.items() if not _described(f)]
             if issubclass(target, enum.Enum):
                 return []
-            fields = getattr(target, "__dataclass_fields__", None)
-            if fields is not None:
-                return [n for n, f in fields.items() if f.init and not n.startswith("_")]
+            if is_dataclass(target):
+                return [f.name for f in fields(target) if f.init and not f.name.startswith("_")]
             if "__init__" not in vars(target) or getattr(target, "_is_protocol", False):
                 return []
             target = target.__init__

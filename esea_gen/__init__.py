@@ -2,7 +2,8 @@
 
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Port, Tunable
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import System, Task
 
 __version__ = "0.1.0"

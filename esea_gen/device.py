@@ -5,14 +5,27 @@ from __future__ import annotations
 from functools import cached_property
 from pathlib import Path
 
-from esea_gen.control.system import torque_control_system
-from esea_gen.devices.file import DeviceData, copied_file, parse_file, read_file
+from esea_gen.control.law import Law
+from esea_gen.control.laws import find_law
+from esea_gen.control.system import control_system
+from esea_gen.devices.fields import DeviceFile
+from esea_gen.devices.file import (
+    LAW_SECTIONS,
+    DeviceData,
+    controller_document,
+    copied_file,
+    parse_file,
+    read_file,
+    shipped_controllers,
+)
+from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
 from esea_gen.model.elastomer import torque_sensor
 from esea_gen.model.filters import tracking_observer
 from esea_gen.model.inverse import chosen_inverse
 from esea_gen.model.sensing import sensing_system
+from esea_gen.observe import Drive, drive_of, has_drive
 
 
 class Device(DeviceData):
@@ -24,7 +37,22 @@ class Device(DeviceData):
         The validated content.
     origin : str
         Name of the file it was read from, for messages.
+    laws : tuple of Law, optional
+        In place of those that the file asks for.
+    controller : str
+        What was asked for in place of the file's laws, as the command line takes it.
     """
+
+    def __init__(
+        self,
+        file: DeviceFile,
+        origin: str,
+        laws: tuple[Law, ...] | None = None,
+        controller: str = "",
+    ) -> None:
+        super().__init__(file, origin)
+        self._laws = laws
+        self.controller = controller
 
     @cached_property
     def sensor(self) -> Block:
@@ -42,29 +70,37 @@ class Device(DeviceData):
         return chosen_inverse(self)
 
     @cached_property
+    def drive(self) -> Drive | None:
+        """Numbers of its drive; None for a device that only measures."""
+        return drive_of(self) if has_drive(self) else None
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """The control laws of its System, the first one in force after the start."""
+        if self._laws is not None or self.drive is None:
+            return self._laws or ()
+        asked = self.file.laws or [n for n in reversed(LAW_SECTIONS) if getattr(self.file, n)][:1]
+        return tuple(find_law(n) for n in asked)
+
+    @cached_property
     def system(self) -> System:
-        """All Blocks, wired into tasks: torque control for a device with a drive, else sensing.
-
-        Torque control is predictive where the file has a section ``[predictive]``, else sliding
-        mode.
-        """
-        if self.file.predictive is not None:
-            # Late: its programs of kernels take the emitter along.
-            from esea_gen.control.predictive_system import device_predictive_system
-
-            return device_predictive_system(self, self.velocity, self.sensor, self.inverse)
-        if self.file.sliding_mode is not None:
-            return torque_control_system(self, self.velocity, self.sensor, self.inverse)
-        return sensing_system(self, self.velocity, self.sensor)
+        """All Blocks, wired into tasks: with a law torque control, else sensing."""
+        if not self.laws:
+            return sensing_system(self, self.velocity, self.sensor)
+        return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
 
 
-def load_device(name_or_path: str | Path) -> Device:
+def load_device(name_or_path: str | Path, controller: str | None = None) -> Device:
     """Read and validate a device file.
 
     Parameters
     ----------
     name_or_path : str or Path
         Name of a shipped device (``elbow``) or path of a TOML file.
+    controller : str, optional
+        In place of the file's laws: a shipped controller (``mpc``), a law (``predictive``), a law
+        from outside the package (``FILE.py:law``) or the path of a device file whose sections are
+        taken; several with a comma between, to switch between them at run time.
 
     Returns
     -------
@@ -77,7 +113,28 @@ def load_device(name_or_path: str | Path) -> Device:
         When there is no such device, the file is not TOML, or a key, unit, value or relation is
         wrong; the message names file, key, value, limit and fix.
     """
-    return parse_device(*read_file(name_or_path))
+    text, origin = read_file(name_or_path)
+    if controller is None:
+        return parse_device(text, origin)
+    names = [n.strip() for n in controller.split(",")]
+    files = [n for n in names if n in shipped_controllers() or n.endswith(".toml")]
+    if len(files) == len(names):
+        device = Device(parse_file(text, origin, files), origin, controller=controller)
+    else:
+        laws: list[Law] = []
+        for name in names:
+            if name in files:
+                laws += [find_law(n) for n in controller_document(name).get("laws", [])]
+            else:
+                laws.append(find_law(name))
+        file = parse_file(text, origin, files)
+        device = Device(file, origin, tuple(laws), ",".join(Path(n).name for n in names))
+    if device.drive is None:
+        raise UserError(
+            f"{origin}: the device has no drive that a controller could move.",
+            'Write extends = "elbow_drive" in it.',
+        )
+    return device
 
 
 def parse_device(text: str, origin: str) -> Device:

@@ -24,7 +24,8 @@ import sympy as sp
 import esea_gen
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block, Flag, Guard, Labels, Port, Tunable, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
 from esea_gen.language.system import System, Task
 from esea_gen.model.symbolic import equation
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.language.stream import OwnStreams, Stream
 from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.memories import other_memories

@@ -12,7 +12,8 @@ import esea_gen
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block, Port, Tunable, clip
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, Tunable, clip
 from esea_gen.language.system import System, Task
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant

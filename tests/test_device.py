@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import json_schema, shipped_devices
 from esea_gen.errors import UserError
-from esea_gen.language.block import Tunable, unit_of
+from esea_gen.language.ports import Tunable, unit_of
 
 ELBOW = shipped_devices()["elbow"].read_text()
 

@@ -24,7 +24,7 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
-from esea_gen.language.block import unit_of
+from esea_gen.language.ports import unit_of
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare
 from esea_gen.verify.runs import CasadiReference

@@ -18,7 +18,8 @@ from esea_gen.emit.build import MANIFEST
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
 
 STANDARD = ("HEARTBEAT", "COMMAND_LONG", "COMMAND_ACK")

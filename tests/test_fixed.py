@@ -27,7 +27,8 @@ from esea_gen.emit.fixed.table import (
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block, Port, clip
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, clip
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System, Task
 from esea_gen.verify.fixed import Executor, bounds_of, compare_fixed, raw_stream

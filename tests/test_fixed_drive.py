@@ -24,7 +24,8 @@ from esea_gen.emit.ranges import RangeError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.identify import recorded_deflections
-from esea_gen.language.block import Block, Port, clip
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, clip
 from esea_gen.language.system import System, Task
 from esea_gen.studies.experiments import EXPERIMENTS, Setting, controller_device, run_case
 from esea_gen.verify.bare import run_bare_system

@@ -17,7 +17,8 @@ from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.search import Planner, plan_block
 from esea_gen.emit.ranges import RangeError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block, Port, Solved, clip
+from esea_gen.language.block import Block, Solved
+from esea_gen.language.ports import Port, clip
 from esea_gen.model.inverse import inverse_system, published_inverse, root_facts
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams

@@ -13,7 +13,8 @@ from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
-from esea_gen.language.block import Block, threshold
+from esea_gen.language.block import Block
+from esea_gen.language.ports import threshold
 from esea_gen.language.stream import SPECIAL, Stream, single
 from esea_gen.model.inverse import (
     FILTER_B,

@@ -20,7 +20,7 @@ from esea_gen.emit.program_c import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.hostlib.runner import CRunner
-from esea_gen.language.block import Port, Tunable
+from esea_gen.language.ports import Port, Tunable
 
 from .conftest import require_tool
 

@@ -22,7 +22,7 @@ from esea_gen.bench.predictive_peer import flat_residuals
 from esea_gen.control.box_qp import box_qp, packed
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.predictive_drive import drive_model, predictive_controller
-from esea_gen.control.predictive_system import with_state_as_output
+from esea_gen.control.shown import with_state_as_output
 from esea_gen.device import load_device
 from esea_gen.emit.program_c import render_program
 from esea_gen.hostlib.library import HostLibrary

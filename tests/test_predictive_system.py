@@ -17,7 +17,9 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
-from esea_gen.language.program import Builder, Program, ProgramError, declare_ports
+from esea_gen.language.builder import Builder, declare_ports
+from esea_gen.language.program import Program
+from esea_gen.language.statements import ProgramError
 from esea_gen.observe.extrapolation import parabola, parabola_weights
 from esea_gen.studies.experiments import (
     EXPERIMENTS,
@@ -330,7 +332,7 @@ def test_bad_numbers_of_the_section_are_refused(old, new, words):
 
 
 def test_the_section_needs_a_drive():
-    with pytest.raises(UserError, match=r"\[predictive\] needs \[actuator\]"):
+    with pytest.raises(UserError, match=r"\[predictive\] needs actuator"):
         device(base="elbow")
 
 
@@ -464,7 +466,7 @@ def test_the_shipped_controllers_pass_verification(controller):
 @given(st.integers(0, 6), st.integers(0, 6))
 def test_a_loop_that_breaks_its_stated_total_is_found(passes, total):
     b = Builder()
-    from esea_gen.language.block import Port
+    from esea_gen.language.ports import Port
 
     outputs = (Port("y_Nm", -10.0, 10.0, "out"),)
     inputs = (Port("x_Nm", -10.0, 10.0, "in"),)

@@ -10,15 +10,10 @@ from hypothesis import strategies as st
 
 from esea_gen.emit.program_c import loop_lines, loop_totals, render_program
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.language.block import Flag, Port, Tunable, flag_word
-from esea_gen.language.program import (
-    Builder,
-    Ix,
-    Program,
-    ProgramError,
-    declare_ports,
-    guard_inputs,
-)
+from esea_gen.language.builder import Builder, declare_ports, guard_inputs
+from esea_gen.language.ports import Flag, Port, Tunable, flag_word
+from esea_gen.language.program import Program
+from esea_gen.language.statements import Ix, ProgramError
 
 from .conftest import require_tool
 

@@ -12,7 +12,8 @@ import esea_gen
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import RangeError, Value, analyse, block_bound
 from esea_gen.emit.walker import walk
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 
 F32 = FORMATS["f32"]
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block, Flag, Port, Tunable, flag_word
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
 
 from .conftest import require_tool

@@ -19,7 +19,7 @@ import numpy as np
 from esea_gen.bench.peers import BARE_FLAGS, M4F, Sources, _call, _place, _short
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.compiler import cache_folder, find_compiler
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 
 
 @dataclass(frozen=True)

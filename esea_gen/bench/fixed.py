@@ -21,7 +21,7 @@ from esea_gen.emit.formats import ALL_FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import from_raw, to_raw
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.verify.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.verify.streams import domain_chirp
 

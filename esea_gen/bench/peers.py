@@ -26,7 +26,8 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, reference_c
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import CFLAGS, compile_sources, find_compiler
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 from esea_gen.model.elastomer import stop_grid

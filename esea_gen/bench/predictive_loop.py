@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.language.system import Signal, System
 from esea_gen.studies.experiments import (
     Case,

@@ -15,7 +15,8 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
-from esea_gen.language.block import Array, Simulator
+from esea_gen.language.component import Executor
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, SystemSimulator
 from esea_gen.studies.experiments import ARM_S, EXPERIMENTS, OFF, ON_S, TORQUE, plant_variant
@@ -91,7 +92,7 @@ def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
 class _Listener:
     """A Block's simulator that keeps what it was given."""
 
-    def __init__(self, simulator: Simulator) -> None:
+    def __init__(self, simulator: Executor) -> None:
         self._simulator = simulator
         self.given: list[dict[str, Any]] = []
 

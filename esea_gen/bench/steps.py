@@ -23,7 +23,8 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import FilterName, exact_inverse, inverse_system, published_inverse

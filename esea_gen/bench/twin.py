@@ -23,7 +23,7 @@ from esea_gen.bench.twin_peers import (
     replay_system,
 )
 from esea_gen.device import Device
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.studies.experiments import plant_variant
 from esea_gen.twin.closed_loop import ClosedLoop
 

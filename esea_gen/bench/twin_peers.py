@@ -11,7 +11,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from esea_gen.device import Device
-from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import stop_grid
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun

@@ -11,7 +11,13 @@ import typer
 from rich.table import Table
 
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import BoardOption, DeviceArgument, JsonOption, recorded_streams
+from esea_gen.cli.options import (
+    BoardOption,
+    ControllerOption,
+    DeviceArgument,
+    JsonOption,
+    recorded_streams,
+)
 from esea_gen.cli.output import progress_bar, write_json
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
@@ -24,12 +30,13 @@ def firmware(
     folder: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output; build/<device>.")
     ] = None,
+    controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Compile firmware for a board and say how large it is."""
     from esea_gen.verify.firmware import build_firmware
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name)
     out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
     write_json(json_file, image.to_dict())
@@ -49,6 +56,7 @@ def emulate(
         float | None,
         typer.Option("--seconds", help="Of a drive: how much of the tuning case; 3."),
     ] = None,
+    controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Run the firmware in an emulator and compare every bit with the host library.
@@ -56,8 +64,8 @@ def emulate(
     A sensing device is given deflections.  Of a drive all tasks run interleaved, on what they were
     given in the tuning case in closed loop with the virtual exoskeleton.
     """
-    loaded = load_device(device)
-    if loaded.file.sliding_mode is not None:
+    loaded = load_device(device, controller)
+    if loaded.laws:
         if recording is not None or data is not None:
             raise UserError(
                 f"{loaded.origin}: a drive is not run on a recorded deflection.",

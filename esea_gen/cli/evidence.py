@@ -12,6 +12,7 @@ from rich.text import Text
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import (
     BlockOption,
+    ControllerOption,
     DeviceArgument,
     FigureOption,
     JsonOption,
@@ -37,12 +38,13 @@ def verify(
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
     block: BlockOption = None,
+    controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Compare the generated C, compiled for this machine, with the symbolic model."""
     from esea_gen.verify.equivalence import verify as run
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     recorded = recorded_streams(loaded, recording, data)
     with progress_line() as say:
         result = run(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
@@ -115,7 +117,10 @@ def _print_verification(loaded: Device, result: Any) -> None:
 
 @app.command()
 def coverage(
-    device: DeviceArgument, block: BlockOption = None, json_file: JsonOption = None
+    device: DeviceArgument,
+    block: BlockOption = None,
+    controller: ControllerOption = None,
+    json_file: JsonOption = None,
 ) -> None:
     """Which sides of every minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
@@ -123,7 +128,7 @@ def coverage(
     from esea_gen.verify.memories import other_memories
     from esea_gen.verify.streams import at_the_limits, streams
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     programs = [b.name for b in chosen_blocks(loaded, block) if b.kind == "program"]
     found = {
         b.name: branch_coverage(b, [*streams(b), at_the_limits(b), *other_memories(b)])
@@ -151,12 +156,13 @@ def gates(
     target: Annotated[
         list[str] | None, typer.Option("--target", help="Target; all of them when not given.")
     ] = None,
+    controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
     from esea_gen.verify.gates import TARGETS, check_objects
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     for name in target or []:
         if name not in TARGETS:
             raise UserError(f"Unknown target '{name}'.", f"Choose from {', '.join(TARGETS)}.")
@@ -180,12 +186,13 @@ def mutate(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the draw.")] = 0,
     block: BlockOption = None,
+    controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Change the emitted C one place at a time and see whether the tests notice."""
     from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     no_programs(loaded, "mutation")
     reports = {}
     with progress_line() as say:
@@ -232,12 +239,15 @@ def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
 
 @app.command()
 def ranges(
-    device: DeviceArgument, json_file: JsonOption = None, figure: FigureOption = None
+    device: DeviceArgument,
+    controller: ControllerOption = None,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
 ) -> None:
     """Fixed point: range, format, headroom and proven error of every value, and what to do."""
     from esea_gen.emit.fixed.report import range_report
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     no_programs(loaded, "fixed point")
     with progress_line() as say:
         result = range_report(loaded.name, loaded.system, say)
@@ -263,12 +273,13 @@ def fixed(
     prove: Annotated[
         bool, typer.Option("--prove", help="Also Frama-C's value analysis, assumptions listed.")
     ] = False,
+    controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
     from esea_gen.verify.fixed_report import check_fixed, read_recorded
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)
         result = check_fixed(loaded, minutes, deflections, cores, prove, say)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import DeviceArgument, chosen_formats
+from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
 from esea_gen.cli.output import write_text
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import shipped_devices
@@ -39,11 +39,12 @@ def build(
     folder: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output; generated/<device>.")
     ] = None,
+    controller: ControllerOption = None,
 ) -> None:
     """Generate C for a device: one folder per number format that stands alone."""
     from esea_gen.emit.build import device_hash, write_bundles
 
-    loaded = load_device(device)
+    loaded = load_device(device, controller)
     target = folder or Path("generated") / loaded.name
     bundles = _bundles(loaded, real)
     for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
@@ -58,13 +59,14 @@ def check(
     folder: Annotated[
         Path, typer.Option("--in", metavar="DIR", help="Folder that holds <device>/.")
     ] = Path("generated"),
+    controller: ControllerOption = None,
 ) -> None:
     """Compare generated output on disk with what would be generated now; exit 1 when stale."""
     from esea_gen.emit.build import differences
 
     stale = 0
     for name in devices or sorted(shipped_devices()):
-        loaded = load_device(name)
+        loaded = load_device(name, controller)
         found = differences(_bundles(loaded, None), folder / loaded.name)
         stale += len(found)
         for diff in found:

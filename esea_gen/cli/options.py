@@ -65,6 +65,15 @@ RealOption = Annotated[
 ]
 
 
+ControllerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--controller",
+        metavar="NAME",
+        help="In place of the file's laws: a controller (mpc), a law (sliding_mode), FILE.py:law; "
+        "several with a comma between.",
+    ),
+]
 BoardOption = Annotated[str, typer.Option("--board", help="Board to build firmware for.")]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import BoardOption, DeviceArgument, JsonOption, writable
+from esea_gen.cli.options import BoardOption, ControllerOption, DeviceArgument, JsonOption, writable
 from esea_gen.cli.output import progress_line, write_json, write_text
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
@@ -28,14 +28,15 @@ def report(
         Path | None,
         typer.Option("--out", metavar="FILE", callback=writable, help="The page; <device>.html."),
     ] = None,
+    controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
     from esea_gen.report.device import gather
     from esea_gen.report.drive import gather_drive
 
-    loaded = load_device(device)
-    has_drive = loaded.file.sliding_mode is not None
+    loaded = load_device(device, controller)
+    has_drive = bool(loaded.laws)
     if has_drive and (recording is not None or data is not None):
         raise UserError(
             f"{loaded.name} has a drive: its page is of closed-loop runs and takes no recording.",

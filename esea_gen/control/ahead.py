@@ -10,7 +10,8 @@ import sympy as sp
 
 from esea_gen.control.horizon import Horizon
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Block, Flag, Guard, Labels, Port, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 

@@ -30,14 +30,10 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Flag, Port, clip, flag_word
-from esea_gen.language.program import (
-    EPSILON,
-    Builder,
-    Memory,
-    Program,
-    declare_ports,
-)
+from esea_gen.language.builder import Builder, declare_ports
+from esea_gen.language.ports import Flag, Port, clip, flag_word
+from esea_gen.language.program import Program
+from esea_gen.language.statements import EPSILON, Memory
 
 UNROLL_MOST = 16  # up to here straight code is faster and still small
 SIZES = (1, 100)

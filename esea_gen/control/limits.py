@@ -33,12 +33,10 @@ import sympy as sp
 from esea_gen.control.limits_streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
 from esea_gen.errors import UserError
-from esea_gen.language.block import (
-    Block,
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import (
     Constant,
     Flag,
-    Guard,
-    Labels,
     Port,
     Tunable,
     clip,

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 
 

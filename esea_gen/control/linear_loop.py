@@ -22,6 +22,7 @@ from esea_gen.model.elastomer import stop_grid
 from esea_gen.observe import drive_of
 
 if TYPE_CHECKING:
+    from esea_gen.devices.fields import SlidingMode
     from esea_gen.devices.file import DeviceData
 
 Array = npt.NDArray[np.float64]
@@ -42,6 +43,17 @@ _STATES: tuple[str, ...] = (
     "passive",
 )
 _STATES += ("u_held", "u_a_model", "d4", "integral", "u_pending", "u_now")
+
+
+def sliding_mode_numbers(device: DeviceData) -> SlidingMode:
+    """Section ``[sliding_mode]``, which the law cannot do without."""
+    section = device.file.sliding_mode
+    if section is None:
+        raise UserError(
+            f"{device.origin}: section [sliding_mode] is missing: sliding mode control needs it.",
+            'Add it, or write extends = "elbow_drive" and give what differs.',
+        )
+    return section
 
 
 @dataclass(frozen=True)
@@ -68,7 +80,7 @@ def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = Non
     weights = stop_grid(values, round(e.stops.value))[1]
     soft = e.k1_Nm_rad.value
     stiff = soft + sum(float(w) for w in weights) + values.get("kv_Nm_rad", 0.0)
-    slope = drive_of(device).sliding_mode.lambda_1_s.value if lambda_1_s is None else lambda_1_s
+    slope = sliding_mode_numbers(device).lambda_1_s.value if lambda_1_s is None else lambda_1_s
     modes = [_worst(device, lead, slope, k) for k in (soft, stiff)]
     return min(modes, key=lambda m: m.damping)
 
@@ -78,7 +90,7 @@ def check_loop(device: DeviceData, lead: float) -> None:
     found = least_damped(device, lead)
     if found.damping >= LEAST_DAMPING:
         return
-    slope = drive_of(device).sliding_mode.lambda_1_s.value
+    slope = sliding_mode_numbers(device).lambda_1_s.value
     low, high = 1.0, slope
     if slope > low and least_damped(device, lead, low).damping >= LEAST_DAMPING:
         for _ in range(12):
@@ -115,7 +127,7 @@ class _Period:
 
     def __init__(self, device: DeviceData, lead: float, slope: float, stiffness: float) -> None:
         drive = drive_of(device)
-        a, sm, h = drive.actuator, drive.sliding_mode, device.period_s
+        a, sm, h = drive.actuator, sliding_mode_numbers(device), device.period_s
         j, n, lag = a.J_kgm2.value, a.gear_ratio.value, a.tau_c_s.value
         self.h, self.control_s = h, drive.control_period_s
         self.every = round(self.control_s / h)

@@ -27,8 +27,10 @@ import numpy as np
 
 from esea_gen.control.box_qp import UNROLL_MOST, QpMemory, add_box_qp, flags_of
 from esea_gen.control.horizon import Horizon, Linearised, Model, linearise
-from esea_gen.language.block import Flag, Port, clip, in_range
-from esea_gen.language.program import Builder, Ix, Memory, Program, declare_ports, guard_inputs
+from esea_gen.language.builder import Builder, declare_ports, guard_inputs
+from esea_gen.language.ports import Flag, Port, clip, in_range
+from esea_gen.language.program import Program
+from esea_gen.language.statements import Ix, Memory
 
 FLAGS = (
     Flag("INPUT_INVALID", "an input was NaN or outside its range; the command is 0", True),

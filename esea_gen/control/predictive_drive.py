@@ -12,7 +12,7 @@ import sympy as sp
 from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import predictive_program
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Constant, Port, Tunable, clip
+from esea_gen.language.ports import Constant, Port, Tunable, clip
 from esea_gen.language.program import Program
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
 from esea_gen.model.symbolic import equation, to_casadi

@@ -11,17 +11,8 @@ import sympy as sp
 
 from esea_gen.control.reference_streams import STREAMS
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import (
-    Block,
-    Flag,
-    Guard,
-    Labels,
-    Port,
-    Tunable,
-    clip,
-    flag_word,
-    threshold,
-)
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 

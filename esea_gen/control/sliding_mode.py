@@ -14,22 +14,13 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.control.linear_loop import check_loop
+from esea_gen.control.linear_loop import check_loop, sliding_mode_numbers
 from esea_gen.control.reference import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode_streams import STREAMS
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
-from esea_gen.language.block import (
-    Block,
-    Flag,
-    Guard,
-    Labels,
-    Port,
-    Tunable,
-    clip,
-    flag_word,
-    threshold,
-)
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import (
@@ -167,7 +158,7 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
     it stems from depends on when the control task's command is released.
     """
     drive = drive_of(device)
-    sm = drive.sliding_mode
+    sm = sliding_mode_numbers(device)
     h = drive.control_period_s
     a = drive.actuator
     inertia, ratio = a.J_kgm2.value, a.gear_ratio.value

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import OwnStreams, Stream, single
 
 

@@ -1,118 +1,147 @@
-"""Torque and impedance control: encoders in, motor torque out."""
+"""Torque and impedance control: encoders in, motor torque out, whatever the law.
+
+Task ``sense`` runs at the sensing rate: encoders, deflection, torque, rates, set torque, limits,
+observers.  Task ``control`` runs at the control rate and gives a stamped command, which the limits
+take up from a latch.  So nothing reaches the motor that has not passed the limits, in the very
+period in which it is sent.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from esea_gen.control.law import Base, Law, Parts
+from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import command_stamp, limits
-from esea_gen.control.reference import reference, setpoint_rates
-from esea_gen.control.sliding_mode import sliding_mode
+from esea_gen.control.reference import reference
 from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
 from esea_gen.language.block import Block
+from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import encoder
 from esea_gen.model.joint import deflection
+from esea_gen.model.sensing import of_axis
 from esea_gen.observe.disturbance import drive_observer
-from esea_gen.observe.human import extended_state, lag_observer
-from esea_gen.observe.rates import butterworth_rate, load_rate, motor_rate
+from esea_gen.observe.human import extended_state
+from esea_gen.observe.rates import load_rate, motor_rate
+
+SIGNALS = {
+    "theta_motor_rad": "encoder_motor.theta_rad",
+    "theta_load_rad": "encoder_load.theta_rad",
+    "motor_usable": "encoder_motor.usable",
+    "load_usable": "encoder_load.usable",
+    "omega_motor_rad_s": "motor_rate.omega_rad_s",
+    "omega_load_rad_s": "load_rate.omega_rad_s",
+    "theta_rad": "joint.theta_rad",
+    "sensing_ok": "joint.sensing_ok",
+    "tau_Nm": "sensor.tau_Nm",
+    "tau_h_Nm": "human.tau_h_Nm",
+    "d4_rad_s2": "drive.d4_rad_s2",
+    "u_a_Nm": "drive.u_a_Nm",
+    "u_Nm": "limits.u_Nm",
+    "u_applied_Nm": "limits.u_Nm",
+    "mode": "reference.mode",
+    "request_ok": "reference.request_ok",
+    "tau_set_Nm": "reference.tau_set_Nm",
+    "control_beat": "stamp.control_beat",
+}
+WIRES = {
+    "sensor.omega_rad_s": "velocity.omega_mid_rad_s",
+    "motor_rate.theta_rad": "encoder_motor.theta_rad",
+    "load_rate.theta_rad": "encoder_load.theta_rad",
+    "limits.u_command_Nm": "stamp.u_command_Nm",
+}
+INPUTS = {
+    "count_motor": ("encoder_motor.count",),
+    "frame_error_motor": ("encoder_motor.frame_error",),
+    "count_load": ("encoder_load.count",),
+    "frame_error_load": ("encoder_load.frame_error",),
+    # The limits see the mode itself: what the reference makes of an invalid one is off, which
+    # would be no fault.
+    "mode": ("reference.mode", "limits.mode"),
+    "stop": ("limits.stop",),
+    "rearm": ("limits.rearm",),
+    "tau_desired_Nm": ("reference.tau_desired_Nm",),
+    "theta_desired_rad": ("reference.theta_desired_rad",),
+    "omega_desired_rad_s": ("reference.omega_desired_rad_s",),
+}
+# One for all axes: who stops one stops the machine.
+SHARED = ("stop", "rearm", "law")
+MEASURED = {
+    "u_Nm": "limits.u_Nm",
+    "tau_Nm": "sensor.tau_Nm",
+    "tau_set_Nm": "reference.tau_set_Nm",
+    "theta_rad": "joint.theta_rad",
+    "theta_motor_rad": "encoder_motor.theta_rad",
+    "theta_load_rad": "encoder_load.theta_rad",
+    "omega_motor_rad_s": "motor_rate.omega_rad_s",
+    "omega_load_rad_s": "load_rate.omega_rad_s",
+}
+ESTIMATED = {
+    "tau_h_Nm": "human.tau_h_Nm",
+    "d4_rad_s2": "drive.d4_rad_s2",
+    "energy_J": "limits.energy_J",
+    "fault": "limits.fault",
+    "mode_held": "reference.mode",
+}
 
 
 @dataclass(frozen=True)
-class Parts:
-    """What a controlling System is wired from.
+class _Axis:
+    """One axis, wired, before it has a name."""
 
-    Parameters
-    ----------
-    blocks : mapping of str to Block
-        Instances by name.
-    sense : tuple of str
-        Those of the sensing task, in order.
-    control : Task
-        Period, phase and release of the control task, and its instances.
-    wires, inputs, outputs : mapping
-        As in :class:`esea_gen.language.system.System`.
-    """
-
-    blocks: Mapping[str, Block]
-    sense: tuple[str, ...]
-    control: Task
+    sense: Mapping[str, Component]
+    control: Mapping[str, Component]
     wires: Mapping[str, str]
     inputs: Mapping[str, tuple[str, ...]]
     outputs: Mapping[str, str]
 
 
-def torque_control_system(
-    device: DeviceData, velocity: Block, sensor: Block, inverse: Block
+def control_system(
+    device: DeviceData,
+    laws: Sequence[Law],
+    velocity: Block,
+    sensor: Block,
+    inverse: Callable[[], Block],
 ) -> System:
-    """The controlling System: sensing, observers and limits in one task, the controller in another.
-
-    Task ``sense`` runs at the sensing rate: encoders, deflection, torque, rates, set torque with
-    its inverse, limits, observers.  Task ``control`` runs at the control rate and gives a stamped
-    command, which the limits take up from a latch.  So nothing reaches the motor that has not
-    passed the limits, in the very period in which it is sent.
+    """The controlling System of a device.
 
     Parameters
     ----------
     device : DeviceData
         A device with a drive.
-    velocity, sensor, inverse : Block
-        Deflection rate, torque sensor and its inverse.
+    laws : sequence of Law
+        One law, or several of which the external input ``law`` chooses one at run time, by its
+        place from 0, without a bump (:func:`esea_gen.control.law_switch.law_switch`).
+    velocity, sensor : Block
+        Deflection rate and torque sensor.
+    inverse : callable
+        Makes the sensor's inverse, where a law wants it.
 
     Returns
     -------
     System
         External inputs: counts and frame errors of both encoders, ``mode``, ``stop``, ``rearm``,
         the wanted torque, angle and rate.  External outputs: ``u_Nm`` for the motor, what was
-        measured and estimated, and every status word.
+        measured and estimated, and every status word.  A device with several axes has an instance
+        of every Block for each; names carry the axis, but for ``stop``, ``rearm`` and ``law``.
 
     Raises
     ------
     UserError
-        When the device lacks a section that torque control needs.
+        When the device lacks a section that torque control or a law needs, or two laws want the
+        same Block otherwise.
     """
-    parts = torque_control_parts(device, velocity, sensor, inverse, sliding_mode)
-    return System(
-        device.name,
-        device.period_s,
-        parts.blocks,
-        (Task("sense", parts.sense), parts.control),
-        parts.wires,
-        parts.inputs,
-        parts.outputs,
-    )
+    base = _base(device, velocity, sensor, inverse)
+    parts = [law.parts(base) for law in laws]
+    one = _wired(_blocks(base, laws, parts), laws, parts)
+    return _of_axes(device, one)
 
 
-def torque_control_parts(
-    device: DeviceData,
-    velocity: Block,
-    sensor: Block,
-    inverse: Block,
-    law: Callable[[DeviceData], Block] | None,
-) -> Parts:
-    """What :func:`torque_control_system` is wired from.
-
-    Parameters
-    ----------
-    device, velocity, sensor, inverse
-        As there.
-    law : callable or None
-        Makes the sliding mode; None for another law, which then feeds the stamp itself.
-
-    Returns
-    -------
-    Parts
-        Blocks, wires and tasks.
-
-    Raises
-    ------
-    UserError
-        When the device lacks a section that torque control needs.
-    """
-    published = device.file.sliding_mode is not None and (
-        device.file.sliding_mode.setpoint_acceleration == "zero"
-    )
-    blocks: dict[str, Block] = {
+def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:
+    blocks: dict[str, Component] = {
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
         "joint": deflection(device),
@@ -121,104 +150,122 @@ def torque_control_parts(
         "motor_rate": motor_rate(device),
         "load_rate": load_rate(device),
         "reference": reference(device),
-        "inverse": inverse,
-        "setpoint": setpoint_rates(device, "differences" if published else "observer"),
         "limits": limits(device),
         "drive": drive_observer(device),
-        "human": lag_observer(device) if published else extended_state(device),
+        "human": extended_state(device),
+        "stamp": command_stamp(device),
     }
-    # A derivative is of a filtered signal, as printed, where the device file names its cut-off.
-    cutoff = device.file.sliding_mode.setpoint_filter_Hz if device.file.sliding_mode else None
-    if cutoff is not None:
-        blocks["set_rate"] = butterworth_rate(device, "set_rate", cutoff)
-    sense = tuple(blocks)
-    # Last: what an observer refuses by itself is clearer than a loop that swings because of it.
-    blocks |= ({"smc": law(device)} if law else {}) | {"stamp": command_stamp(device)}
+    return Base(device, blocks, inverse)
 
-    angle = {"motor": "encoder_motor.theta_rad", "load": "encoder_load.theta_rad"}
-    rate = {"motor": "motor_rate.omega_rad_s", "load": "load_rate.omega_rad_s"}
-    sources = {
-        "theta_motor_rad": angle["motor"],
-        "theta_load_rad": angle["load"],
-        "motor_usable": "encoder_motor.usable",
-        "load_usable": "encoder_load.usable",
-        "omega_motor_rad_s": rate["motor"],
-        "omega_load_rad_s": rate["load"],
-        "theta_rad": "joint.theta_rad",
-        "sensing_ok": "joint.sensing_ok",
-        "tau_Nm": "sensor.tau_Nm",
-        "tau_h_Nm": "human.tau_h_Nm",
-        "d4_rad_s2": "drive.d4_rad_s2",
-        "u_a_Nm": "drive.u_a_Nm",
-        "u_Nm": "limits.u_Nm",
-        "u_applied_Nm": "limits.u_Nm",
-        "mode": "reference.mode",
-        "request_ok": "reference.request_ok",
-        "theta_set_rad": "inverse.theta_rad",
-        "delta_set_rad": "setpoint.delta_set_rad",
-        "delta_rate_rad_s": "set_rate.omega_rad_s" if cutoff else "setpoint.delta_rate_rad_s",
-        "delta_acc_rad_s2": "setpoint.delta_acc_rad_s2",
-        "control_beat": "stamp.control_beat",
-    }
-    special = {
-        "velocity.theta_rad": "joint.theta_rad",
-        "sensor.omega_rad_s": "velocity.omega_mid_rad_s",
-        "motor_rate.theta_rad": angle["motor"],
-        "load_rate.theta_rad": angle["load"],
-        "set_rate.theta_rad": "inverse.theta_rad",
-        "inverse.tau_Nm": "reference.tau_set_Nm",
-        "limits.u_command_Nm": "stamp.u_command_Nm",
-    }
-    external = {
-        "count_motor": ("encoder_motor.count",),
-        "frame_error_motor": ("encoder_motor.frame_error",),
-        "count_load": ("encoder_load.count",),
-        "frame_error_load": ("encoder_load.frame_error",),
-        # The limits see the mode itself: what the reference makes of an invalid one is off, which
-        # would be no fault.
-        "mode": ("reference.mode", "limits.mode"),
-        "stop": ("limits.stop",),
-        "rearm": ("limits.rearm",),
-        "tau_desired_Nm": ("reference.tau_desired_Nm",),
-        "theta_desired_rad": ("reference.theta_desired_rad",),
-        "omega_desired_rad_s": ("reference.omega_desired_rad_s",),
-    }
-    from_outside = {sink for sinks in external.values() for sink in sinks}
-    wires = {k: v for k, v in special.items() if k.partition(".")[0] in blocks}
-    for name, block in blocks.items():
+
+def _blocks(
+    base: Base, laws: Sequence[Law], parts: Sequence[Parts]
+) -> tuple[dict[str, Component], dict[str, Component]]:
+    # Of the sensing task and of the control task, in their order.
+    blocks, whose = dict(base.blocks), dict.fromkeys(base.blocks, "")
+    for law, part in zip(laws, parts, strict=True):
+        for name, block in [*part.replaced.items(), *part.own.items()]:
+            if whose.get(name) or (name in part.own and name in whose):
+                raise UserError(
+                    f"{base.device.origin}: the laws {whose[name] or 'base'} and {law.name} both "
+                    f"have a Block '{name}' of their own.",
+                    "Give them different names, or one of the laws alone.",
+                )
+            blocks[name], whose[name] = block, law.name
+    first = list(base.blocks)
+    behind = first.index("limits")
+    own = {n: part for part in parts for n in part.own}
+    order = [
+        *first[:behind],
+        *(n for n, part in own.items() if n in part.sense),
+        *(n for n in first[behind:] if n != "stamp"),
+        *(n for n, part in own.items() if n in part.after_limits),
+    ]
+    control = {n: blocks[n] for n, part in own.items() if n in part.control}
+    if len(parts) > 1:
+        checked = [law.name for law, part in zip(laws, parts, strict=True) if part.request_ok]
+        control["law"] = law_switch(base.device, [law.name for law in laws], checked)
+    return {n: blocks[n] for n in order}, control | {"stamp": blocks["stamp"]}
+
+
+def _wired(
+    blocks: tuple[dict[str, Component], dict[str, Component]],
+    laws: Sequence[Law],
+    parts: Sequence[Parts],
+) -> _Axis:
+    sense, control = blocks
+    every = sense | control
+    inputs = dict(INPUTS)
+    wires = dict(WIRES)
+    signals = dict.fromkeys(every, SIGNALS)
+    for part in parts:
+        wires |= part.wires
+        inputs |= part.inputs
+        signals |= {n: {**SIGNALS, **part.signals} for n in part.own}
+    own, told = _command(laws, parts)
+    wires |= own
+    if "law" in control:
+        inputs["law"] = ("law.law",)
+    from_outside = {sink for sinks in inputs.values() for sink in sinks}
+    for name, block in every.items():
         for port in block.inputs:
             sink = f"{name}.{port.name}"
-            if sink == "stamp.u_command_Nm":
-                continue  # the law's
             if sink not in wires and sink not in from_outside:
-                wires[sink] = sources[port.name]
-    if law:
-        wires["stamp.u_command_Nm"] = "smc.u_command_Nm"
-    outputs = {
-        "u_Nm": "limits.u_Nm",
-        "tau_Nm": "sensor.tau_Nm",
-        "tau_set_Nm": "reference.tau_set_Nm",
-        "theta_rad": "joint.theta_rad",
-        "theta_motor_rad": angle["motor"],
-        "theta_load_rad": angle["load"],
-        "omega_motor_rad_s": rate["motor"],
-        "omega_load_rad_s": rate["load"],
-        "delta_set_rad": "setpoint.delta_set_rad",
-        "tau_h_Nm": "human.tau_h_Nm",
-        "d4_rad_s2": "drive.d4_rad_s2",
-        "energy_J": "limits.energy_J",
-        "fault": "limits.fault",
-        "mode_held": "reference.mode",
-        "u_command_Nm": "smc.u_command_Nm",
-        "surface_rad_s": "smc.s_rad_s",
-        "u_eq_Nm": "smc.u_eq_Nm",
-        "k_smc_Nm": "smc.k_smc_Nm",
-    }
-    outputs |= {f"{n}_status": f"{n}.status" for n, b in blocks.items() if b.status_port}
+                if port.name not in signals[name]:
+                    raise ValueError(f"no wire for {sink}; signals are {sorted(signals[name])}")
+                wires[sink] = signals[name][port.name]
+    outputs = dict(MEASURED)
+    for part in parts:
+        outputs |= part.setpoints
+    outputs |= ESTIMATED | told
+    for part in parts:
+        outputs |= part.outputs
+    outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}
+    return _Axis(sense, control, wires, inputs, outputs)
+
+
+def _command(laws: Sequence[Law], parts: Sequence[Parts]) -> tuple[dict[str, str], dict[str, str]]:
+    # Wires of the command to its stamp, and what is told of it.
+    if len(parts) == 1:
+        wires = {"stamp.u_command_Nm": parts[0].command}
+        if parts[0].request_ok:
+            wires["stamp.request_ok"] = parts[0].request_ok
+        return wires, {"u_command_Nm": parts[0].command}
+    wires = {"stamp.u_command_Nm": "law.u_command_Nm"}
+    for law, part in zip(laws, parts, strict=True):
+        wires[f"law.u_{law.name}_Nm"] = part.command
+        if part.request_ok:
+            wires[f"law.ok_{law.name}"] = part.request_ok
+    if any(part.request_ok for part in parts):
+        wires["stamp.request_ok"] = "law.request_ok"
+    return wires, {"u_command_Nm": "law.u_command_Nm", "law_held": "law.law_held"}
+
+
+def _of_axes(device: DeviceData, one: _Axis) -> System:
+    def instance(name: str, axis: str) -> str:
+        return f"{name}_{axis}" if axis else name
+
+    def end(signal: str, axis: str) -> str:
+        name, _, port = signal.partition(".")
+        return f"{instance(name, axis)}.{port}"
+
+    blocks: dict[str, Component] = {}
+    wires: dict[str, str] = {}
+    inputs: dict[str, tuple[str, ...]] = {}
+    outputs: dict[str, str] = {}
+    for axis in device.axes:
+        blocks |= {instance(n, axis): b for n, b in {**one.sense, **one.control}.items()}
+        wires |= {end(r, axis): end(w, axis) for r, w in one.wires.items()}
+        for name, sinks in one.inputs.items():
+            outer = name if name in SHARED else of_axis(name, axis)
+            inputs[outer] = inputs.get(outer, ()) + tuple(end(s, axis) for s in sinks)
+        outputs |= {of_axis(n, axis): end(s, axis) for n, s in one.outputs.items()}
     timing = device.file.timing
-    assert timing.control_rate_Hz is not None
+    assert timing.control_rate_Hz is not None  # the limits have asked for it
     every = round(timing.sense_rate_Hz.value / timing.control_rate_Hz.value)
     release_s = timing.control_release_s
     release = round(release_s.value / device.period_s) if release_s else None
-    control = Task("control", ("smc", "stamp") if law else ("stamp",), every=every, release=release)
-    return Parts(blocks, sense, control, wires, external, outputs)
+    sense = tuple(instance(n, axis) for axis in device.axes for n in one.sense)
+    control = tuple(instance(n, axis) for axis in device.axes for n in one.control)
+    tasks = (Task("sense", sense), Task("control", control, every=every, release=release))
+    return System(device.name, device.period_s, blocks, tasks, wires, inputs, outputs)

@@ -18,6 +18,10 @@ FORMATS = ("f64", "f32")
 TABLE_SIZES = (4, 8, 16, 32, 64)  # of an encoder's correction: a turn's counts divide evenly
 
 
+LAW_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
+MOST_LAWS = 8
+
+
 class Quantity(BaseModel):
     """A number with its provenance."""
 
@@ -350,6 +354,12 @@ class DeviceFile(Section):
         max_length=MOST_AXES,
         description="Axes of equal couplings, each with inputs and outputs of its own, such as "
         "theta_flexion_rad; leave the key out for one axis without a name.",
+    )
+    laws: tuple[Annotated[str, Field(pattern=LAW_PATTERN)], ...] = Field(
+        default=(),
+        max_length=MOST_LAWS,
+        description="Control laws of a device with a drive, the first one in force after the "
+        "start; predictive where the file has that section, else sliding_mode, when left out.",
     )
     elastomer: Elastomer
     domain: Domain

@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -37,13 +37,17 @@ from esea_gen.devices.fields import (
     series_of,
 )
 from esea_gen.errors import UserError
-from esea_gen.language.block import UNIT_SUFFIXES, Constant, unit_of
+from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
 
 SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", source = "where from" }'
 SAME_ORIENTATION_RAD = 0.02  # about 1 deg: an encoder's error moves little within that
 MOST_CORRECTION_SLOPE = 0.25  # 1 deg with four periods a turn: 0.07
 MOST_PERIODS = 2000  # of sensing in one of control, when a rate is looked for that divides
 FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for this rate
+
+
+# Sections that laws take their numbers from, with what else of the file they need.
+LAW_SECTIONS = {"sliding_mode": ("inverse",), "predictive": ()}
 
 
 class DeviceData:
@@ -137,9 +141,18 @@ def read_file(name_or_path: str | Path) -> tuple[str, str]:
     return text, path.name
 
 
-def parse_file(text: str, origin: str) -> DeviceFile:
-    """Validate the text of a device file."""
-    document = _resolved(text, origin)
+def shipped_controllers() -> dict[str, Path]:
+    """Configurations of control laws that come with the package, by name."""
+    folder = resources.files("esea_gen") / "devices" / "controllers"
+    return {Path(str(p)).stem: Path(str(p)) for p in folder.iterdir() if p.name.endswith(".toml")}
+
+
+def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> DeviceFile:
+    """Validate the text of a device file.
+
+    controllers: shipped controllers, or TOML files, whose sections take the place of the file's.
+    """
+    document = _with_controllers(_resolved(text, origin), controllers)
     try:
         file = DeviceFile.model_validate(document)
     except ValidationError as error:
@@ -159,16 +172,46 @@ def parse_file(text: str, origin: str) -> DeviceFile:
 def _resolved(text: str, origin: str) -> dict[str, Any]:
     # With what it extends filled in.  Shipped files are the only base and never extend in a circle.
     document = _document(text, origin)
-    base = document.pop("extends", None)
+    base, controller = document.pop("extends", None), document.pop("controller", None)
+    controllers = () if controller is None else (str(controller),)
     if base is None:
-        return document
+        return _with_controllers(document, controllers)
     shipped = shipped_devices()
     if not isinstance(base, str) or base not in shipped:
         raise UserError(
             f"{origin}: extends = {base!r} is not a shipped device.",
             f"Shipped: {', '.join(sorted(shipped))}.",
         )
-    return _merged(_resolved(*read_file(base)), document)
+    return _merged(_with_controllers(_resolved(*read_file(base)), controllers), document)
+
+
+def _with_controllers(document: dict[str, Any], controllers: Iterable[str]) -> dict[str, Any]:
+    # Their laws follow each other; of other keys the last one's stands.
+    laws: list[str] = []
+    for name in controllers:
+        over = controller_document(name)
+        laws += over.get("laws", [])
+        document = _merged(document, over)
+    return document | ({"laws": list(dict.fromkeys(laws))} if laws else {})
+
+
+def controller_document(name: str) -> dict[str, Any]:
+    """What a controller gives to a device: its laws and their sections.
+
+    name: shipped controller, or path of a device file.
+    """
+    shipped = shipped_controllers()
+    path = shipped.get(name, Path(name))
+    if name not in shipped and not path.is_file():
+        close = difflib.get_close_matches(name, shipped, n=1)
+        hint = f"Did you mean {close[0]}? " if close else ""
+        raise UserError(
+            f"There is no controller '{name}'.",
+            f"{hint}Choose from {', '.join(sorted(shipped))}, or give the path of a file.",
+        )
+    own = ("schema", "extends", "name", "title")
+    document = _document(path.read_text(encoding="utf-8-sig"), path.name)
+    return {k: v for k, v in document.items() if k not in own}
 
 
 def _document(text: str, origin: str) -> dict[str, Any]:
@@ -286,21 +329,17 @@ def _check_relations(origin: str, file: DeviceFile) -> None:
 
 
 def _check_control(origin: str, file: DeviceFile) -> None:
-    control = ("actuator", "joint", "disturbance", "sliding_mode", "impedance", "safety", "inverse")
-    present = [k for k in control if getattr(file, k) is not None]
-    needed = [k for k in control if k not in present]
-    if "sliding_mode" in present and needed:
-        raise UserError(
-            f"{origin}: section [{needed[0]}] is missing: torque control needs "
-            f"{', '.join(control)}.",
-            'Add it, or write extends = "elbow_drive" and give what differs.',
-        )
-    if file.predictive is not None and needed:
-        raise UserError(
-            f"{origin}: [predictive] needs [{needed[0]}]: its limits, observers and references are "
-            "those of torque control.",
-            'Write extends = "elbow_drive" and give what differs.',
-        )
+    drive = ("actuator", "joint", "disturbance", "impedance", "safety")
+    laws = [k for k in LAW_SECTIONS if getattr(file, k) is not None]
+    for law in laws:
+        control = (*drive, *LAW_SECTIONS[law])
+        needed = [k for k in control if getattr(file, k) is None]
+        if needed:
+            raise UserError(
+                f"{origin}: section [{needed[0]}] is missing: torque control by [{law}] needs "
+                f"{', '.join(control)}.",
+                'Add it, or write extends = "elbow_drive" and give what differs.',
+            )
     values = {k: q.value for k, q in quantities_of(file)}
     pairs = [
         ("joint.theta_min_rad", "joint.theta_max_rad"),
@@ -320,7 +359,7 @@ def _check_control(origin: str, file: DeviceFile) -> None:
     sense = values["timing.sense_rate_Hz"]
     rate = values.get("timing.control_rate_Hz")
     if rate is None:
-        if "sliding_mode" in present:
+        if laws:
             raise UserError(
                 f"{origin}: timing.control_rate_Hz is missing: torque control needs its rate.",
                 "Give one that divides timing.sense_rate_Hz.",
@@ -505,9 +544,10 @@ def render_toml(file: DeviceFile) -> str:
         f"name = {json.dumps(file.name)}",
         f"title = {json.dumps(file.title, ensure_ascii=False)}",
     ]
-    if file.axes:
-        about = DeviceFile.model_fields["axes"].description
-        lines += [f"# {about}", f"axes = {json.dumps(list(file.axes))}"]
+    for key, names in (("axes", file.axes), ("laws", file.laws)):
+        if names:
+            about = DeviceFile.model_fields[key].description
+            lines += [f"# {about}", f"{key} = {json.dumps(list(names))}"]
 
     def section(name: str, model: BaseModel) -> None:
         lines.extend(["", f"# {(type(model).__doc__ or '').strip()}", f"[{name}]"])

@@ -90,10 +90,11 @@ def build_command(device: Device) -> str:
     Returns
     -------
     str
-        With the short name for shipped devices, the file's name for others.
+        With the short name for shipped devices, the file's name for others, and the controller.
     """
     shipped = device.origin == f"{device.name}.toml" and device.name in shipped_devices()
-    return f"esea-gen build {device.name if shipped else device.origin}"
+    law = f" --controller {device.controller}" if device.controller else ""
+    return f"esea-gen build {device.name if shipped else device.origin}{law}"
 
 
 def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:

@@ -26,7 +26,7 @@ from esea_gen.emit.build import Bundle, _manifest, build_command, device_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, port_text
 from esea_gen.errors import UserError
-from esea_gen.language.block import Flag, Port
+from esea_gen.language.ports import Flag, Port
 from esea_gen.language.system import External, System
 
 FOLDER = "dialect"
@@ -260,7 +260,9 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
         # COMMAND_LONG is the longest of the standard messages.
         "largest_payload": max(33, *(m.payload_bytes for m in own)),
     }
-    xml = renderer.render("dialect/esea_dialect.xml.j2", **context)
+    # An XML comment cannot hold two hyphens in a row.
+    command = str(renderer.env.globals["command"]).replace("--", "- -")
+    xml = renderer.render("dialect/esea_dialect.xml.j2", **context | {"command": command})
     return {
         f"{prefix}.xml": xml,
         f"{prefix}_link.h": renderer.render("dialect/esea_link.h.j2", **context),

@@ -12,8 +12,9 @@ from esea_gen.emit.formats import FORMATS, Format, PrintedKernel, print_kernel
 from esea_gen.emit.render import Renderer, comment
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.errors import UserError
-from esea_gen.language.block import Port
-from esea_gen.language.program import (
+from esea_gen.language.ports import Port
+from esea_gen.language.program import Program
+from esea_gen.language.statements import (
     EPSILON,
     Call,
     For,
@@ -22,7 +23,6 @@ from esea_gen.language.program import (
     Leave,
     Memory,
     Part,
-    Program,
     ProgramError,
     Ref,
     SetIndex,

@@ -30,7 +30,8 @@ import numpy as np
 from esea_gen.emit.elementary import ACCURACY_ULP, EXPONENT_FRACTION_BITS, exponent_q27
 from esea_gen.emit.formats import Format
 from esea_gen.emit.walker import Kernel, Node, fuse_selects, walk
-from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Port
 
 # Largest error of the platform's float64 libm, in units in the last place (glibc documents 1).
 LIBM_ULP = 1.0

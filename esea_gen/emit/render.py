@@ -25,7 +25,8 @@ from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats import FORMATS, Q31, Format, PrintedKernel, print_kernel
 from esea_gen.emit.walker import Kernel, prune, walk
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.language.system import External, Latch, Signal, System
 
 
@@ -255,8 +256,7 @@ def reference_c(system: System) -> dict[str, str]:
     )
     for block in system.kinds:
         # A Program has no step in one piece; its kernels stand for it.
-        body: Any = block
-        steps = body.kernels if body.kind == "program" else {"step": body.step}
+        steps = block.kernels
         for verb, function in {"prepare": block.prepare, "init": block.init, **steps}.items():
             if verb == "prepare" and not block.tunables:
                 continue

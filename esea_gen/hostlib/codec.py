@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from esea_gen.emit.fixed.naming import Naming
 from esea_gen.emit.fixed.search import plan_block, raw_tunable
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.language.system import External
 
 Array = npt.NDArray[Any]

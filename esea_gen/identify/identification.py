@@ -53,7 +53,7 @@ from esea_gen.identify.recording import (
     load_recordings,
     resample,
 )
-from esea_gen.language.block import unit_of
+from esea_gen.language.ports import unit_of
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.sensing import sensing_system
 

@@ -11,7 +11,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import Recording, load_recordings, resample
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.language.block import Port, port_ok
+from esea_gen.language.ports import Port, port_ok
 from esea_gen.language.statements import (
     EPSILON,
     Call,

@@ -18,22 +18,22 @@ f64 C gives the executor's bits.  Kernels go through the same walker and printer
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from esea_gen.language.block import Block, Constant, Equation, Port, PrepareFn, Tunable
-from esea_gen.language.builder import Builder, array_name, declare_ports, guard_inputs
+from esea_gen.language.builder import Builder, array_name
+from esea_gen.language.component import Component, Executor
+from esea_gen.language.ports import Array, Constant, Equation, Port, Tunable
+from esea_gen.language.start import PrepareFn, check_ports, start_functions
 from esea_gen.language.statements import (
-    EPSILON,
     WORK_RANGE,
     Call,
-    For,
     Invoke,
-    Ix,
     Leave,
     Memory,
     Part,
@@ -46,48 +46,31 @@ from esea_gen.language.statements import (
 )
 from esea_gen.language.stream import OwnStreams
 
-if TYPE_CHECKING:
-    from esea_gen.emit.formats import Format
-    from esea_gen.language.program_run import ProgramSimulator
-
 
 @dataclass(frozen=True)
-class Program:
+class Program(Component):
     """What a Block is, with a body of loops in place of one straight-line step.
 
     Build one with :meth:`define`.
 
     Parameters
     ----------
-    name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations
-        As in :class:`esea_gen.language.block.Block`.
-    carried : tuple of Port
-        What one step leaves to the next.
+    name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations, streams
+        As in :class:`esea_gen.language.component.Component`.
+    state : tuple of Port
+        What one step leaves to the next, then the work arrays, which carry nothing.
     prepare, init : casadi.Function
-        As in a Block.
+        As there; ``init`` of what is carried.
     memory : mapping of str to Memory
         Every array by name.
     parts : mapping of str to Part
         The body; ``step`` is the entry.
-    streams : OwnStreams
-        As in a Block.
     """
 
-    name: str
-    title: str
-    period_s: float
-    constants: tuple[Constant, ...]
-    tunables: tuple[Tunable, ...]
-    coefficients: tuple[Port, ...]
-    carried: tuple[Port, ...]
-    inputs: tuple[Port, ...]
-    outputs: tuple[Port, ...]
-    equations: tuple[Equation, ...]
-    prepare: ca.Function = field(repr=False)
-    init: ca.Function = field(repr=False)
+    kind = "program"
+
     memory: Mapping[str, Memory] = field(repr=False)
     parts: Mapping[str, Part] = field(repr=False)
-    streams: OwnStreams = field(default=OwnStreams(), repr=False)
 
     @classmethod
     def define(
@@ -133,18 +116,11 @@ class Program:
             For a body that writes to an input, coefficient or table, reads an array that is not
             there, or loops without a bound.
         """
-        # The checks of names, tunables and prepare are the Block's own.
-        symbols = Block.define(
-            name,
-            title,
-            period_s=period_s,
-            state=state,
-            inputs=(),
-            outputs=(Port("unused", 0.0, 1.0, "only so that there is one"),),
-            step=lambda c, s, u, guard, label: (vars(s), {"unused": ca.SX(0)}),
-            tunables=tunables,
-            coefficients=coefficients,
-            prepare=prepare,
+        check_ports(name, period_s, tunables, coefficients, state, inputs, outputs)
+        work = tuple(
+            Port(m.name, -WORK_RANGE, WORK_RANGE, f"work: {m.meaning or m.name}", m.size)
+            for m in builder.memory.values()
+            if m.region == "work"
         )
         program = cls(
             name,
@@ -153,15 +129,14 @@ class Program:
             constants,
             tunables,
             coefficients,
-            state,
+            state + work,
             inputs,
             outputs,
             equations,
-            symbols.prepare,
-            symbols.init,
+            *start_functions(name, tunables, coefficients, state, prepare),
             dict(builder.memory),
             dict(builder.parts),
-            streams or OwnStreams(),
+            streams=streams or OwnStreams(),
         )
         program._check()
         return program
@@ -191,27 +166,14 @@ class Program:
                         raise ProgramError(f"{self.name}: {s.kernel.name()} writes to {r.array}")
 
     @property
-    def kind(self) -> Literal["block", "program"]:
-        """``"program"``: kernels in loops."""
-        return "program"
-
-    @property
     def work(self) -> tuple[Memory, ...]:
         """Work arrays, in the order of the state struct."""
         return tuple(m for m in self.memory.values() if m.region == "work")
 
     @property
-    def state(self) -> tuple[Port, ...]:
-        """The state struct: what is carried, and the work arrays, which carry nothing."""
-        return self.carried + tuple(
-            Port(m.name, -WORK_RANGE, WORK_RANGE, f"work: {m.meaning or m.name}", m.size)
-            for m in self.work
-        )
-
-    @property
-    def status_port(self) -> Port | None:
-        """The output that is a status word, if there is one."""
-        return next((p for p in self.outputs if p.flags), None)
+    def carried(self) -> tuple[Port, ...]:
+        """What one step leaves to the next."""
+        return self.state[: len(self.state) - len(self.work)]
 
     @cached_property
     def index_tables(self) -> dict[str, tuple[int, ...]]:
@@ -228,7 +190,7 @@ class Program:
                     found.setdefault(id(s.kernel), s.kernel)
         return {f"k{i}_{f.name()}": f for i, f in enumerate(found.values(), 1)}
 
-    def emit(self, fmt: Format) -> Any:
+    def emit(self, fmt: Any) -> Any:
         """Print it: what :func:`esea_gen.emit.render.emit_block` hands over to.
 
         Parameters
@@ -250,10 +212,6 @@ class Program:
 
         return emit_program(self, fmt)
 
-    def default_tunables(self) -> dict[str, float]:
-        """Default of every tunable."""
-        return {t.name: t.default for t in self.tunables}
-
     def simulator(self, tunables: Mapping[str, float] | None = None) -> ProgramSimulator:
         """The reference executor, float64.
 
@@ -267,29 +225,176 @@ class Program:
         ProgramSimulator
             Freshly initialised.
         """
-        from esea_gen.language.program_run import ProgramSimulator
-
         return ProgramSimulator(self, tunables)
 
 
-__all__ = [
-    "EPSILON",
-    "Builder",
-    "Call",
-    "For",
-    "Invoke",
-    "Ix",
-    "Leave",
-    "Memory",
-    "Part",
-    "Program",
-    "ProgramError",
-    "Ref",
-    "SetIndex",
-    "Statement",
-    "When",
-    "array_name",
-    "declare_ports",
-    "guard_inputs",
-    "walk_statements",
-]
+class _LeaveError(Exception):
+    """A loop is left early."""
+
+
+class ProgramSimulator(Executor):
+    """Runs a Program in Python, float64, kernels by CasADi's evaluator.
+
+    Parameters
+    ----------
+    program : Program
+        What to run.
+    tunables : mapping of str to float, optional
+        Values other than the defaults.
+    """
+
+    def __init__(self, program: Program, tunables: Mapping[str, float] | None = None) -> None:
+        super().__init__(program, tunables)
+        self.program = program
+        arrays: dict[str, Array] = {}
+        for region, group in (
+            ("coeffs", self._c),
+            ("state", self._s),
+            ("in", self._u),
+            ("out", self._y),
+        ):
+            arrays |= {array_name(region, name): values for name, values in group.items()}
+        for n, m in program.memory.items():
+            if m.region == "work":
+                arrays[n] = self._s[n]
+            elif m.region == "table":
+                arrays[n] = np.array(m.values["f64"])
+            elif m.region == "local":
+                arrays[n] = np.zeros(m.size)
+        self._arrays = arrays
+        # Work arrays may hold whole numbers that index others.
+        self._tables: dict[str, Any] = dict(program.index_tables) | arrays
+        self._buffers: dict[int, tuple[list[Array], list[Array], Callable[[], None], Any]] = {}
+        self._code = {n: self._compile(p.body) for n, p in program.parts.items()}
+        self.passes: dict[str, int] = {}
+        self.reset()
+
+    def array(self, name: str) -> Array:
+        """A copy of an array as the last step left it.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        ndarray
+            Its elements.
+        """
+        return self._arrays[name].copy()
+
+    def _advance(self) -> None:
+        self._passed: dict[str, int] = {}
+        for s in self._code["step"]:
+            s({})
+
+    # -- the interpreter: statements become closures ---------------------------------------------
+
+    def _compile(self, body: Sequence[Statement]) -> list[Callable[[dict[str, int]], None]]:
+        return [self._closure(s) for s in body]
+
+    def _closure(self, s: Statement) -> Callable[[dict[str, int]], None]:
+        tables = self._tables
+        if isinstance(s, Call):
+            return self._call(s)
+        if isinstance(s, SetIndex):
+            var, value = s.var, s.value
+            return lambda env: env.__setitem__(var, value.value(env, tables))
+        if isinstance(s, Leave):
+            array, start = self._arrays[s.flag.array], s.flag.start
+
+            def leave(env: dict[str, int]) -> None:
+                if array[start.value(env, tables)] != 0:
+                    raise _LeaveError
+
+            return leave
+        if isinstance(s, Invoke):
+            part, args = self.program.parts[s.part], s.args
+
+            def invoke(env: dict[str, int]) -> None:
+                inner = {n: a.value(env, tables) for n, a in zip(part.params, args, strict=True)}
+                for f in self._code[part.name]:
+                    f(inner)
+
+            return invoke
+        if isinstance(s, When):
+            return self._when(s)
+        loop, inside = s, self._compile(s.body)
+
+        def run(env: dict[str, int]) -> None:
+            start, stop = loop.start.value(env, tables), loop.stop.value(env, tables)
+            most = loop.most.value(env, tables)
+            if stop - start > most:
+                raise ProgramError(f"loop {loop.var}: {stop - start} passes, bound {most}")
+            done = 0
+            try:
+                for i in range(start, stop):
+                    env[loop.var] = i
+                    done += 1
+                    for f in inside:
+                        f(env)
+            except _LeaveError:
+                pass
+            self.passes[loop.var] = max(done, self.passes.get(loop.var, 0))
+            if loop.total is not None:
+                together = self._passed[loop.var] = self._passed.get(loop.var, 0) + done
+                if together > loop.total:
+                    raise ProgramError(
+                        f"loop {loop.var}: {together} passes in a step, stated {loop.total}"
+                    )
+
+        return run
+
+    def _when(self, s: When) -> Callable[[dict[str, int]], None]:
+        tables, then, other = self._tables, self._compile(s.then), self._compile(s.otherwise)
+        flag = s.flag
+
+        def true(env: dict[str, int]) -> bool:
+            if isinstance(flag, Ref):
+                return bool(self._arrays[flag.array][flag.start.value(env, tables)] != 0)
+            left, right = flag[0].value(env, tables), flag[2].value(env, tables)
+            return left < right if flag[1] == "<" else left == right
+
+        def run(env: dict[str, int]) -> None:
+            for f in then if true(env) else other:
+                f(env)
+
+        return run
+
+    def _call(self, s: Call) -> Callable[[dict[str, int]], None]:
+        key = id(s.kernel)
+        if key not in self._buffers:
+            buffer, evaluate = s.kernel.buffer()
+            hold: Any = buffer
+            a = [np.zeros(s.kernel.numel_in(i)) for i in range(s.kernel.n_in())]
+            r = [np.zeros(s.kernel.numel_out(i)) for i in range(s.kernel.n_out())]
+            for i, x in enumerate(a):
+                hold.set_arg(i, memoryview(x))  # type: ignore[arg-type]
+            for i, x in enumerate(r):
+                hold.set_res(i, memoryview(x))  # type: ignore[arg-type]
+
+            # The buffer must outlive its evaluator: it is kept beside it.
+            self._buffers[key] = (a, r, evaluate, hold)
+        a, r, go, _ = self._buffers[key]
+        tables = self._tables
+        reads = [(x, self._arrays[f.array], f) for x, f in zip(a, s.args, strict=True)]
+        writes = [(x, self._arrays[f.array], f) for x, f in zip(r, s.results, strict=True)]
+
+        def place(f: Ref, env: dict[str, int], size: int) -> slice:
+            if f.length == 0:
+                return slice(0, 0)
+            k = f.start.value(env, tables)
+            last = k + f.stride * (f.length - 1)
+            if not (0 <= k < size and 0 <= last < size):
+                raise ProgramError(f"{s.kernel.name()}: {f.array}[{k}..{last}] of {size}")
+            return slice(k, last + 1, f.stride)
+
+        def run(env: dict[str, int]) -> None:
+            for x, array, f in reads:
+                x[:] = array[place(f, env, len(array))]
+            go()
+            for x, array, f in writes:
+                array[place(f, env, len(array))] = x
+
+        return run

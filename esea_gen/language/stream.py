@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from esea_gen.language.block import Array
+    from esea_gen.language.ports import Array
 
 SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
 

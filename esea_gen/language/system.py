@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from esea_gen.language.block import Block, Port, Simulator, Tunable
+from esea_gen.language.component import Component, Executor
+from esea_gen.language.ports import Port, Tunable
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,7 @@ class System:
         self,
         name: str,
         base_period_s: float,
-        blocks: Mapping[str, Block],
+        blocks: Mapping[str, Component],
         tasks: tuple[Task, ...],
         wires: Mapping[str, str],
         inputs: Mapping[str, tuple[str, ...]],
@@ -168,7 +169,8 @@ class System:
     ) -> None:
         self.name = name
         self.base_period_s = base_period_s
-        self.blocks = dict(blocks)
+        # Blocks and Programs: who can take only one of them asks for its kind.
+        self.blocks: dict[str, Any] = dict(blocks)
         self.tasks = tasks
         self.wires = {Signal.parse(r): Signal.parse(w) for r, w in wires.items()}
         self.inputs: tuple[External, ...] = ()
@@ -187,9 +189,9 @@ class System:
     # -- reading the structure -------------------------------------------------------------------
 
     @property
-    def kinds(self) -> tuple[Block, ...]:
+    def kinds(self) -> tuple[Any, ...]:
         """The different Blocks, each once, in order of first use."""
-        unique: dict[int, Block] = {}
+        unique: dict[int, Component] = {}
         for block in self.blocks.values():
             unique.setdefault(id(block), block)
         return tuple(unique.values())
@@ -429,7 +431,7 @@ class SystemSimulator:
         self, system: System, tunables: Mapping[str, Mapping[str, float]] | None = None
     ) -> None:
         self.system = system
-        self.blocks: dict[str, Simulator] = {
+        self.blocks: dict[str, Executor] = {
             i: b.simulator((tunables or {}).get(i)) for i, b in system.blocks.items()
         }
         self.pending: dict[str, Any] = {x.name: 0.0 for x in system.latches}

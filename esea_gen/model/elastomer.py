@@ -34,18 +34,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import (
-    Block,
-    Constant,
-    Flag,
-    Guard,
-    Labels,
-    Port,
-    Tunable,
-    clip,
-    flag_word,
-    threshold,
-)
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Constant, Flag, Port, Tunable, clip, flag_word, threshold
 from esea_gen.model.plays import STREAMS
 from esea_gen.model.symbolic import equation, to_casadi
 

@@ -17,18 +17,8 @@ import sympy as sp
 
 from esea_gen.devices.fields import EncoderSide
 from esea_gen.errors import UserError
-from esea_gen.language.block import (
-    Block,
-    Constant,
-    Flag,
-    Guard,
-    Labels,
-    Port,
-    Status,
-    Tunable,
-    clip,
-    flag_word,
-)
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, clip, flag_word
 from esea_gen.model.encoder_streams import STREAMS
 from esea_gen.model.symbolic import equation
 

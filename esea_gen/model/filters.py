@@ -11,19 +11,8 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.language.block import (
-    Array,
-    Block,
-    Equation,
-    Flag,
-    Guard,
-    Labels,
-    Port,
-    Tunable,
-    clip,
-    flag_word,
-    threshold,
-)
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Array, Equation, Flag, Port, Tunable, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:

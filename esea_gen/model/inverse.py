@@ -27,19 +27,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import (
-    Block,
-    Constant,
-    Flag,
-    Guard,
-    Labels,
-    Port,
-    Solved,
-    Tunable,
-    clip,
-    flag_word,
-    threshold,
-)
+from esea_gen.language.block import Block, Guard, Labels, Solved
+from esea_gen.language.ports import Constant, Flag, Port, Tunable, clip, flag_word, threshold
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import (
     BEYOND,

@@ -12,7 +12,8 @@ import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Flag, Guard, Labels, Port, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import OwnStreams, Stream, single
 
 # They may miss their nesting by this much (float32 rounding) before they count as corrupt.

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import UNIT_SUFFIXES, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.language.system import System, Task
 
 
-def _of_axis(name: str, axis: str) -> str:
-    # Before the unit, which stays last: tau_Nm of axis flexion is tau_flexion_Nm.
+def of_axis(name: str, axis: str) -> str:
+    """A name with its axis, before the unit, which stays last: ``tau_flexion_Nm``.
+
+    Parameters
+    ----------
+    name, axis : str
+        A quantity's name and an axis; empty for a single axis without a name.
+
+    Returns
+    -------
+    str
+        The name of that axis' quantity.
+    """
     if not axis:
         return name
-    unit = max((u for u in UNIT_SUFFIXES if name.endswith(u)), key=len)
+    unit = max((u for u in UNIT_SUFFIXES if name.endswith(u)), key=len, default="")
     return f"{name.removesuffix(unit)}_{axis}{unit}"
 
 
@@ -42,10 +54,10 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
         rate, torque = (f"{b.name}_{axis}" if axis else b.name for b in (velocity, sensor))
         blocks |= {rate: velocity, torque: sensor}
         wires[f"{torque}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
-        inputs[_of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{torque}.theta_rad")
+        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{torque}.theta_rad")
         for port in ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm"):
-            outputs[_of_axis(port, axis)] = f"{torque}.{port}"
-        outputs[_of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
+            outputs[of_axis(port, axis)] = f"{torque}.{port}"
+        outputs[of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
         outputs[f"{torque}_status"] = f"{torque}.status"
         outputs[f"{rate}_status"] = f"{rate}.status"
     return System(

@@ -10,7 +10,7 @@ import casadi as ca
 import sympy as sp
 from sympy.printing.mathml import MathMLPresentationPrinter
 
-from esea_gen.language.block import Equation
+from esea_gen.language.ports import Equation
 
 _CASADI = {
     "Abs": ca.fabs,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import f32_inside, threshold
+from esea_gen.language.ports import f32_inside, threshold
 
 if TYPE_CHECKING:
-    from esea_gen.devices.fields import Actuator, Disturbance, Impedance, Joint, SlidingMode
+    from esea_gen.devices.fields import Actuator, Disturbance, Impedance, Joint
     from esea_gen.devices.file import DeviceData
 
 
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 class Drive:
     """Numbers of a device with a drive, and the ranges that its ports share.
 
-    actuator, joint, disturbance, sliding_mode, impedance: sections of the device file, none
-        missing.
+    actuator, joint, disturbance, impedance: sections of the device file, none missing.
     theta_low_rad, theta_high_rad: range of a joint angle, on either side of the coupling.
     delta_rad: largest plausible |deflection|.
     omega_rad_s: largest plausible |speed| of either side.
@@ -33,7 +32,6 @@ class Drive:
     actuator: Actuator
     joint: Joint
     disturbance: Disturbance
-    sliding_mode: SlidingMode
     impedance: Impedance
     control_period_s: float
     theta_low_rad: float
@@ -47,15 +45,22 @@ class Drive:
     d4_rad_s2: float
 
 
+def has_drive(device: DeviceData) -> bool:
+    """Whether a device has all that a motor and the limits before it need, whatever the law."""
+    f = device.file
+    needed = f.actuator, f.joint, f.disturbance, f.impedance, f.safety, f.timing.control_rate_Hz
+    return None not in needed
+
+
 def drive_of(device: DeviceData) -> Drive:
     """The drive of a device."""
     f = device.file
-    a, j, d, s, i = f.actuator, f.joint, f.disturbance, f.sliding_mode, f.impedance
+    a, j, d, i = f.actuator, f.joint, f.disturbance, f.impedance
     rate = f.timing.control_rate_Hz
-    if a is None or j is None or d is None or s is None or i is None or rate is None:
+    if a is None or j is None or d is None or i is None or rate is None:
         raise UserError(
             f"{device.origin}: the device has no drive: torque control needs the sections "
-            "actuator, joint, disturbance, sliding_mode and impedance, and "
+            "actuator, joint, disturbance and impedance, and "
             "timing.control_rate_Hz.",
             'Write extends = "elbow_drive" and give what differs.',
         )
@@ -69,7 +74,6 @@ def drive_of(device: DeviceData) -> Drive:
         actuator=a,
         joint=j,
         disturbance=d,
-        sliding_mode=s,
         impedance=i,
         control_period_s=1.0 / rate.value,
         theta_low_rad=low,

@@ -10,7 +10,8 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Flag, Guard, Labels, Port, Tunable, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s

@@ -10,17 +10,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import (
-    Array,
-    Block,
-    Flag,
-    Guard,
-    Labels,
-    Port,
-    clip,
-    flag_word,
-    threshold,
-)
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Array, Flag, Port, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 

@@ -15,7 +15,7 @@ from esea_gen.emit.build import Bundle
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import block_kernels
 from esea_gen.errors import UserError
-from esea_gen.language.block import unit_of
+from esea_gen.language.ports import unit_of
 from esea_gen.verify.emulator import EmulatorResult
 from esea_gen.verify.firmware import BOARDS, FirmwareImage, build_firmware
 from esea_gen.verify.verdict import Verification

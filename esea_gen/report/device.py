@@ -26,7 +26,8 @@ from esea_gen.identify import (
     recordings_for,
 )
 from esea_gen.identify.recording import resample
-from esea_gen.language.block import Block, unit_of
+from esea_gen.language.block import Block
+from esea_gen.language.ports import unit_of
 from esea_gen.language.stream import single
 from esea_gen.report import figures
 from esea_gen.report.contents import (
@@ -152,7 +153,7 @@ class Findings:
             key=lambda w: w["percent"],
         )
 
-    def _block(self, name: str) -> Block:
+    def _block(self, name: str) -> Any:
         return next(b for b in self.device.system.kinds if b.name == name)
 
     def assumed(self) -> list[dict[str, Any]]:
@@ -649,7 +650,7 @@ def gather(
 
     data: folder of the recordings; the mapping file's own when not given.
     """
-    if device.file.sliding_mode is not None:
+    if device.drive is not None:
         raise UserError(
             f"{device.name} has a drive; this page is of a torque sensor alone.",
             "Use esea_gen.report.drive.gather_drive, or report on the device it extends.",

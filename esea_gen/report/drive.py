@@ -14,7 +14,7 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.render import versions
-from esea_gen.language.block import unit_of
+from esea_gen.language.ports import unit_of
 from esea_gen.plotting import svg
 from esea_gen.report.contents import (
     REAL_NAMES,

@@ -15,7 +15,7 @@ import numpy as np
 
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

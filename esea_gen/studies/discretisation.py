@@ -18,7 +18,8 @@ import numpy.typing as npt
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
-from esea_gen.language.block import Array, Block, Guard, Labels, Port
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
 from esea_gen.model.symbolic import to_casadi

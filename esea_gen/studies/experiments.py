@@ -29,12 +29,12 @@ from esea_gen.analysis.monte_carlo import (
 from esea_gen.analysis.response import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Impedance, Sweep, impedance, sweep_response
 from esea_gen.control.horizon import Horizon
-from esea_gen.control.predictive_system import device_horizon
+from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import read_file
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.language.system import System
 from esea_gen.twin import trajectories
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
@@ -243,7 +243,7 @@ def controller_device(controller: str) -> Device:
         )
     name = CONTROLLERS.get(controller, controller)
     device = _device(name, read_file(name)[0])
-    if device.file.sliding_mode is None:
+    if not device.laws:
         raise UserError(
             f"{device.origin}: the device has no drive to be simulated.",
             'Write extends = "elbow_drive" in it.',
@@ -369,7 +369,7 @@ def run_on(
         "frame_error_load": np.zeros(n),
     }
     merged = {k: dict(v) for k, v in setting.tunables.items()}
-    if device.file.predictive is not None:
+    if "predictive" in device.system.blocks:
         given = previews(case.trajectory, device_horizon(device))
         signals |= {k: v for k, v in given.items() if k in loop.signals}
         chosen = {"load_free": 0.0 if fixed else 1.0}

@@ -23,7 +23,7 @@ from esea_gen.control.limits import FAULT_TEXT, Fault
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array, Tunable
+from esea_gen.language.ports import Array, Tunable
 from esea_gen.studies.experiments import (
     GAINS,
     IMPEDANCE,

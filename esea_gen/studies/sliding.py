@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.analysis.passivity import Bools
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.studies.experiments import EXPERIMENTS, Setting, controller_system, run_case
 from esea_gen.twin.trajectories import RATE_HZ
 

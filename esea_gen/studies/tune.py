@@ -19,7 +19,7 @@ from esea_gen.analysis.monte_carlo import Configuration, Result, rooms_digest, r
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array, Tunable
+from esea_gen.language.ports import Array, Tunable
 from esea_gen.studies.experiments import (
     EXPERIMENTS,
     PLANT_NAMES,

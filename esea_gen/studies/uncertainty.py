@@ -35,7 +35,7 @@ from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.fit import ROWS_REFINE, Plant, at_bound, bounds_of, tunable_system
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.studies.chapter4 import END_S, SIGNALS, evaluation_filter

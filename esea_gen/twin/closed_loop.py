@@ -21,7 +21,7 @@ from esea_gen.emit.formats import ALL_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources, declarations
-from esea_gen.language.block import Port
+from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import plant_system, start_state

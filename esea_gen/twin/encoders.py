@@ -13,7 +13,8 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import Block, Guard, Labels, Port
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Port
 from esea_gen.twin.parameters import assumed, checked_file
 
 _ROUND = 1.5 * 2.0**52

@@ -11,7 +11,7 @@ import casadi as ca
 from esea_gen.devices.fields import DeviceFile
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.block import Port, Tunable
+from esea_gen.language.ports import Port, Tunable
 from esea_gen.twin.people import PEOPLE, PLANTS, person_tunables
 
 SINES = 6

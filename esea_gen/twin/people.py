@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import Tunable
+from esea_gen.language.ports import Tunable
 from esea_gen.twin.published import PEOPLE, PLANTS, Person
 
 __all__ = [

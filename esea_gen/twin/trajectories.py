@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.twin.people import PLANTS
 
 RATE_HZ = 1000.0

@@ -10,14 +10,15 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import Bound, RangeError, block_bound
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array, Block, Flag
-from esea_gen.language.program import Program
+from esea_gen.language.block import Block
+from esea_gen.language.component import Component
+from esea_gen.language.ports import Array, Flag
 from esea_gen.language.stream import Stream
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.verdict import ONE_STEP
 
 
-def full_scales(device: Device, block: Block | Program) -> dict[str, float]:
+def full_scales(device: Device, block: Component) -> dict[str, float]:
     """What counts as 100 % for each output and state of a Block.
 
     return: for a torque the smallest of its range's larger end and the device's torque full scale

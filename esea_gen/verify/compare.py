@@ -10,7 +10,8 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.emit.ranges import Bound
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import forward_residual, full_scales, operating_ranges, residual_flag
 from esea_gen.verify.one_step import StepRule, drift

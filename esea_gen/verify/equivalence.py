@@ -29,7 +29,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.ranges import Bound
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.language.block import Array, Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import bounds_or_rule, full_scales
 from esea_gen.verify.compare import compare
@@ -39,7 +39,7 @@ from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 from esea_gen.verify.verdict import Comparison, Verification
 
 
-def chosen_blocks(device: Device, names: Sequence[str] | None) -> list[Block]:
+def chosen_blocks(device: Device, names: Sequence[str] | None) -> list[Any]:
     """Blocks of a device by name.
 
     Parameters
@@ -51,7 +51,7 @@ def chosen_blocks(device: Device, names: Sequence[str] | None) -> list[Block]:
 
     Returns
     -------
-    list of Block
+    list of Block or Program
         In the System's order.
 
     Raises
@@ -69,7 +69,7 @@ def chosen_blocks(device: Device, names: Sequence[str] | None) -> list[Block]:
 
 
 def _tried(
-    device: Device, blocks: Sequence[Block], recorded: dict[str, Array] | None, seed: int
+    device: Device, blocks: Sequence[Any], recorded: dict[str, Array] | None, seed: int
 ) -> dict[str, list[Stream]]:
     # Every stream by Block.
     deflections = {"chirp in the domain": domain_chirp(device)} | (recorded or {})
@@ -77,8 +77,7 @@ def _tried(
     found = {}
     for block in blocks:
         if block.kind == "program":
-            program: Any = block
-            found[block.name] = program_streams(program, seed)
+            found[block.name] = program_streams(block, seed)
         else:
             found[block.name] = streams(block, seed)
             found[block.name] += [e[block.name] for e in extra if block.name in e]

@@ -28,7 +28,7 @@ from esea_gen.emit.ranges import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
 from esea_gen.hostlib.runner import CRunner
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import full_scales
 from esea_gen.verify.compare import unexplained

@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream, single
 from esea_gen.verify.streams import at_the_limits, streams
 from esea_gen.verify.ties import aimed_stream

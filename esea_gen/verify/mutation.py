@@ -35,7 +35,8 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.hostlib.runner import CBoard, CRunner
-from esea_gen.language.block import Array, Block
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System
 from esea_gen.verify.bounds import bounds_or_rule

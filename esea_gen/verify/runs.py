@@ -12,7 +12,8 @@ import numpy as np
 from esea_gen.emit.render import reference_c, template_folder
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.runner import CRunner
-from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
@@ -141,13 +142,13 @@ def changed(block: Block, prepared: list[Array], values: Mapping[str, Array]) ->
 def run_symbolic(block: Block, stream: Stream) -> Run:
     """A stream through the symbolic Block, at its default tunables."""
     simulator = block.simulator()
-    prepared = [c.copy() for c in simulator._c]
+    prepared = list(simulator.coefficients.values())
     parts = []
     for start, stop in _segments(stream):
         if start in stream.coefficients:
             values = changed(block, prepared, stream.coefficients[start])
-            for held, c in zip(simulator._c, values, strict=True):
-                held[:] = c
+            names = (p.name for p in block.coefficients)
+            simulator.coefficients = dict(zip(names, values, strict=True))
         if start in stream.injections:
             simulator.state = stream.injections[start]
         parts.append(simulator.run({k: v[start:stop] for k, v in stream.inputs.items()}))

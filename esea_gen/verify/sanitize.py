@@ -27,7 +27,7 @@ from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.language.block import Array, Block
+from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 from esea_gen.verify.equivalence import chosen_blocks
@@ -94,15 +94,14 @@ class SanitizerRun:
         }
 
 
-def tried_streams(block: Block, fmt: Format, steps: int = 1500) -> list[Stream]:
+def tried_streams(block: Any, fmt: Format, steps: int = 1500) -> list[Stream]:
     """The streams of the comparisons, shortened.
 
     return: those of :func:`~esea_gen.verify.streams.streams`, the one at the limits, and those with
         another memory.
     """
-    if (
-        block.kind == "program"
-    ):  # its state is work memory: what the rest changes in it carries nothing
+    # A program's state is work memory: what the rest changes in it carries nothing.
+    if block.kind == "program":
         return streams(block, steps=steps)
     return [
         *streams(block, steps=steps),

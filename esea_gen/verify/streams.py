@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from esea_gen.device import Device
 from esea_gen.emit.ranges import counts
-from esea_gen.language.block import Array, Block, Port
-from esea_gen.language.program import Program
+from esea_gen.language.block import Block
+from esea_gen.language.component import Component
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import SPECIAL, Stream, single
 from esea_gen.language.system import System, Task
 
@@ -40,7 +41,7 @@ def _chirp(port: Port, steps: int, reach: float, phase: float) -> Array:
     return single(wave if port.size == 1 else np.tile(wave[:, None], (1, port.size)))
 
 
-def _thresholds(rng: np.random.Generator, block: Block | Program, port: Port, steps: int) -> Array:
+def _thresholds(rng: np.random.Generator, block: Component, port: Port, steps: int) -> Array:
     # Ends of the range, constants of the Block that have the port's unit and multiples of them,
     # their float neighbours, zeros of both signs, subnormals.
     marks = [port.low, port.high, 0.0, -0.0, 1e-45, -1e-45, 1.2e-38]
@@ -66,7 +67,7 @@ def _whole(port: Port, values: Array) -> Array:
     return np.rint(values) + 0.0 if counts(port) else values
 
 
-def streams(block: Block | Program, seed: int = 1, steps: int = 3000) -> list[Stream]:
+def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
     """The streams of a Block: generated ones, and those it brings along.
 
     return: random walk, noise over the whole range, chirp, reversals, thresholds, jumps, invalid

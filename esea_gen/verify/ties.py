@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node
-from esea_gen.language.block import Array, Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream, single
 from esea_gen.verify.executor import (
     coefficients_of,

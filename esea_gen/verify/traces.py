@@ -11,16 +11,18 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.language.system import External
 
 MARK = "# esea-gen reference trace"
@@ -105,7 +107,7 @@ def reference_stream(device: Device) -> dict[str, Array]:
     system, domain = device.system, device.file.domain
     rate_Hz = 1.0 / system.base_period_s
     top_Hz = 0.8 * domain.omega_max_rad_s.value / (2 * math.pi * domain.theta_max_rad.value)
-    if device.file.sliding_mode is not None:
+    if device.laws:
         return _drive_stream(device, rate_Hz, top_Hz)
     stream = {}
     for n, (name, external, _) in enumerate(_scalars(system.inputs)):
@@ -149,7 +151,8 @@ def _drive_stream(device: Device, rate_Hz: float, top_Hz: float) -> dict[str, Ar
         return ((time_s >= start_s) & (time_s < end_s)).astype(float)
 
     desired = 0.5 * np.sin(2 * np.pi * 0.7 * time_s)
-    return {
+    # Laws change while torque is wanted; a device with one law has no such input.
+    signals = {
         "count_motor": count(load + deflection),
         "frame_error_motor": np.zeros(len(time_s)),
         "count_load": count(load),
@@ -160,7 +163,26 @@ def _drive_stream(device: Device, rate_Hz: float, top_Hz: float) -> dict[str, Ar
         "tau_desired_Nm": np.round(desired * 2**12) / 2**12,
         "theta_desired_rad": 0.8 * np.ones(len(time_s)),
         "omega_desired_rad_s": np.zeros(len(time_s)),
+        "law": 1.0 * between(0.7, 1.3) + between(2.0, 2.5),
     }
+    ahead = np.rint(np.array(device_horizon(device).ends_s) * rate_Hz).astype(int)
+    for name in ("tau", "theta", "omega"):
+        unit = "Nm" if name == "tau" else "rad" if name == "theta" else "rad_s"
+        wanted = signals[f"{name}_desired_{unit}"]
+        for i, ticks in enumerate(ahead):
+            at = np.minimum(np.arange(len(wanted)) + ticks, len(wanted) - 1)
+            signals[f"{name}_preview_{unit}[{i}]"] = wanted[at]
+    # Every axis is given the same; a law's own inputs rest.
+    return {
+        name: signals.get(_without_axis(name, device.axes), np.zeros(len(time_s)))
+        for name, _, _ in _scalars(device.system.inputs)
+    }
+
+
+def _without_axis(name: str, axes: Iterable[str]) -> str:
+    for axis in filter(None, axes):
+        name = re.sub(rf"_{axis}(?=_|$)", "", name)
+    return name
 
 
 def _piece(part: Part, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:

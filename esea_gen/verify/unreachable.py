@@ -9,7 +9,8 @@ import numpy as np
 
 from esea_gen.emit.formats import Format
 from esea_gen.emit.walker import Kernel, Node
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.verify.intervals import ANYTHING, Interval, computed_intervals
 
 

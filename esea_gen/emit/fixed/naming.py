@@ -7,7 +7,8 @@ from typing import Any
 from esea_gen.emit.fixed.plan import FieldPlan, field_name
 from esea_gen.emit.fixed.render import field_text
 from esea_gen.emit.fixed.search import plan_block
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.language.system import External, Latch, Signal, System
 
 

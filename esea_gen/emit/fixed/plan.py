@@ -14,7 +14,8 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.lowering import lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
 from esea_gen.emit.walker import Kernel, fuse_selects, prune, walk
-from esea_gen.language.block import Block, Port, Tunable
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, Tunable
 
 MOST_PORT_FRACTION = 31
 

@@ -8,7 +8,7 @@ from esea_gen.emit.fixed.expression import C_TYPES, Expr, bare_text, c_text
 from esea_gen.emit.fixed.plan import BlockPlan, FieldPlan
 from esea_gen.emit.fixed.values import LoweredKernel
 from esea_gen.emit.formats import PrintedKernel, Statement
-from esea_gen.language.block import Port
+from esea_gen.language.ports import Port
 
 
 def _pointers(e: Expr) -> set[str]:

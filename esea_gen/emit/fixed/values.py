@@ -11,7 +11,7 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.formats import status_words
 from esea_gen.emit.walker import Kernel
-from esea_gen.language.block import UNIT_SUFFIXES
+from esea_gen.language.ports import UNIT_SUFFIXES
 
 NARROW_LIMIT = 2**31 - 1
 WIDE_LIMIT = 2**61 - 1  # leaves room for rounding and for the sum of two

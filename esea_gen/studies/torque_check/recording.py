@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Array
+from esea_gen.language.ports import Array
 from esea_gen.studies.torque_check.check import Measurement, TorqueCheck
 
 COLUMNS = ("time_s", "tau_Nm", "step")

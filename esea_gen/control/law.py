@@ -1,0 +1,175 @@
+"""What a control law is: the Blocks that it adds to those every law stands on, and their wires.
+
+A law is one file.  The shipped ones stand in ``control/laws`` and are found there by themselves;
+one from outside the package is named ``FILE.py:law`` wherever a law's name is taken.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
+from esea_gen.language.component import Component
+
+
+@dataclass(frozen=True)
+class Base:
+    """What every law stands on.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+    blocks : mapping of str to Component
+        Instances of every controlling System: ``encoder_motor``, ``encoder_load``, ``joint``,
+        ``velocity``, ``sensor``, ``motor_rate``, ``load_rate``, ``reference``, ``limits``,
+        ``drive``, ``human`` in the sensing task and ``stamp`` in the control task.
+    inverse : callable
+        Makes the torque sensor's inverse, for the laws that follow a deflection.
+    """
+
+    device: DeviceData
+    blocks: Mapping[str, Any]
+    inverse: Callable[[], Component]
+
+    @property
+    def control_period_s(self) -> float:
+        """Period of the control task."""
+        return float(self.blocks["stamp"].period_s)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a law adds.
+
+    Parameters
+    ----------
+    control : mapping of str to Component
+        Its Blocks in the control task, in order.
+    command : str
+        Where its motor torque comes from: ``"smc.u_command_Nm"``.
+    sense : mapping of str to Component
+        Its Blocks in the sensing task, behind the reference and before the limits.
+    after_limits : mapping of str to Component
+        Likewise, behind the observers, which read what the limits have let through.
+    replaced : mapping of str to Component
+        Instances of :class:`Base` that it wants otherwise, such as with one more output.
+    wires : mapping of str to str
+        ``{"smc.delta_rad": "joint.theta_rad"}``: reader from writer.  An input that is not named
+        here is fed by the signal of its name (:data:`esea_gen.control.system.SIGNALS`).
+    signals : mapping of str to str
+        Further signals for its own Blocks, by port name.
+    inputs : mapping of str to tuple of str
+        Further external inputs.
+    setpoints : mapping of str to str
+        Further external outputs of the sensing task.
+    outputs : mapping of str to str
+        Further external outputs of the control task.
+    request_ok : str
+        Output that says whether what the law was asked for is sound, where it checks that itself.
+    """
+
+    control: Mapping[str, Component]
+    command: str
+    sense: Mapping[str, Component] = field(default_factory=dict)
+    after_limits: Mapping[str, Component] = field(default_factory=dict)
+    replaced: Mapping[str, Component] = field(default_factory=dict)
+    wires: Mapping[str, str] = field(default_factory=dict)
+    signals: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    setpoints: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    request_ok: str = ""
+
+    @property
+    def own(self) -> dict[str, Component]:
+        """All the Blocks that it adds."""
+        return {**self.sense, **self.control, **self.after_limits}
+
+
+@dataclass(frozen=True)
+class Law:
+    """A control law.
+
+    Parameters
+    ----------
+    name : str
+        Lower case C identifier; what ``laws`` in a device file and ``--controller`` name.
+    title : str
+        One line for lists and reports.
+    parts : callable
+        From :class:`Base` to :class:`Parts`.
+    section : str
+        Section of the device file that it takes its numbers from; empty when it needs none.
+    digest : str
+        SHA-256 of the file that it comes from, for one from outside the package.
+    """
+
+    name: str
+    title: str
+    parts: Callable[[Base], Parts]
+    section: str = ""
+    digest: str = ""
+
+
+def outside_law(text: str) -> Law:
+    """A law from a file outside the package.
+
+    Parameters
+    ----------
+    text : str
+        ``FILE.py:name``, the name of a :class:`Law` in it.
+
+    Returns
+    -------
+    Law
+        The law.
+
+    Raises
+    ------
+    UserError
+        When there is no such file or law in it, or it cannot be imported.
+    """
+    given, _, name = text.rpartition(":")
+    path = Path(given)
+    if not path.is_file():
+        raise UserError(f"{text}: there is no file {given}.", "Write FILE.py:law.")
+    module = _imported(path)
+    found = {k: v for k, v in vars(module).items() if isinstance(v, Law)}
+    if name not in found:
+        close = difflib.get_close_matches(name, found, n=1)
+        hint = f"Did you mean {close[0]}? " if close else ""
+        listed = ", ".join(found) or "none"
+        raise UserError(f"{path.name}: no law '{name}' in it.", f"{hint}Laws there: {listed}.")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    law = found[name]
+    return Law(law.name, law.title, law.parts, law.section, digest)
+
+
+def _imported(path: Path) -> ModuleType:
+    # Under a name of its own, so that two files of one name do not take each other's place.
+    name = f"esea_law_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise UserError(f"{path}: no Python file.", "Write FILE.py:law.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except UserError:
+        raise
+    except Exception as error:
+        del sys.modules[name]
+        raise UserError(
+            f"{path.name}: cannot be imported ({type(error).__name__}: {error}).", "Correct it."
+        ) from error
+    return module

@@ -1,0 +1,138 @@
+"""From one control law to another at run time, without a bump of the command."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.devices.file import DeviceData
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
+from esea_gen.model.symbolic import equation
+from esea_gen.observe import drive_of
+
+FADE_S = 0.1  # three times the motor's lag: the torque follows, the person feels no edge
+MOST_LAWS = 8
+
+
+def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
+    r"""The command of the law that is asked for, joined to what was commanded before.
+
+    All laws compute at every step, from the same measurements and from what the limits let through,
+    so that each is ready.  At a change the command goes on from its last value, and the difference
+    fades: with :math:`o_k` the offset, :math:`v_k` the command of the law in force,
+
+    .. math::
+
+        u_k = v_k + o_k, \quad
+        o_k = u_{k-1} - v_k \text{ at a change, else } o_{k-1} e^{-T/\tau}.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+    laws : sequence of str
+        Their names; the first is in force after the start.
+    checked : sequence of str
+        Those that say themselves whether what they are asked for is sound.
+
+    Returns
+    -------
+    Block
+        Inputs ``law`` (place of the law that is wanted, from 0; anything else, NaN included, leaves
+        the law in force) and one command, and perhaps one check, a law; outputs ``u_command_Nm``,
+        ``request_ok`` of the law in force, ``law_held`` and a status word.
+
+    Raises
+    ------
+    ValueError
+        For fewer than two laws, or more than 8.
+    """
+    if not 2 <= len(laws) <= MOST_LAWS:
+        raise ValueError(f"{len(laws)} laws to switch between; 2 to {MOST_LAWS} can be")
+    drive = drive_of(device)
+    period, reach, last = drive.control_period_s, drive.u_Nm, len(laws) - 1
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        known = [u.law == k for k in range(len(laws))]
+        unknown = label("unknown", ca.logic_not(sum(known[1:], known[0])), "no law's place")
+        held = label("law_in_force", ca.if_else(unknown, s.law_held, u.law))
+
+        def of_held(values: Sequence[Any]) -> Any:
+            chosen = values[0]
+            for k, value in enumerate(values[1:], 1):
+                chosen = ca.if_else(held == k, value, chosen)
+            return chosen
+
+        command = label("command_Nm", of_held([getattr(u, f"u_{n}_Nm") for n in laws]))
+        ok = of_held([getattr(u, f"ok_{n}") if n in checked else ca.SX(1) for n in laws])
+        changed = label("changed", ca.logic_not(held == s.law_held))
+        offset = label(
+            "offset_Nm",
+            ca.if_else(changed, s.u_last_Nm - command, c.keep * s.offset_Nm),
+            "[law] joined at a change, fading after it",
+        )
+        joined = label("u_joined_Nm", clip(command + offset, -reach, reach), "[law]")
+        return (
+            {"law_held": held, "offset_Nm": clip(offset, -2 * reach, 2 * reach)}
+            | {"u_last_Nm": joined},
+            {
+                "u_command_Nm": joined,
+                "request_ok": ca.logic_and(guard.inputs_ok, ok == 1),
+                "law_held": held,
+                "status": flag_word(
+                    [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), unknown]
+                ),
+            },
+        )
+
+    flags = (
+        Flag("INPUT_INVALID", "a command was NaN or outside its range; 0 stands for it", True),
+        Flag("STATE_REPAIRED", "the state was corrupt: the first law is in force", True),
+        Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
+    )
+    v, o, w, u_last, t, tau = sp.symbols("v_k o_k-1 o_k u_k-1 T tau")
+    return Block.define(
+        "law",
+        "Switch between control laws, without a bump",
+        period_s=period,
+        tunables=(
+            Tunable("fade_s", FADE_S, 0.01, 2.0, "how long a change of the law is smoothed"),
+        ),
+        coefficients=(Port("keep", 0.0, 1.0, "share of the offset that a period leaves"),),
+        prepare=lambda c: {"keep": ca.exp(-period / c.fade_s)},
+        state=(
+            Port("law_held", 0, last, "place of the law in force"),
+            Port("offset_Nm", -2 * reach, 2 * reach, "what joins the new command to the old one"),
+            Port("u_last_Nm", -reach, reach, "last command"),
+        ),
+        inputs=(
+            Port(
+                "law",
+                0,
+                last,
+                f"wanted: {', '.join(f'{k} {n}' for k, n in enumerate(laws))}",
+                on_invalid="law_held",
+            ),
+            *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
+            *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
+        ),
+        outputs=(
+            Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
+            Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
+            Port("law_held", 0, last, "place of the law in force"),
+            Port("status", 0, 7, "what is known of the choice", flags=flags),
+        ),
+        equations=(
+            equation("[law]", "u_k", v + w, "the law in force, joined"),
+            equation("[law 1]", "o_k", u_last - v, "at a change"),
+            equation("[law 2]", "o_k", o * sp.exp(-t / tau), "after it"),
+        ),
+        step=step,
+    )

@@ -1,0 +1,45 @@
+"""The shipped control laws, one file each: a file here that defines ``LAW`` is in the table."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import pkgutil
+
+from esea_gen.control.law import Law, outside_law
+from esea_gen.errors import UserError
+
+LAWS: dict[str, Law] = {
+    law.name: law
+    for found in pkgutil.iter_modules(__path__)
+    for law in [importlib.import_module(f"{__name__}.{found.name}").LAW]
+}
+
+
+def find_law(text: str) -> Law:
+    """A law by its name, or one from outside the package.
+
+    Parameters
+    ----------
+    text : str
+        Key of :data:`LAWS`, or ``FILE.py:law``.
+
+    Returns
+    -------
+    Law
+        The law.
+
+    Raises
+    ------
+    UserError
+        When there is none.
+    """
+    if text in LAWS:
+        return LAWS[text]
+    if ".py:" in text:
+        return outside_law(text)
+    close = difflib.get_close_matches(text, LAWS, n=1)
+    hint = f"Did you mean {close[0]}? " if close else ""
+    raise UserError(
+        f"Unknown law '{text}'.", f"{hint}Choose from {', '.join(LAWS)}, or write FILE.py:law."
+    )

@@ -1,0 +1,130 @@
+"""Predictive control of the torque or the impedance, in place of a law at the present only."""
+
+from __future__ import annotations
+
+from esea_gen.control.ahead import ahead
+from esea_gen.control.horizon import Horizon
+from esea_gen.control.law import Base, Law, Parts
+from esea_gen.control.limits import command_stamp
+from esea_gen.control.predictive_drive import Q_BEST, R_BEST, Person, predictive_controller
+from esea_gen.control.shown import shown_reference, with_state_as_output
+from esea_gen.devices.file import DeviceData
+from esea_gen.language.component import Component
+from esea_gen.observe import drive_of
+from esea_gen.observe.extrapolation import parabola
+from esea_gen.observe.human import lag_observer
+
+
+def predictive_delay_s(device: DeviceData) -> float:
+    """From a measurement to the moment at which a command that rests on it takes effect.
+
+    return: one sensing period, after which the measurement is released, and the control task's own
+        release (its period where the file gives none).
+    """
+    release = device.file.timing.control_release_s
+    control = drive_of(device).control_period_s if release is None else release.value
+    return device.period_s + control
+
+
+def device_horizon(device: DeviceData) -> Horizon:
+    """Grid of the prediction of a device.
+
+    return: as its section ``[predictive]`` says, 10 intervals of 20 ms with 4 substeps where there
+        is none; the delay is :func:`predictive_delay_s`.
+    """
+    asked, delay_s = device.file.predictive, predictive_delay_s(device)
+    if asked is None:
+        return Horizon(delay_s=delay_s)
+    return Horizon(
+        int(asked.intervals.value), asked.interval_s.value, int(asked.substeps.value), delay_s
+    )
+
+
+def _parts(base: Base) -> Parts:
+    # With no section of its own: best of our trials, what is wanted now holds.
+    asked, device = base.device.file.predictive, base.device
+    preview = asked is not None and asked.future == "given"
+    one_layer = asked is None or asked.impedance == "one_layer"
+    person: Person = "extended_state" if asked is None else asked.person
+    weights = (Q_BEST, R_BEST) if asked is None else (asked.Q.value, asked.R.value)
+    grid, printed, along = device_horizon(device), person == "parabola", preview or one_layer
+    control: dict[str, Component] = {}
+    replaced: dict[str, Component] = {
+        "sensor": with_state_as_output(
+            base.blocks["sensor"],
+            "play_rad",
+            "play states of the stop operators, for predictive control",
+        )
+    }
+    if printed:
+        control["parabola"] = parabola(device)
+        replaced["human"] = lag_observer(device)
+    if along:
+        replaced["reference"] = shown_reference(base.blocks["reference"])
+        control["ahead"] = ahead(device, grid, given=preview, one_layer=one_layer)
+        # A future that is no number stops for good, as a wish of now does.
+        replaced["stamp"] = command_stamp(device, checked=True)
+    control["predictive"] = predictive_controller(
+        device,
+        horizon=grid,
+        preview=along,
+        impedance=one_layer,
+        person=person,
+        weights=weights,
+    )
+    inputs: dict[str, tuple[str, ...]] = {}
+    if preview:
+        names = ["tau_preview_Nm", *(["theta_preview_rad", "omega_preview_rad_s"] * one_layer)]
+        inputs = {n: (f"ahead.{n}",) for n in names}
+    sources = _sources(printed, along)
+    return Parts(
+        control=control,
+        command="predictive.u_Nm",
+        replaced=replaced,
+        wires={
+            f"{name}.{p.name}": sources[name][p.name]
+            for name, block in control.items()
+            for p in block.inputs
+            if (f"{name}.{p.name}",) not in inputs.values()
+        },
+        inputs=inputs,
+        outputs={"iterations": "predictive.iterations"},
+        request_ok="ahead.request_ok" if along else "",
+    )
+
+
+def _sources(printed: bool, along: bool) -> dict[str, dict[str, str]]:
+    # What feeds the inputs that are not the sliding mode's.
+    omega_load = "load_rate.omega_rad_s" if printed else "human.omega_load_rad_s"
+    shown = ["offset_Nm", "keep", "tau_range_Nm", "tau_wanted_Nm", "theta_wanted_rad"]
+    shown += ["omega_wanted_rad_s", "Kp_Nm_rad", "Kd_Nms_rad", "tau_set_Nm", "mode"]
+    tau_h = {"tau_h_Nm": "human.tau_h_Nm", "tau_h_rate_Nm_s": "human.tau_h_rate_Nm_s"}
+    if printed:
+        tau_h = {"tau_h_Nm": "parabola.tau_h_fit_Nm"}
+        tau_h |= {n: f"parabola.{n}" for n in ("tau_h_rate_Nm_s", "tau_h_curve_Nm_s2")}
+    wanted = {"mode": "reference.mode", "tau_d_Nm": "reference.tau_set_Nm"}
+    if along:
+        names = ("mode", "tau_d_Nm", "theta_d_rad", "omega_d_rad_s", "Kp_Nm_rad", "Kd_Nms_rad")
+        wanted = {n: f"ahead.{n}" for n in names}
+    return {
+        "parabola": {"tau_h_Nm": "human.tau_h_Nm"},
+        "ahead": {n: f"reference.{n}" for n in shown}
+        | {"theta_load_rad": "encoder_load.theta_rad", "omega_load_rad_s": omega_load},
+        "predictive": {
+            "delta_rad": "joint.theta_rad",
+            "omega_rad_s": "velocity.omega_rad_s",
+            "omega_m_rad_s": "motor_rate.omega_rad_s",
+            "theta_l_rad": "encoder_load.theta_rad",
+            "omega_l_rad_s": omega_load,
+            "u_a_Nm": "drive.u_a_Nm",
+            "u_in_force_Nm": "limits.u_Nm",
+            "tau_rate_Nm": "sensor.tau_rate_Nm",
+            "play_rad": "sensor.play_rad",
+            "d4_rad_s2": "drive.d4_rad_s2",
+        }
+        | tau_h
+        | wanted,
+    }
+
+
+LAW = Law("predictive", "Predictive control of torque and impedance", _parts, "predictive")

@@ -1,0 +1,238 @@
+"""What Block and Program have in common: names, ports, tunables, and how one is run in Python."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+
+from esea_gen.language.ports import Array, Constant, Equation, Port, Tunable
+from esea_gen.language.stream import OwnStreams
+
+Kind = Literal["block", "program"]
+
+
+@dataclass(frozen=True)
+class Component(ABC):
+    """What runs on the controller board with a fixed period: a Block or a Program.
+
+    Parameters
+    ----------
+    name : str
+        Lower case C identifier; becomes ``esea_<device>_<name>_step``.
+    title : str
+        One line of purpose.
+    period_s : float
+        Fixed sampling period.
+    constants, tunables, coefficients, state, inputs, outputs : tuple
+        Its ports and numbers.
+    equations : tuple of Equation
+        What it implements.
+    prepare, init : casadi.Function
+        Coefficients from tunables, state from coefficients: one argument or result per port, in
+        port order.
+    streams : OwnStreams
+        Streams that it brings along: what random inputs do not bring about.
+    """
+
+    name: str
+    title: str
+    period_s: float
+    constants: tuple[Constant, ...]
+    tunables: tuple[Tunable, ...]
+    coefficients: tuple[Port, ...]
+    state: tuple[Port, ...]
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    equations: tuple[Equation, ...]
+    prepare: ca.Function = field(repr=False)
+    init: ca.Function = field(repr=False)
+    streams: OwnStreams = field(default=OwnStreams(), repr=False, kw_only=True)
+
+    kind: ClassVar[Kind]
+
+    @property
+    @abstractmethod
+    def kernels(self) -> dict[str, ca.Function]:
+        """The straight-line functions that a step is made of, by name."""
+
+    @abstractmethod
+    def simulator(self, tunables: Mapping[str, float] | None = None) -> Executor:
+        """A reference executor, freshly initialised.
+
+        Parameters
+        ----------
+        tunables : mapping of str to float, optional
+            Values other than the defaults.
+        """
+
+    @property
+    def status_port(self) -> Port | None:
+        """The output that is a status word, if there is one."""
+        return next((p for p in self.outputs if p.flags), None)
+
+    def default_tunables(self) -> dict[str, float]:
+        """Default of every tunable."""
+        return {t.name: t.default for t in self.tunables}
+
+    def taken_tunables(self, given: Mapping[str, float] | None) -> dict[str, float]:
+        """Every tunable as it is set: the defaults, and in their place what is given.
+
+        Parameters
+        ----------
+        given : mapping of str to float, optional
+            Values other than the defaults; a bound that a message names is taken
+            (:meth:`esea_gen.language.ports.Tunable.taken`).
+
+        Returns
+        -------
+        dict of str to float
+            In the order of the tunables.
+
+        Raises
+        ------
+        ValueError
+            For a tunable that is unknown or outside its bounds.
+        """
+        values = self.default_tunables()
+        known = {t.name: t for t in self.tunables}
+        for key, value in (given or {}).items():
+            if key not in known:
+                raise ValueError(f"{self.kind} {self.name} has no tunable {key}; it has {[*known]}")
+            taken = known[key].taken(float(value))
+            if not known[key].low <= taken <= known[key].high:
+                raise ValueError(
+                    f"{key} = {value} is outside [{known[key].low}, {known[key].high}]"
+                )
+            values[key] = taken
+        return values
+
+
+class Executor(ABC):
+    """Runs a Component in Python, step by step, in float64.
+
+    Parameters
+    ----------
+    component : Component
+        What to run.
+    tunables : mapping of str to float, optional
+        Values other than the defaults.
+
+    Raises
+    ------
+    ValueError
+        For a tunable that is unknown or outside its bounds.
+    """
+
+    def __init__(self, component: Component, tunables: Mapping[str, float] | None = None) -> None:
+        self.block = component
+        values = component.taken_tunables(tunables)
+        prepared = component.prepare.call([ca.DM(v) for v in values.values()]) if values else []
+        self._c = {
+            p.name: np.asarray(c, dtype=float).ravel()
+            for p, c in zip(component.coefficients, prepared, strict=True)
+        }
+        self._s = {p.name: np.zeros(p.size) for p in component.state}
+        self._u = {p.name: np.zeros(p.size) for p in component.inputs}
+        self._y = {p.name: np.zeros(p.size) for p in component.outputs}
+
+    @abstractmethod
+    def _advance(self) -> None:
+        """One step on the arrays of inputs, state and outputs."""
+
+    def reset(self) -> None:
+        """Return to the initial state."""
+        for s in self._s.values():
+            s[:] = 0.0
+        initial = self.block.init.call([ca.DM(c) for c in self._c.values()])
+        for name, v in zip(self.block.init.name_out(), initial, strict=True):
+            self._s[name.removesuffix("_0")][:] = np.asarray(v, dtype=float).ravel()
+
+    @property
+    def coefficients(self) -> dict[str, Array]:
+        """Coefficients prepared from the tunables."""
+        return {n: c.copy() for n, c in self._c.items()}
+
+    @coefficients.setter
+    def coefficients(self, values: Mapping[str, Any]) -> None:
+        for name in self._c.keys() & values.keys():
+            self._c[name][:] = np.asarray(values[name], dtype=float).ravel()
+
+    @property
+    def state(self) -> dict[str, Array]:
+        """A copy of the state, by name."""
+        return {n: s.copy() for n, s in self._s.items()}
+
+    @state.setter
+    def state(self, values: Mapping[str, Any]) -> None:
+        for name in self._s.keys() & values.keys():
+            self._s[name][:] = np.asarray(values[name], dtype=float).ravel()
+
+    def step(self, **inputs: float | Array) -> dict[str, Any]:
+        """One step.
+
+        Parameters
+        ----------
+        **inputs : float or ndarray
+            One value per input port.
+
+        Returns
+        -------
+        dict
+            One value per output port: float, ndarray for a vector, int for a status word.
+
+        Raises
+        ------
+        TypeError
+            When the names are not the input ports'.
+        """
+        if set(inputs) != set(self._u):
+            raise TypeError(f"{self.block.name}.step takes {[*self._u]}, got {sorted(inputs)}")
+        for name, value in inputs.items():
+            self._u[name][:] = value
+        self._advance()
+        out: dict[str, Any] = {}
+        for p in self.block.outputs:
+            y = self._y[p.name]
+            if p.flags:
+                out[p.name] = int(y[0])
+            else:
+                out[p.name] = float(y[0]) if p.size == 1 else y.copy()
+        return out
+
+    def run(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Run over a stream, going on from the present state.
+
+        Parameters
+        ----------
+        inputs : mapping of str to array
+            One array per input port, shape (steps,) or (steps, size).
+
+        Returns
+        -------
+        outputs, states : dict of str to ndarray
+            One array per port: (steps,) for scalars, (steps, size) for vectors; the state is the
+            one after each step.
+        """
+        columns = {n: np.asarray(inputs[n], dtype=float) for n in self._u}
+        steps = len(next(iter(columns.values())))
+        rows = [(self._u[n], c.reshape(steps, -1)) for n, c in columns.items()]
+        outputs = {n: np.empty((steps, len(v))) for n, v in self._y.items()}
+        states = {n: np.empty((steps, len(v))) for n, v in self._s.items()}
+        for k in range(steps):
+            for given, column in rows:
+                given[:] = column[k]
+            self._advance()
+            for name, value in self._y.items():
+                outputs[name][k] = value
+            for name, value in self._s.items():
+                states[name][k] = value
+
+        def squeezed(found: dict[str, Array]) -> dict[str, Array]:
+            return {n: a[:, 0] if a.shape[1] == 1 else a for n, a in found.items()}
+
+        return squeezed(outputs), squeezed(states)

@@ -1,0 +1,396 @@
+"""What crosses a Block's border: ports, tunables, constants, flags, and the checks of a value.
+
+A quantity carries its unit in its name.  Every threshold is a float32 number, so that all number
+formats decide alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+Status = Literal["published", "identified", "assumed", "derived"]
+
+
+UNIT_SUFFIXES = {
+    "_rad": "rad",
+    "_deg": "deg",
+    "_rad_s": "rad/s",
+    "_rad_s2": "rad/s^2",
+    "_Nm": "Nm",
+    "_Nm_rad": "Nm/rad",
+    "_Nm_rad3": "Nm/rad^3",
+    "_Nms_rad": "Nm s/rad",
+    "_1_rad": "1/rad",
+    "_1_s": "1/s",
+    "_1_s2": "1/s^2",
+    "_s": "s",
+    "_Hz": "Hz",
+    "_bits": "bit",
+    "_kgm2": "kg m^2",
+    "_rad_s3": "rad/s^3",
+    "_Nm_s": "Nm/s",
+    "_Nm_s2": "Nm/s^2",
+    "_Nm_s_rad": "Nm/(rad s)",
+    "_J": "J",
+    "_W": "W",
+}
+
+
+def unit_of(name: str) -> str:
+    """Unit that a name carries in its suffix.
+
+    Parameters
+    ----------
+    name : str
+        A quantity's name, such as ``omega_mid_rad_s``.
+
+    Returns
+    -------
+    str
+        The unit, ``"1"`` for a name without a known suffix (a dimensionless quantity).
+    """
+    best = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
+    return UNIT_SUFFIXES.get(best, "1")
+
+
+def f32_inside(low: float, high: float) -> tuple[float, float]:
+    """Snap an interval's ends inwards to float32 numbers.
+
+    Every threshold that decides something is such a number, so that f64 and f32 decide alike on the
+    same input.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the interval.
+
+    Returns
+    -------
+    tuple of float
+        The ends, each the nearest float32 not outside the interval.
+    """
+    lo, hi = np.float32(low), np.float32(high)
+    if float(lo) < low:
+        lo = np.nextafter(lo, np.float32(np.inf))
+    if float(hi) > high:
+        hi = np.nextafter(hi, np.float32(-np.inf))
+    return float(lo), float(hi)
+
+
+def threshold(value: float) -> float:
+    """A positive threshold as the nearest float32 not above it (all formats then decide alike).
+
+    Parameters
+    ----------
+    value : float
+        Threshold.
+
+    Returns
+    -------
+    float
+        The snapped threshold.
+    """
+    return f32_inside(-value, value)[1]
+
+
+@dataclass(frozen=True)
+class Flag:
+    """One bit of a status word.
+
+    Parameters
+    ----------
+    name : str
+        Upper case name, ``INPUT_INVALID``.
+    meaning : str
+        What it tells the reader of a log.
+    counted : bool
+        Whether the C keeps a saturating counter of the steps in which it was set.
+    compares : tuple of str
+        Outputs whose magnitude, once computed, decides the bit; empty when the inputs alone do, so
+        that all number formats agree.
+    threshold : float
+        What it is compared with.
+    only_by_fault : str
+        Why only a fault of the arithmetic itself can set the bit, so that no stream is asked to.
+        That it stays quiet is checked by the comparisons, with the distance to its threshold; no
+        interval shows it.
+    """
+
+    name: str
+    meaning: str
+    counted: bool = False
+    compares: tuple[str, ...] = ()
+    threshold: float = 0.0
+    only_by_fault: str = ""
+
+
+@dataclass(frozen=True)
+class Port:
+    """A named value that crosses a Block's border: input, output, state or coefficient.
+
+    Parameters
+    ----------
+    name : str
+        Name with its unit as suffix (``theta_rad``).
+    low, high : float
+        Physical range; snapped inwards to float32 numbers.
+    meaning : str
+        One sentence for headers, telemetry and reports.
+    size : int
+        Number of elements.
+    equation : str
+        Number of the equation it comes from, as printed in the source.
+    init : float
+        States: value after ``init``.
+    on_invalid : float or str
+        Inputs: the constant, or the name of the state, used in place of an invalid value.
+    repair : {"init", "block"}
+        States: ``init`` lets the guard put the initial value in place of a corrupt one; ``block``
+        leaves that to the Block's own step, which is told through ``guard.state_ok``.
+    flags : tuple of Flag
+        Outputs that are status words: the bits, least significant first.
+    """
+
+    name: str
+    low: float
+    high: float
+    meaning: str
+    size: int = 1
+    equation: str = ""
+    init: float = 0.0
+    on_invalid: float | str = 0.0
+    repair: Literal["init", "block"] = "init"
+    flags: tuple[Flag, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(f"port {self.name}: range [{self.low}, {self.high}] is empty")
+        if self.size < 1:
+            raise ValueError(f"port {self.name}: size {self.size} is below 1")
+        low, high = f32_inside(self.low, self.high)
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", high)
+
+    @property
+    def unit(self) -> str:
+        """Unit from the name's suffix; ``"1"`` when dimensionless."""
+        return "bits" if self.flags else unit_of(self.name)
+
+
+@dataclass(frozen=True)
+class Tunable:
+    """A value that may be changed while the board runs.
+
+    Parameters
+    ----------
+    name : str
+        Name with its unit as suffix.
+    default, low, high : float
+        Default and the bounds outside which a change is refused; bounds are snapped inwards to
+        float32 numbers, and a default as near as rounding is the bound (:meth:`taken`).
+    meaning : str
+        One sentence, with the effect of turning it up.
+    source : str
+        Where the default comes from.
+    status : str
+        ``published``, ``identified`` or ``assumed``.
+    """
+
+    name: str
+    default: float
+    low: float
+    high: float
+    meaning: str
+    source: str = ""
+    status: Status = "assumed"
+
+    def __post_init__(self) -> None:
+        low, high = f32_inside(self.low, self.high)
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", high)
+        object.__setattr__(self, "default", self.taken(self.default))
+        if not self.low <= self.default <= self.high:
+            raise ValueError(
+                f"tunable {self.name}: default {self.default} outside [{self.low}, {self.high}]"
+            )
+
+    def taken(self, value: float) -> float:
+        """A value as it is set: the bound, for one that only float32's rounding puts beyond it.
+
+        Bounds are snapped inwards, so the number that a device file or a message names as the bound
+        lies beyond by up to one rounding.
+
+        Parameters
+        ----------
+        value : float
+            A value somebody gave.
+
+        Returns
+        -------
+        float
+            The bound within one float32 rounding of it, else ``value``, inside the bounds or not.
+        """
+        for bound, beyond in ((self.low, value < self.low), (self.high, value > self.high)):
+            if beyond and abs(value - bound) <= float(np.spacing(np.float32(abs(bound)))):
+                return bound
+        return value
+
+    @property
+    def unit(self) -> str:
+        """Unit from the name's suffix."""
+        return unit_of(self.name)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number folded into the code, kept here for headers and reports.
+
+    Parameters
+    ----------
+    name : str
+        Name with its unit as suffix.
+    value : float
+        The number, SI units.
+    source : str
+        Table, equation or recording it comes from.
+    status : str
+        ``published``, ``identified``, ``assumed`` or ``derived``.
+    """
+
+    name: str
+    value: float
+    source: str
+    status: Status
+
+    @property
+    def unit(self) -> str:
+        """Unit from the name's suffix."""
+        return unit_of(self.name)
+
+
+@dataclass(frozen=True)
+class Equation:
+    """An equation a Block implements, for documents and comments.
+
+    Parameters
+    ----------
+    number : str
+        Number in the source, ``"(3.4)"``; ours start with ``"["``.
+    mathml : str
+        Presentation MathML, printed by SymPy from the expression that is evaluated.
+    text : str
+        What it says, in a few words.
+    """
+
+    number: str
+    mathml: str
+    text: str
+
+
+def symbols_of(ports: Iterable[Port | Tunable]) -> dict[str, ca.SX]:
+    """One symbol a port, by name.
+
+    Parameters
+    ----------
+    ports : iterable of Port or Tunable
+        The ports.
+
+    Returns
+    -------
+    dict of str to casadi.SX
+        Columns of the ports' sizes.
+    """
+    return {p.name: ca.SX.sym(p.name, getattr(p, "size", 1)) for p in ports}
+
+
+def in_range(x: ca.SX, low: float, high: float) -> ca.SX:
+    """Whether a value is inside a range; false for NaN (promise 5: test before any clip).
+
+    Parameters
+    ----------
+    x : casadi.SX
+        Scalar.
+    low, high : float
+        Ends, both inside.
+
+    Returns
+    -------
+    casadi.SX
+        1 or 0.
+    """
+    return ca.logic_and(x <= high, x >= low)
+
+
+def port_ok(x: ca.SX, port: Port) -> ca.SX:
+    """Whether a port's value is plausible.
+
+    A scalar must be inside its range.  For a vector the sum of magnitudes must be within size times
+    the largest magnitude (and a thousandth, room for rounding): one comparison finds any NaN,
+    infinity or blown-up element.
+
+    Parameters
+    ----------
+    x : casadi.SX
+        The value, ``port.size`` elements.
+    port : Port
+        Its port.
+
+    Returns
+    -------
+    casadi.SX
+        1 or 0.
+    """
+    if port.size == 1:
+        return in_range(x, port.low, port.high)
+    total = ca.fabs(x[0])
+    for i in range(1, port.size):
+        total = total + ca.fabs(x[i])
+    return total <= float(np.float32(1.001 * port.size * max(abs(port.low), abs(port.high))))
+
+
+def clip(x: ca.SX, low: Any, high: Any) -> ca.SX:
+    """Clip a value that has passed its port check.
+
+    Parameters
+    ----------
+    x : casadi.SX
+        Scalar, not NaN.
+    low, high : float or casadi.SX
+        Ends.
+
+    Returns
+    -------
+    casadi.SX
+        ``max(min(x, high), low)``.
+    """
+    return ca.fmax(ca.fmin(x, high), low)
+
+
+def flag_word(bits: Iterable[ca.SX]) -> ca.SX:
+    """Pack flags into a status word, first flag in the lowest bit.
+
+    Parameters
+    ----------
+    bits : iterable of casadi.SX
+        1 or 0 each, at most 24 of them (exact in float32).
+
+    Returns
+    -------
+    casadi.SX
+        The word as a whole number.
+    """
+    word: Any = ca.SX(0)
+    for i, b in enumerate(bits):
+        if i >= 24:
+            raise ValueError("a status word has at most 24 flags")
+        word = word + ca.if_else(b, float(1 << i), 0)
+    return ca.SX(word)

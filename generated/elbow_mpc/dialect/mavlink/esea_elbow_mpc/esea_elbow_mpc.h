@@ -1,0 +1,368 @@
+/** @file
+ *  @brief MAVLink comm protocol generated from esea_elbow_mpc.xml
+ *  @see http://mavlink.org
+ */
+#pragma once
+#ifndef MAVLINK_ESEA_ELBOW_MPC_H
+#define MAVLINK_ESEA_ELBOW_MPC_H
+
+#ifndef MAVLINK_H
+    #error Wrong include order: MAVLINK_ESEA_ELBOW_MPC.H MUST NOT BE DIRECTLY USED. Include mavlink.h from the same directory instead or set ALL AND EVERY defines from MAVLINK.H manually accordingly, including the #define MAVLINK_H call.
+#endif
+
+#define MAVLINK_ESEA_ELBOW_MPC_XML_HASH 5228115389068090300
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+// MESSAGE LENGTHS AND CRCS
+
+#ifndef MAVLINK_MESSAGE_LENGTHS
+#define MAVLINK_MESSAGE_LENGTHS {}
+#endif
+
+#ifndef MAVLINK_MESSAGE_CRCS
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 48, 44, 44, 0, 0, 0}, {42602, 174, 104, 104, 0, 0, 0}, {42603, 75, 124, 124, 0, 0, 0}, {42604, 65, 28, 28, 0, 0, 0}}
+#endif
+
+#include "../protocol.h"
+
+#define MAVLINK_ENABLED_ESEA_ELBOW_MPC
+
+// ENUM DEFINITIONS
+
+
+/** @brief Component type; the entries in use. */
+#ifndef HAVE_ENUM_MAV_TYPE
+#define HAVE_ENUM_MAV_TYPE
+typedef enum MAV_TYPE
+{
+   MAV_TYPE_GENERIC=0, /* The controller board. | */
+   MAV_TYPE_GCS=6, /* The host. | */
+   MAV_TYPE_ENUM_END=7, /*  | */
+} MAV_TYPE;
+#endif
+
+/** @brief Autopilot class; the entry in use. */
+#ifndef HAVE_ENUM_MAV_AUTOPILOT
+#define HAVE_ENUM_MAV_AUTOPILOT
+typedef enum MAV_AUTOPILOT
+{
+   MAV_AUTOPILOT_INVALID=8, /* No autopilot. | */
+   MAV_AUTOPILOT_ENUM_END=9, /*  | */
+} MAV_AUTOPILOT;
+#endif
+
+/** @brief Mode bits; the one in use. */
+#ifndef HAVE_ENUM_MAV_MODE_FLAG
+#define HAVE_ENUM_MAV_MODE_FLAG
+typedef enum MAV_MODE_FLAG
+{
+   MAV_MODE_FLAG_CUSTOM_MODE_ENABLED=1, /* custom_mode holds an ESEA_MODE. | */
+   MAV_MODE_FLAG_ENUM_END=2, /*  | */
+} MAV_MODE_FLAG;
+#endif
+
+/** @brief Component state; the entries in use. */
+#ifndef HAVE_ENUM_MAV_STATE
+#define HAVE_ENUM_MAV_STATE
+typedef enum MAV_STATE
+{
+   MAV_STATE_BOOT=1, /* Starting. | */
+   MAV_STATE_STANDBY=3, /* Ready for the first input. | */
+   MAV_STATE_ACTIVE=4, /* Stepping. | */
+   MAV_STATE_CRITICAL=5, /* A fault is latched; no step is taken until a reset. | */
+   MAV_STATE_EMERGENCY=6, /* The processor has stopped after a hardware fault. | */
+   MAV_STATE_ENUM_END=7, /*  | */
+} MAV_STATE;
+#endif
+
+/** @brief Result of a command; the entries in use. */
+#ifndef HAVE_ENUM_MAV_RESULT
+#define HAVE_ENUM_MAV_RESULT
+typedef enum MAV_RESULT
+{
+   MAV_RESULT_ACCEPTED=0, /* Done. | */
+   MAV_RESULT_DENIED=2, /* A parameter is invalid. | */
+   MAV_RESULT_UNSUPPORTED=3, /* Unknown command. | */
+   MAV_RESULT_FAILED=4, /* Not done; the HEARTBEAT and ESEA_INFO tell why. | */
+   MAV_RESULT_ENUM_END=5, /*  | */
+} MAV_RESULT;
+#endif
+
+/** @brief Commands; the entries in use. */
+#ifndef HAVE_ENUM_MAV_CMD
+#define HAVE_ENUM_MAV_CMD
+typedef enum MAV_CMD
+{
+   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT or ESEA_INFO. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_USER_1=31010, /* Reset: initial state of every Block, counters to 0, latched fault released. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_ENUM_END=31011, /*  | */
+} MAV_CMD;
+#endif
+
+/** @brief State of the firmware, in HEARTBEAT.custom_mode. */
+#ifndef HAVE_ENUM_ESEA_MODE
+#define HAVE_ENUM_ESEA_MODE
+typedef enum ESEA_MODE
+{
+   ESEA_MODE_BOOT=0, /* Starting; no input is taken. | */
+   ESEA_MODE_READY=1, /* Initial state; waits for the first input. | */
+   ESEA_MODE_RUNNING=2, /* Takes one step per input. | */
+   ESEA_MODE_FAULT=3, /* A fault is latched; inputs are answered by a HEARTBEAT until a reset. | */
+   ESEA_MODE_ENUM_END=4, /*  | */
+} ESEA_MODE;
+#endif
+
+/** @brief Latched fault, in ESEA_INFO.fault. */
+#ifndef HAVE_ENUM_ESEA_FAULT
+#define HAVE_ENUM_ESEA_FAULT
+typedef enum ESEA_FAULT
+{
+   ESEA_FAULT_NONE=0, /* No fault. | */
+   ESEA_FAULT_PREPARE_REFUSED=1, /* A tunable's default is outside its range. | */
+   ESEA_FAULT_STACK_EXHAUSTED=2, /* The stack has been used to its last word. | */
+   ESEA_FAULT_PROCESSOR=3, /* The processor took a fault exception. | */
+   ESEA_FAULT_ENUM_END=4, /*  | */
+} ESEA_FAULT;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS
+typedef enum ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS
+{
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_INPUT_INVALID=1, /* count or frame word was NaN or outside its range | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the encoder was started afresh | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_FRAME_ERROR=4, /* the frame's own checks say that it is wrong; angle held | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_IMPLAUSIBLE_STEP=8, /* the angle moved faster than the joint can; angle held | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_HELD_TOO_LONG=16, /* more bad frames in a row than may be bridged: not usable | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_SETTLING=32, /* too few frames that agree since the start: not usable | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_NOT_ZEROED=64, /* no calibration has set the zero: not usable | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_REFERENCE_LOST=128, /* the angle jumped and stayed away, or left its range of turns: not usable until init | */
+   ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS_ENUM_END=129, /*  | */
+} ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS
+typedef enum ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS
+{
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_INPUT_INVALID=1, /* count or frame word was NaN or outside its range | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the encoder was started afresh | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_FRAME_ERROR=4, /* the frame's own checks say that it is wrong; angle held | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_IMPLAUSIBLE_STEP=8, /* the angle moved faster than the joint can; angle held | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_HELD_TOO_LONG=16, /* more bad frames in a row than may be bridged: not usable | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_SETTLING=32, /* too few frames that agree since the start: not usable | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_NOT_ZEROED=64, /* no calibration has set the zero: not usable | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_REFERENCE_LOST=128, /* the angle jumped and stayed away, or left its range of turns: not usable until init | */
+   ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS_ENUM_END=129, /*  | */
+} ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_JOINT_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_JOINT_STATUS
+typedef enum ESEA_ELBOW_MPC_JOINT_STATUS
+{
+   ESEA_ELBOW_MPC_JOINT_STATUS_INPUT_INVALID=1, /* an angle was NaN or outside its range | */
+   ESEA_ELBOW_MPC_JOINT_STATUS_ENCODER_UNUSABLE=2, /* an encoder says that its angle cannot be used | */
+   ESEA_ELBOW_MPC_JOINT_STATUS_DEFLECTION_OUTSIDE=4, /* the deflection is beyond its physical range and was clipped | */
+   ESEA_ELBOW_MPC_JOINT_STATUS_ENUM_END=5, /*  | */
+} ESEA_ELBOW_MPC_JOINT_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_VELOCITY_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_VELOCITY_STATUS
+typedef enum ESEA_ELBOW_MPC_VELOCITY_STATUS
+{
+   ESEA_ELBOW_MPC_VELOCITY_STATUS_INPUT_INVALID=1, /* the deflection was NaN or outside its range; the last estimate is held | */
+   ESEA_ELBOW_MPC_VELOCITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
+   ESEA_ELBOW_MPC_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range | */
+   ESEA_ELBOW_MPC_VELOCITY_STATUS_ENUM_END=5, /*  | */
+} ESEA_ELBOW_MPC_VELOCITY_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_SENSOR_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_SENSOR_STATUS
+typedef enum ESEA_ELBOW_MPC_SENSOR_STATUS
+{
+   ESEA_ELBOW_MPC_SENSOR_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its physical range; the last deflection is held | */
+   ESEA_ELBOW_MPC_SENSOR_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the model was started afresh | */
+   ESEA_ELBOW_MPC_SENSOR_STATUS_THETA_OUTSIDE=4, /* |deflection| is outside the identified domain | */
+   ESEA_ELBOW_MPC_SENSOR_STATUS_RATE_OUTSIDE=8, /* |deflection rate| is outside the identified domain | */
+   ESEA_ELBOW_MPC_SENSOR_STATUS_TORQUE_OUTSIDE=16, /* |torque| is above full scale | */
+   ESEA_ELBOW_MPC_SENSOR_STATUS_STEP_CLIPPED=32, /* deflection jumped by more than its rate allows; clipped | */
+   ESEA_ELBOW_MPC_SENSOR_STATUS_RATE_TORQUE_CLIPPED=64, /* the Maxwell element's torque was clipped at its limit | */
+   ESEA_ELBOW_MPC_SENSOR_STATUS_ENUM_END=65, /*  | */
+} ESEA_ELBOW_MPC_SENSOR_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_MOTOR_RATE_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_MOTOR_RATE_STATUS
+typedef enum ESEA_ELBOW_MPC_MOTOR_RATE_STATUS
+{
+   ESEA_ELBOW_MPC_MOTOR_RATE_STATUS_INPUT_INVALID=1, /* the angle was NaN or outside its range; the rate is held | */
+   ESEA_ELBOW_MPC_MOTOR_RATE_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the filter was started afresh | */
+   ESEA_ELBOW_MPC_MOTOR_RATE_STATUS_STEP_CLIPPED=4, /* the angle jumped by more than a twentieth of its range; clipped | */
+   ESEA_ELBOW_MPC_MOTOR_RATE_STATUS_RATE_CLIPPED=8, /* the filtered rate was clipped at its physical range | */
+   ESEA_ELBOW_MPC_MOTOR_RATE_STATUS_ENUM_END=9, /*  | */
+} ESEA_ELBOW_MPC_MOTOR_RATE_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_LOAD_RATE_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_LOAD_RATE_STATUS
+typedef enum ESEA_ELBOW_MPC_LOAD_RATE_STATUS
+{
+   ESEA_ELBOW_MPC_LOAD_RATE_STATUS_INPUT_INVALID=1, /* the angle was NaN or outside its range; the rate is held | */
+   ESEA_ELBOW_MPC_LOAD_RATE_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the filter was started afresh | */
+   ESEA_ELBOW_MPC_LOAD_RATE_STATUS_STEP_CLIPPED=4, /* the angle jumped by more than a twentieth of its range; clipped | */
+   ESEA_ELBOW_MPC_LOAD_RATE_STATUS_RATE_CLIPPED=8, /* the filtered rate was clipped at its physical range | */
+   ESEA_ELBOW_MPC_LOAD_RATE_STATUS_ENUM_END=9, /*  | */
+} ESEA_ELBOW_MPC_LOAD_RATE_STATUS;
+#endif
+
+/** @brief what is known of this set torque */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_REFERENCE_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_REFERENCE_STATUS
+typedef enum ESEA_ELBOW_MPC_REFERENCE_STATUS
+{
+   ESEA_ELBOW_MPC_REFERENCE_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; the limits latch | */
+   ESEA_ELBOW_MPC_REFERENCE_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the limits latch | */
+   ESEA_ELBOW_MPC_REFERENCE_STATUS_CLIPPED=4, /* the set torque was clipped at tau_range_Nm | */
+   ESEA_ELBOW_MPC_REFERENCE_STATUS_ENTERED=8, /* a law took over in this step, from where the torque was | */
+   ESEA_ELBOW_MPC_REFERENCE_STATUS_ENUM_END=9, /*  | */
+} ESEA_ELBOW_MPC_REFERENCE_STATUS;
+#endif
+
+/** @brief which limits act, and what holds the latch */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_LIMITS_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_LIMITS_STATUS
+typedef enum ESEA_ELBOW_MPC_LIMITS_STATUS
+{
+   ESEA_ELBOW_MPC_LIMITS_STATUS_INPUT_INVALID=1, /* an input was NaN, outside its physical range or not a whole number, or what was wanted was | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the latch was closed afresh | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_TUNABLE_INVALID=4, /* a limit was not within its compiled bounds, or the range of motion was turned round | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_STOPPED=8, /* stop is requested now | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_SENSING_LOST=16, /* the sensing task could not vouch for its measurements | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_CONTROL_STALE=32, /* the control task has delivered no new command for too long | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_DEFLECTION=64, /* the deflection is beyond its limit | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_INTERACTION_TORQUE=128, /* the interaction torque is beyond its limit | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_SPEED=256, /* joint or drive are faster than their limit | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_RANGE_OF_MOTION=512, /* the joint is beyond its range of motion and the margin | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_ENERGY=1024, /* the energy given to the limb within the window is beyond its limit | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_TORQUE_CLIPPED=2048, /* the command was clipped at the largest motor torque | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_RATE_LIMITED=4096, /* the command changed faster than allowed | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_ROM_LOW=8192, /* pushing towards the lower end was held back | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_ROM_HIGH=16384, /* pushing towards the upper end was held back | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_SPEED_LIMITED=32768, /* pushing on at high speed was held back | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_REARM_REFUSED=65536, /* a rearm request came, but not all its conditions were met | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_FAULT_LATCHED=131072, /* the motor command is held at zero; fault tells the first reason | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_ENUM_END=131073, /*  | */
+} ESEA_ELBOW_MPC_LIMITS_STATUS;
+#endif
+
+/** @brief what is known of this estimate */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_DRIVE_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_DRIVE_STATUS
+typedef enum ESEA_ELBOW_MPC_DRIVE_STATUS
+{
+   ESEA_ELBOW_MPC_DRIVE_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; d4 is held | */
+   ESEA_ELBOW_MPC_DRIVE_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
+   ESEA_ELBOW_MPC_DRIVE_STATUS_CLIPPED=4, /* the estimate was clipped at its range | */
+   ESEA_ELBOW_MPC_DRIVE_STATUS_ENUM_END=5, /*  | */
+} ESEA_ELBOW_MPC_DRIVE_STATUS;
+#endif
+
+/** @brief what is known of this estimate */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_HUMAN_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_HUMAN_STATUS
+typedef enum ESEA_ELBOW_MPC_HUMAN_STATUS
+{
+   ESEA_ELBOW_MPC_HUMAN_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; the observer predicts without correction | */
+   ESEA_ELBOW_MPC_HUMAN_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
+   ESEA_ELBOW_MPC_HUMAN_STATUS_OMEGA_CLIPPED=4, /* the load side's rate was clipped at its range | */
+   ESEA_ELBOW_MPC_HUMAN_STATUS_TORQUE_CLIPPED=8, /* the torque of the person was clipped at its range | */
+   ESEA_ELBOW_MPC_HUMAN_STATUS_TORQUE_RATE_CLIPPED=16, /* the rate of that torque was clipped at its range | */
+   ESEA_ELBOW_MPC_HUMAN_STATUS_ENUM_END=17, /*  | */
+} ESEA_ELBOW_MPC_HUMAN_STATUS;
+#endif
+
+/** @brief what is known of it */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_AHEAD_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_AHEAD_STATUS
+typedef enum ESEA_ELBOW_MPC_AHEAD_STATUS
+{
+   ESEA_ELBOW_MPC_AHEAD_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; off | */
+   ESEA_ELBOW_MPC_AHEAD_STATUS_ENUM_END=2, /*  | */
+} ESEA_ELBOW_MPC_AHEAD_STATUS;
+#endif
+
+/** @brief what is known of the command */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_PREDICTIVE_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_PREDICTIVE_STATUS
+typedef enum ESEA_ELBOW_MPC_PREDICTIVE_STATUS
+{
+   ESEA_ELBOW_MPC_PREDICTIVE_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; the command is 0 | */
+   ESEA_ELBOW_MPC_PREDICTIVE_STATUS_STATE_REPAIRED=2, /* the plan was corrupt; it was started afresh | */
+   ESEA_ELBOW_MPC_PREDICTIVE_STATUS_NOT_CONVEX=4, /* the Hessian was not positive (or not a number); the command is 0 | */
+   ESEA_ELBOW_MPC_PREDICTIVE_STATUS_CAP_REACHED=8, /* the QP's iterations ran out; the command is its best feasible one | */
+   ESEA_ELBOW_MPC_PREDICTIVE_STATUS_NOT_OPTIMAL=16, /* the QP's optimality check failed; the command is feasible | */
+   ESEA_ELBOW_MPC_PREDICTIVE_STATUS_ENUM_END=17, /*  | */
+} ESEA_ELBOW_MPC_PREDICTIVE_STATUS;
+#endif
+
+/** @brief what is known of this command */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_STAMP_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_STAMP_STATUS
+typedef enum ESEA_ELBOW_MPC_STAMP_STATUS
+{
+   ESEA_ELBOW_MPC_STAMP_STATUS_INPUT_INVALID=1, /* the command was NaN or outside its range; 0 is passed on | */
+   ESEA_ELBOW_MPC_STAMP_STATUS_STATE_REPAIRED=2, /* the count was corrupt; it starts again | */
+   ESEA_ELBOW_MPC_STAMP_STATUS_ENUM_END=3, /*  | */
+} ESEA_ELBOW_MPC_STAMP_STATUS;
+#endif
+
+// MAVLINK VERSION
+
+#ifndef MAVLINK_VERSION
+#define MAVLINK_VERSION 3
+#endif
+
+#if (MAVLINK_VERSION == 0)
+#undef MAVLINK_VERSION
+#define MAVLINK_VERSION 3
+#endif
+
+// MESSAGE DEFINITIONS
+#include "./mavlink_msg_heartbeat.h"
+#include "./mavlink_msg_command_long.h"
+#include "./mavlink_msg_command_ack.h"
+#include "./mavlink_msg_esea_info.h"
+#include "./mavlink_msg_esea_sense_in.h"
+#include "./mavlink_msg_esea_sense_out.h"
+#include "./mavlink_msg_esea_control_in.h"
+#include "./mavlink_msg_esea_control_out.h"
+
+// base include
+
+
+
+#if MAVLINK_ESEA_ELBOW_MPC_XML_HASH == MAVLINK_PRIMARY_XML_HASH
+# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_IN, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT}
+# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_CONTROL_IN", 42603 }, { "ESEA_CONTROL_OUT", 42604 }, { "ESEA_INFO", 42600 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "HEARTBEAT", 0 }}
+# if MAVLINK_COMMAND_24BIT
+#  include "../mavlink_get_info.h"
+# endif
+#endif
+
+#ifdef __cplusplus
+}
+#endif // __cplusplus
+#endif // MAVLINK_ESEA_ELBOW_MPC_H

@@ -1,0 +1,430 @@
+#pragma once
+// MESSAGE ESEA_CONTROL_OUT PACKING
+
+#include <stdint.h>
+
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT 42604
+
+
+typedef struct __mavlink_esea_control_out_t {
+ uint32_t sequence; /*<  Base tick of this run of the task.*/
+ float u_command_Nm; /*<  command; [Nm], range -0.220999986 to 0.220999986*/
+ float iterations; /*<  QP: changes of its active set; [dimensionless], range 0 to 1000*/
+ uint32_t ahead_status; /*<  what is known of it; bits below*/
+ uint32_t predictive_status; /*<  what is known of the command; bits below*/
+ uint32_t stamp_status; /*<  what is known of this command; bits below*/
+ uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
+} mavlink_esea_control_out_t;
+
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN 28
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN 28
+#define MAVLINK_MSG_ID_42604_LEN 28
+#define MAVLINK_MSG_ID_42604_MIN_LEN 28
+
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC 65
+#define MAVLINK_MSG_ID_42604_CRC 65
+
+
+
+#if MAVLINK_COMMAND_24BIT
+#define MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT { \
+    42604, \
+    "ESEA_CONTROL_OUT", \
+    7, \
+    {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_control_out_t, sequence) }, \
+         { "u_command_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_control_out_t, u_command_Nm) }, \
+         { "iterations", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_control_out_t, iterations) }, \
+         { "ahead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 12, offsetof(mavlink_esea_control_out_t, ahead_status) }, \
+         { "predictive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 16, offsetof(mavlink_esea_control_out_t, predictive_status) }, \
+         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 20, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
+         } \
+}
+#else
+#define MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT { \
+    "ESEA_CONTROL_OUT", \
+    7, \
+    {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_control_out_t, sequence) }, \
+         { "u_command_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_control_out_t, u_command_Nm) }, \
+         { "iterations", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_control_out_t, iterations) }, \
+         { "ahead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 12, offsetof(mavlink_esea_control_out_t, ahead_status) }, \
+         { "predictive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 16, offsetof(mavlink_esea_control_out_t, predictive_status) }, \
+         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 20, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
+         } \
+}
+#endif
+
+/**
+ * @brief Pack a esea_control_out message
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param msg The MAVLink message to compress the data into
+ *
+ * @param sequence  Base tick of this run of the task.
+ * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
+ * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
+ * @param ahead_status  what is known of it; bits below
+ * @param predictive_status  what is known of the command; bits below
+ * @param stamp_status  what is known of this command; bits below
+ * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
+ * @return length of the message in bytes (excluding serial stream start sign)
+ */
+static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
+                               uint32_t sequence, float u_command_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t stamp_status, uint32_t step_ticks)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
+    _mav_put_uint32_t(buf, 0, sequence);
+    _mav_put_float(buf, 4, u_command_Nm);
+    _mav_put_float(buf, 8, iterations);
+    _mav_put_uint32_t(buf, 12, ahead_status);
+    _mav_put_uint32_t(buf, 16, predictive_status);
+    _mav_put_uint32_t(buf, 20, stamp_status);
+    _mav_put_uint32_t(buf, 24, step_ticks);
+
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+#else
+    mavlink_esea_control_out_t packet;
+    packet.sequence = sequence;
+    packet.u_command_Nm = u_command_Nm;
+    packet.iterations = iterations;
+    packet.ahead_status = ahead_status;
+    packet.predictive_status = predictive_status;
+    packet.stamp_status = stamp_status;
+    packet.step_ticks = step_ticks;
+
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+#endif
+
+    msg->msgid = MAVLINK_MSG_ID_ESEA_CONTROL_OUT;
+    return mavlink_finalize_message(msg, system_id, component_id, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+}
+
+/**
+ * @brief Pack a esea_control_out message
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param status MAVLink status structure
+ * @param msg The MAVLink message to compress the data into
+ *
+ * @param sequence  Base tick of this run of the task.
+ * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
+ * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
+ * @param ahead_status  what is known of it; bits below
+ * @param predictive_status  what is known of the command; bits below
+ * @param stamp_status  what is known of this command; bits below
+ * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
+ * @return length of the message in bytes (excluding serial stream start sign)
+ */
+static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
+                               uint32_t sequence, float u_command_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t stamp_status, uint32_t step_ticks)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
+    _mav_put_uint32_t(buf, 0, sequence);
+    _mav_put_float(buf, 4, u_command_Nm);
+    _mav_put_float(buf, 8, iterations);
+    _mav_put_uint32_t(buf, 12, ahead_status);
+    _mav_put_uint32_t(buf, 16, predictive_status);
+    _mav_put_uint32_t(buf, 20, stamp_status);
+    _mav_put_uint32_t(buf, 24, step_ticks);
+
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+#else
+    mavlink_esea_control_out_t packet;
+    packet.sequence = sequence;
+    packet.u_command_Nm = u_command_Nm;
+    packet.iterations = iterations;
+    packet.ahead_status = ahead_status;
+    packet.predictive_status = predictive_status;
+    packet.stamp_status = stamp_status;
+    packet.step_ticks = step_ticks;
+
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+#endif
+
+    msg->msgid = MAVLINK_MSG_ID_ESEA_CONTROL_OUT;
+#if MAVLINK_CRC_EXTRA
+    return mavlink_finalize_message_buffer(msg, system_id, component_id, _status, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+#else
+    return mavlink_finalize_message_buffer(msg, system_id, component_id, _status, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+#endif
+}
+
+/**
+ * @brief Pack a esea_control_out message on a channel
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param chan The MAVLink channel this message will be sent over
+ * @param msg The MAVLink message to compress the data into
+ * @param sequence  Base tick of this run of the task.
+ * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
+ * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
+ * @param ahead_status  what is known of it; bits below
+ * @param predictive_status  what is known of the command; bits below
+ * @param stamp_status  what is known of this command; bits below
+ * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
+ * @return length of the message in bytes (excluding serial stream start sign)
+ */
+static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
+                               mavlink_message_t* msg,
+                                   uint32_t sequence,float u_command_Nm,float iterations,uint32_t ahead_status,uint32_t predictive_status,uint32_t stamp_status,uint32_t step_ticks)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
+    _mav_put_uint32_t(buf, 0, sequence);
+    _mav_put_float(buf, 4, u_command_Nm);
+    _mav_put_float(buf, 8, iterations);
+    _mav_put_uint32_t(buf, 12, ahead_status);
+    _mav_put_uint32_t(buf, 16, predictive_status);
+    _mav_put_uint32_t(buf, 20, stamp_status);
+    _mav_put_uint32_t(buf, 24, step_ticks);
+
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+#else
+    mavlink_esea_control_out_t packet;
+    packet.sequence = sequence;
+    packet.u_command_Nm = u_command_Nm;
+    packet.iterations = iterations;
+    packet.ahead_status = ahead_status;
+    packet.predictive_status = predictive_status;
+    packet.stamp_status = stamp_status;
+    packet.step_ticks = step_ticks;
+
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+#endif
+
+    msg->msgid = MAVLINK_MSG_ID_ESEA_CONTROL_OUT;
+    return mavlink_finalize_message_chan(msg, system_id, component_id, chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+}
+
+/**
+ * @brief Encode a esea_control_out struct
+ *
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param msg The MAVLink message to compress the data into
+ * @param esea_control_out C-struct to read the message contents from
+ */
+static inline uint16_t mavlink_msg_esea_control_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
+{
+    return mavlink_msg_esea_control_out_pack(system_id, component_id, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+}
+
+/**
+ * @brief Encode a esea_control_out struct on a channel
+ *
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param chan The MAVLink channel this message will be sent over
+ * @param msg The MAVLink message to compress the data into
+ * @param esea_control_out C-struct to read the message contents from
+ */
+static inline uint16_t mavlink_msg_esea_control_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
+{
+    return mavlink_msg_esea_control_out_pack_chan(system_id, component_id, chan, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+}
+
+/**
+ * @brief Encode a esea_control_out struct with provided status structure
+ *
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param status MAVLink status structure
+ * @param msg The MAVLink message to compress the data into
+ * @param esea_control_out C-struct to read the message contents from
+ */
+static inline uint16_t mavlink_msg_esea_control_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
+{
+    return mavlink_msg_esea_control_out_pack_status(system_id, component_id, _status, msg,  esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+}
+
+/**
+ * @brief Send a esea_control_out message
+ * @param chan MAVLink channel to send the message
+ *
+ * @param sequence  Base tick of this run of the task.
+ * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
+ * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
+ * @param ahead_status  what is known of it; bits below
+ * @param predictive_status  what is known of the command; bits below
+ * @param stamp_status  what is known of this command; bits below
+ * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
+ */
+#ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
+
+static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uint32_t sequence, float u_command_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t stamp_status, uint32_t step_ticks)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
+    _mav_put_uint32_t(buf, 0, sequence);
+    _mav_put_float(buf, 4, u_command_Nm);
+    _mav_put_float(buf, 8, iterations);
+    _mav_put_uint32_t(buf, 12, ahead_status);
+    _mav_put_uint32_t(buf, 16, predictive_status);
+    _mav_put_uint32_t(buf, 20, stamp_status);
+    _mav_put_uint32_t(buf, 24, step_ticks);
+
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+#else
+    mavlink_esea_control_out_t packet;
+    packet.sequence = sequence;
+    packet.u_command_Nm = u_command_Nm;
+    packet.iterations = iterations;
+    packet.ahead_status = ahead_status;
+    packet.predictive_status = predictive_status;
+    packet.stamp_status = stamp_status;
+    packet.step_ticks = step_ticks;
+
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, (const char *)&packet, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+#endif
+}
+
+/**
+ * @brief Send a esea_control_out message
+ * @param chan MAVLink channel to send the message
+ * @param struct The MAVLink struct to serialize
+ */
+static inline void mavlink_msg_esea_control_out_send_struct(mavlink_channel_t chan, const mavlink_esea_control_out_t* esea_control_out)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    mavlink_msg_esea_control_out_send(chan, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+#else
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, (const char *)esea_control_out, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+#endif
+}
+
+#if MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN <= MAVLINK_MAX_PAYLOAD_LEN
+/*
+  This variant of _send() can be used to save stack space by reusing
+  memory from the receive buffer.  The caller provides a
+  mavlink_message_t which is the size of a full mavlink message. This
+  is usually the receive buffer for the channel, and allows a reply to an
+  incoming message with minimum stack space usage.
+ */
+static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_command_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t stamp_status, uint32_t step_ticks)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char *buf = (char *)msgbuf;
+    _mav_put_uint32_t(buf, 0, sequence);
+    _mav_put_float(buf, 4, u_command_Nm);
+    _mav_put_float(buf, 8, iterations);
+    _mav_put_uint32_t(buf, 12, ahead_status);
+    _mav_put_uint32_t(buf, 16, predictive_status);
+    _mav_put_uint32_t(buf, 20, stamp_status);
+    _mav_put_uint32_t(buf, 24, step_ticks);
+
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+#else
+    mavlink_esea_control_out_t *packet = (mavlink_esea_control_out_t *)msgbuf;
+    packet->sequence = sequence;
+    packet->u_command_Nm = u_command_Nm;
+    packet->iterations = iterations;
+    packet->ahead_status = ahead_status;
+    packet->predictive_status = predictive_status;
+    packet->stamp_status = stamp_status;
+    packet->step_ticks = step_ticks;
+
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, (const char *)packet, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
+#endif
+}
+#endif
+
+#endif
+
+// MESSAGE ESEA_CONTROL_OUT UNPACKING
+
+
+/**
+ * @brief Get field sequence from esea_control_out message
+ *
+ * @return  Base tick of this run of the task.
+ */
+static inline uint32_t mavlink_msg_esea_control_out_get_sequence(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  0);
+}
+
+/**
+ * @brief Get field u_command_Nm from esea_control_out message
+ *
+ * @return  command; [Nm], range -0.220999986 to 0.220999986
+ */
+static inline float mavlink_msg_esea_control_out_get_u_command_Nm(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  4);
+}
+
+/**
+ * @brief Get field iterations from esea_control_out message
+ *
+ * @return  QP: changes of its active set; [dimensionless], range 0 to 1000
+ */
+static inline float mavlink_msg_esea_control_out_get_iterations(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  8);
+}
+
+/**
+ * @brief Get field ahead_status from esea_control_out message
+ *
+ * @return  what is known of it; bits below
+ */
+static inline uint32_t mavlink_msg_esea_control_out_get_ahead_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  12);
+}
+
+/**
+ * @brief Get field predictive_status from esea_control_out message
+ *
+ * @return  what is known of the command; bits below
+ */
+static inline uint32_t mavlink_msg_esea_control_out_get_predictive_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  16);
+}
+
+/**
+ * @brief Get field stamp_status from esea_control_out message
+ *
+ * @return  what is known of this command; bits below
+ */
+static inline uint32_t mavlink_msg_esea_control_out_get_stamp_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  20);
+}
+
+/**
+ * @brief Get field step_ticks from esea_control_out message
+ *
+ * @return  Timer ticks of the step, measuring included (empty_ticks).
+ */
+static inline uint32_t mavlink_msg_esea_control_out_get_step_ticks(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  24);
+}
+
+/**
+ * @brief Decode a esea_control_out message into a struct
+ *
+ * @param msg The message to decode
+ * @param esea_control_out C-struct to decode the message contents into
+ */
+static inline void mavlink_msg_esea_control_out_decode(const mavlink_message_t* msg, mavlink_esea_control_out_t* esea_control_out)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    esea_control_out->sequence = mavlink_msg_esea_control_out_get_sequence(msg);
+    esea_control_out->u_command_Nm = mavlink_msg_esea_control_out_get_u_command_Nm(msg);
+    esea_control_out->iterations = mavlink_msg_esea_control_out_get_iterations(msg);
+    esea_control_out->ahead_status = mavlink_msg_esea_control_out_get_ahead_status(msg);
+    esea_control_out->predictive_status = mavlink_msg_esea_control_out_get_predictive_status(msg);
+    esea_control_out->stamp_status = mavlink_msg_esea_control_out_get_stamp_status(msg);
+    esea_control_out->step_ticks = mavlink_msg_esea_control_out_get_step_ticks(msg);
+#else
+        uint8_t len = msg->len < MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN? msg->len : MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN;
+        memset(esea_control_out, 0, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
+    memcpy(esea_control_out, _MAV_PAYLOAD(msg), len);
+#endif
+}
