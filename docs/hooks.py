@@ -47,8 +47,8 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             *(f"control.{m}" for m in ("limits", "system")),
         ),
     ),
-    "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library")),
-    "verify": ("Verification", ("verify.equivalence",)),
+    "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library", "hostlib.runner")),
+    "verify": ("Verification", ("verify.equivalence", "verify.verdict")),
     "identify": (
         "Identification, twin, analysis",
         (

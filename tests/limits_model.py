@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from esea_gen.control.limits import Fault, limits
 from esea_gen.device import Device, parse_device
-from esea_gen.hostlib.library import CRunner, compile_system
+from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block
+from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
-from esea_gen.verify.streams import SPECIAL, single
 
 from .conftest import require_tool
 

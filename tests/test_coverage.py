@@ -8,13 +8,8 @@ import pytest
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, Node, walk
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.verify.coverage import branch_coverage, imply
-from esea_gen.verify.equivalence import (
-    CasadiReference,
-    domain_chirp,
-    recorded_stream,
-    run_c,
-)
+from esea_gen.language.stream import SPECIAL
+from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.executor import (
     coefficients_of,
     exact_trajectory,
@@ -23,8 +18,10 @@ from esea_gen.verify.executor import (
     setup_difference,
     step_arguments,
 )
+from esea_gen.verify.runs import CasadiReference, run_c
 from esea_gen.verify.sanitize import GivenRenderer
-from esea_gen.verify.streams import SPECIAL, at_the_limits, streams
+from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
+from esea_gen.verify.unreachable import imply
 
 from .conftest import require_tool
 

@@ -9,15 +9,8 @@ import esea_gen
 from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.block import Block
+from esea_gen.language.stream import SPECIAL
 from esea_gen.verify.coverage import SIDES, _masks, branch_coverage
-from esea_gen.verify.equivalence import (
-    AS_WRITTEN,
-    CasadiReference,
-    domain_chirp,
-    recorded_stream,
-    run_c,
-    run_symbolic,
-)
 from esea_gen.verify.executor import (
     coefficients_of,
     emitted_kernel,
@@ -27,7 +20,9 @@ from esea_gen.verify.executor import (
     setup_difference,
     step_arguments,
 )
-from esea_gen.verify.streams import SPECIAL, at_the_limits, other_memories, streams
+from esea_gen.verify.memories import other_memories
+from esea_gen.verify.runs import AS_WRITTEN, CasadiReference, run_c, run_symbolic
+from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 from esea_gen.verify.ties import aimed_stream
 
 from .conftest import require_tool

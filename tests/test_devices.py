@@ -25,14 +25,10 @@ from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.language.ports import unit_of
-from esea_gen.verify.equivalence import (
-    CasadiReference,
-    compare,
-    derive_bounds,
-    domain_chirp,
-    recorded_stream,
-)
-from esea_gen.verify.streams import streams
+from esea_gen.verify.bounds import derive_bounds
+from esea_gen.verify.compare import compare
+from esea_gen.verify.runs import CasadiReference
+from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 
 from .conftest import ROOT, require_tool
 from .test_cli import refused, run

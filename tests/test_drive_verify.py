@@ -13,9 +13,10 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.verify import equivalence, mutation
-from esea_gen.verify.equivalence import EXACT, LASTING, ONE_STEP, RESIDUAL, verify
+from esea_gen.verify.equivalence import verify
 from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
 from esea_gen.verify.sanitize import GivenRenderer, replay_device, undefined_behaviour
+from esea_gen.verify.verdict import EXACT, LASTING, ONE_STEP, RESIDUAL
 
 from .conftest import require_tool
 

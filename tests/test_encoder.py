@@ -16,12 +16,15 @@ from esea_gen.device import Device, copy_device, parse_device
 from esea_gen.devices.file import json_schema
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, compile_system
+from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import FrameError, encoder, step_max_counts
 from esea_gen.model.joint import deflection
-from esea_gen.verify.equivalence import CasadiReference, compare, derive_bounds
+from esea_gen.verify.bounds import derive_bounds
+from esea_gen.verify.compare import compare
+from esea_gen.verify.runs import CasadiReference
 from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool

@@ -15,17 +15,12 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.library import HostLibrary, compile_device
-from esea_gen.verify.equivalence import (
-    CasadiReference,
-    compare,
-    derive_bounds,
-    domain_chirp,
-    recorded_stream,
-    run_c,
-    run_symbolic,
-    verify,
-)
-from esea_gen.verify.streams import SPECIAL, Stream, streams
+from esea_gen.language.stream import SPECIAL, Stream
+from esea_gen.verify.bounds import derive_bounds
+from esea_gen.verify.compare import compare
+from esea_gen.verify.equivalence import verify
+from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 
 from .conftest import require_tool
 

@@ -16,8 +16,8 @@ import esea_gen
 from esea_gen.emit.build import differences, render_device, write_bundles
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import block_bound
-from esea_gen.emit.fixed.plan import lowered_values
-from esea_gen.emit.fixed.search import Planner, plan_block
+from esea_gen.emit.fixed.plan import Planner, lowered_values
+from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.table import (
     draw_headroom,
     largest_contributions,
@@ -29,10 +29,11 @@ from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip
+from esea_gen.language.stream import Stream
 from esea_gen.language.system import System, Task
-from esea_gen.verify.equivalence import domain_chirp, recorded_stream, run_symbolic
-from esea_gen.verify.fixed import Executor, bounds_of, compare_fixed, raw_stream, run_raw
-from esea_gen.verify.streams import Stream, streams
+from esea_gen.verify.fixed import Executor, bounds_of, compare_fixed, raw_stream
+from esea_gen.verify.runs import run_c, run_symbolic
+from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 
 from .conftest import require_tool
 
@@ -109,7 +110,7 @@ def test_any_bit_pattern_in_any_input_and_state(elbow, elbow_q31, data):
 
         state, inputs = draw(plan.fields["state"], 1), draw(plan.fields["in"], 1)
         runner.put_state(state)
-        y, s = runner.run_raw(inputs)
+        y, s = runner.run(inputs, raw=True)
         expected_y, expected_s = Executor(plan).steps(state, inputs)
         for name, value in {**expected_y, **{f"s {n}": v for n, v in expected_s.items()}}.items():
             got = s[name[2:]] if name.startswith("s ") else y[name]
@@ -209,7 +210,7 @@ def test_a_wrong_coefficient_is_noticed(elbow, elbow_q31):
     """The comparison can fail: 1e-6 of one coefficient changes bits."""
     stream = streams(elbow.velocity, steps=300)[0]
     plan = plan_block(elbow.velocity)
-    y, _ = run_raw(elbow_q31.block("velocity"), stream)
+    y, _ = run_c(elbow_q31.block("velocity"), stream, raw=True)
     for off, same in ((0, True), (64, False)):
         executor = Executor(plan)
         executor.coefficients[1][0] += off

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.verify.bare import run_bare
-from esea_gen.verify.equivalence import domain_chirp
+from esea_gen.verify.streams import domain_chirp
 
 from .conftest import require_tool
 
@@ -40,15 +40,15 @@ def test_bit_for_bit_the_host_and_cheaper_than_soft_float(elbow, inputs, board):
 
 def test_a_difference_is_found(elbow, inputs, monkeypatch):
     """The comparison can fail: one input of the host's run is another."""
-    from esea_gen.hostlib.fixed import FixedRunner
+    from esea_gen.hostlib.runner import CRunner
 
-    honest = FixedRunner.run_raw
+    honest = CRunner.run
 
-    def other(self, given, trace=True):
+    def other(self, given, trace=True, raw=False):
         changed = {k: np.where(np.arange(len(v)) == 70, 0.01, v) for k, v in given.items()}
-        return honest(self, changed, trace)
+        return honest(self, changed, trace, raw)
 
-    monkeypatch.setattr(FixedRunner, "run_raw", other)
+    monkeypatch.setattr(CRunner, "run", other)
     found = run_bare(elbow, "q31", "m3", inputs)
     assert not found.identical
     assert "at step 70" in found.first_difference

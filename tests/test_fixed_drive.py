@@ -17,29 +17,23 @@ from esea_gen.bench.recorded import record_drive
 from esea_gen.cli import app
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import any_bound, block_bound
+from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.report import range_report
-from esea_gen.emit.fixed.search import Planner, plan_block
+from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.emit.ranges import RangeError
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.fixed import FixedBoard
-from esea_gen.hostlib.library import run_schedule
+from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.identify import recorded_deflections
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip
 from esea_gen.language.system import System, Task
 from esea_gen.studies.experiments import EXPERIMENTS, Setting, controller_device, run_case
 from esea_gen.verify.bare import run_bare_system
-from esea_gen.verify.equivalence import domain_chirp
-from esea_gen.verify.fixed import (
-    bounds_of,
-    compare_fixed,
-    run_raw,
-    single_steps,
-    states_before,
-)
+from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
 from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_motions
-from esea_gen.verify.streams import streams
+from esea_gen.verify.runs import run_c
+from esea_gen.verify.streams import domain_chirp, streams
 from esea_gen.verify.traces import reference_stream
 
 from .conftest import require_tool
@@ -85,7 +79,9 @@ def test_four_products_of_16_bits_give_the_same_bits(drive, library):
     assert narrow.path != library.path
     for block in drive.system.kinds:
         for stream in streams(block, steps=120):
-            got, expected = (run_raw(x.block(block.name), stream) for x in (narrow, library))
+            got, expected = (
+                run_c(x.block(block.name), stream, raw=True) for x in (narrow, library)
+            )
             for a, b in zip(got, expected, strict=True):
                 assert all(np.array_equal(a[n], b[n]) for n in a), (block.name, stream.name)
 
@@ -105,7 +101,7 @@ def test_a_wrong_decision_is_not_explained_by_rounding(drive, library):
     block = next(b for b in drive.system.kinds if b.name == "limits")
     plan, runner = plan_block(block), library.block("limits")
     stream = streams(block, steps=200)[0]
-    _, states = runner.run_raw(stream.inputs)
+    _, states = runner.run(stream.inputs, raw=True)
     before = states_before(plan, stream, states)
     assert not single_steps(plan, stream, before).turned.any()
     steps = [dataclasses.replace(s) for s in plan.step.steps]
@@ -126,7 +122,7 @@ def test_the_whole_system_in_q31(drive, library):
         given = {x.name: stream[x.name][task.phase :: task.every] for x in system.task_inputs(task)}
         inputs[task.name] = given or {"": np.zeros(len(range(task.phase, length, task.every)))}
     board = library.board()
-    assert isinstance(board, FixedBoard)
+    assert isinstance(board, CBoard)
     got = run_schedule(board, inputs)
     exact = run_schedule(compile_device(drive, "f64").board(), inputs)
     moved = 0
@@ -155,11 +151,15 @@ def test_the_whole_system_in_q31(drive, library):
 def test_a_board_takes_tunables_in_units_and_refuses_bad_ones(library):
     system = library.system
     instance, tunable = system.tunables[0]
-    FixedBoard(library, {instance: {tunable.name: tunable.default}})
+    CBoard(library, {instance: {tunable.name: tunable.default}})
     with pytest.raises(ValueError, match=rf"{instance}\.{tunable.name}"):
-        FixedBoard(library, {instance: {tunable.name: 2 * tunable.high + 1}})
+        CBoard(library, {instance: {tunable.name: 2 * tunable.high + 1}})
     with pytest.raises(ValueError, match=rf"{instance}\.{tunable.name}"):
-        FixedBoard(library, {instance: {tunable.name: float("nan")}})
+        CBoard(library, {instance: {tunable.name: float("nan")}})
+    # A bound is taken as the device file states it: within one float32 rounding.
+    for instance, tunable in system.tunables:
+        above = float(np.nextafter(np.float32(tunable.high), np.float32(np.inf)))
+        CBoard(library, {instance: {tunable.name: above}})
 
 
 def test_an_arm_is_judged_where_it_is_taken():
@@ -227,7 +227,7 @@ def test_both_tasks_on_a_board_bit_for_bit(drive, monkeypatch):
     assert found.flash_bytes < 96 * 1024
     assert found.ram_bytes + found.stack_bytes < 4096
     # The comparison can fail: the host's board is given another count at one tick.
-    honest, calls = FixedBoard.step, []
+    honest, calls = CBoard.step, []
 
     def other(self, task_name, **given):
         calls.append(task_name)
@@ -235,7 +235,7 @@ def test_both_tasks_on_a_board_bit_for_bit(drive, monkeypatch):
             given["count_load"] += 3
         return honest(self, task_name, **given)
 
-    monkeypatch.setattr(FixedBoard, "step", other)
+    monkeypatch.setattr(CBoard, "step", other)
     changed = run_bare_system(drive, "q31", "m0", inputs)
     assert not changed.identical
     assert "at step 39" in changed.first_difference

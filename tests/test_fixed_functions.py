@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.emit.fixed import functions
-from esea_gen.hostlib.library import CFLAGS, compile_sources
+from esea_gen.hostlib.compiler import CFLAGS, compile_sources
 
 from .conftest import require_tool
 

@@ -11,9 +11,11 @@ from scipy.optimize import brentq
 from esea_gen.device import Device, parse_device
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system
+from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block
 from esea_gen.language.ports import threshold
+from esea_gen.language.stream import SPECIAL, Stream, single
 from esea_gen.model.inverse import (
     FILTER_B,
     cubic_root,
@@ -24,8 +26,9 @@ from esea_gen.model.inverse import (
 )
 from esea_gen.studies.chapter4 import SIGNALS
 from esea_gen.studies.discretisation import at_rate
-from esea_gen.verify.equivalence import CasadiReference, compare, run_c, run_symbolic
-from esea_gen.verify.streams import SPECIAL, Stream, single, streams
+from esea_gen.verify.compare import compare
+from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
 from .test_elastomer import P

@@ -20,6 +20,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
 from esea_gen.identify.inverse import judge_inverse, mean_rms_rad, refit_inverse
 from esea_gen.identify.recording import DataSet, Recording
+from esea_gen.language.stream import Stream, single
 from esea_gen.model.inverse import (
     FilterName,
     exact_inverse,
@@ -29,15 +30,11 @@ from esea_gen.model.inverse import (
     published_inverse,
 )
 from esea_gen.studies.chapter4 import sensed_torque
-from esea_gen.verify.equivalence import (
-    compare,
-    derive_bounds,
-    forward_residual,
-    residual_flag,
-    run_c,
-    verify,
-)
-from esea_gen.verify.streams import Stream, single, streams
+from esea_gen.verify.bounds import derive_bounds, forward_residual, residual_flag
+from esea_gen.verify.compare import compare
+from esea_gen.verify.equivalence import verify
+from esea_gen.verify.runs import run_c
+from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
 

@@ -22,7 +22,8 @@ from esea_gen.hostlib.library import compile_device
 from esea_gen.observe.human import lag_observer
 from esea_gen.studies.experiments import EXPERIMENTS, Setting, run_case, run_on
 from esea_gen.twin.closed_loop import ClosedLoop
-from esea_gen.twin.people import PEOPLE, real_plant
+from esea_gen.twin.people import real_plant
+from esea_gen.twin.published import PEOPLE
 
 from .conftest import ROOT, require_tool
 

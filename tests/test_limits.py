@@ -11,10 +11,13 @@ import esea_gen
 from esea_gen.control.limits import FAULT_TEXT, Fault, command_stamp, limits
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, HostLibrary, compile_system
+from esea_gen.hostlib.library import HostLibrary, compile_system
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
-from esea_gen.verify.equivalence import CasadiReference, compare, run_c, run_symbolic
-from esea_gen.verify.streams import SPECIAL, at_the_limits, single, streams
+from esea_gen.verify.compare import compare
+from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool
 from .limits_model import (

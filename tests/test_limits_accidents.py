@@ -8,7 +8,7 @@ import pytest
 import esea_gen
 from esea_gen.control.limits import Fault, limits
 from esea_gen.device import Device
-from esea_gen.verify.streams import single
+from esea_gen.language.stream import single
 
 from .limits_model import SHIPPED, calm
 

@@ -8,8 +8,9 @@ import pytest
 import esea_gen
 from esea_gen.control.limits import RELEASED_KEY, Fault, limits
 from esea_gen.device import Device
-from esea_gen.hostlib.library import CRunner, compile_system
-from esea_gen.verify.streams import single
+from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.language.stream import single
 
 from .conftest import require_tool
 from .limits_model import (
@@ -49,7 +50,7 @@ def quiet(steps: int) -> dict[str, np.ndarray]:
 
 def flips(runner: CRunner, prepared: np.ndarray):
     """The prepared state with each single bit of each state field flipped."""
-    for name in (p.name for p in runner.state_ports):
+    for name in (f.name for f in runner.state_fields):
         raw = prepared[name].tobytes()
         for bit in range(8 * len(raw)):
             data = bytearray(raw)
@@ -134,7 +135,7 @@ def test_memory_of_random_bytes_or_zeros_is_latched(runners, real):
 
 @pytest.mark.parametrize("real", REALS)
 def test_corrupt_state_is_a_fault_that_a_person_can_clear(runners, real):
-    for port in runners[real].state_ports:
+    for port in (f.port for f in runners[real].state_fields):
         for bad in (np.nan, np.inf, -np.inf, 1e30):
             x = calm()
             recover(x, 140)

@@ -16,6 +16,7 @@ import esea_gen
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
+from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
 from esea_gen.observe.disturbance import bandwidth_limit_1_s, drive_observer
 from esea_gen.observe.human import error_matrix, extended_state, lag_observer
@@ -26,8 +27,10 @@ from esea_gen.observe.rates import (
     motor_rate,
     tangent,
 )
-from esea_gen.verify.equivalence import CasadiReference, compare, derive_bounds, run_c
-from esea_gen.verify.streams import SPECIAL, single, streams
+from esea_gen.verify.bounds import derive_bounds
+from esea_gen.verify.compare import compare
+from esea_gen.verify.runs import CasadiReference, run_c
+from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
 

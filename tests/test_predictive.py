@@ -18,7 +18,8 @@ from esea_gen.control.predictive_drive import SMOOTH_RAD, SMOOTH_RAD_S, predicti
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.program_c import render_program
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, HostLibrary
+from esea_gen.hostlib.library import HostLibrary
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.ports import Port, Tunable
 
 from .conftest import require_tool

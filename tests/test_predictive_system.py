@@ -33,9 +33,10 @@ from esea_gen.studies.experiments import (
     run_case,
 )
 from esea_gen.twin.trajectories import Trajectory
-from esea_gen.verify.equivalence import Verification, is_program, run_c, verify
+from esea_gen.verify.equivalence import verify
 from esea_gen.verify.gates import TARGETS, check_objects
-from esea_gen.verify.program import compare_program, program_streams, run_executor
+from esea_gen.verify.program import compare_program, program_streams
+from esea_gen.verify.runs import run_c, run_executor
 from esea_gen.verify.sanitize import (
     UNDEFINED,
     GivenRenderer,
@@ -44,6 +45,7 @@ from esea_gen.verify.sanitize import (
     tried_streams,
     undefined_behaviour,
 )
+from esea_gen.verify.verdict import Verification
 
 from .conftest import require_tool
 
@@ -371,8 +373,8 @@ def test_the_object_code_passes_the_gates_of_a_drive_with_a_program(small):
 
 def found_by(small, real: str, files=None) -> Verification:
     program = small.system.blocks["predictive"]
-    assert is_program(program)
-    assert not is_program(small.system.blocks["sensor"])
+    assert program.kind == "program"
+    assert small.system.blocks["sensor"].kind == "block"
     library = (
         compile_device(small, real)
         if files is None

@@ -16,18 +16,15 @@ from esea_gen.control.sliding_mode import equivalent_control, sliding_mode, swit
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
+from esea_gen.language.stream import SPECIAL
 from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.rates import motor_rate
-from esea_gen.verify.equivalence import (
-    CasadiReference,
-    bounds_or_rule,
-    compare,
-    run_c,
-    run_symbolic,
-)
-from esea_gen.verify.streams import SPECIAL, streams
+from esea_gen.verify.bounds import bounds_or_rule
+from esea_gen.verify.compare import compare
+from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
 from .test_elastomer import P as RUBBER

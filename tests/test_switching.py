@@ -10,7 +10,8 @@ from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.limits import Fault
 from esea_gen.studies.experiments import controller_device
 from esea_gen.twin.closed_loop import ClosedLoop
-from esea_gen.twin.people import PEOPLE, real_plant
+from esea_gen.twin.people import real_plant
+from esea_gen.twin.published import PEOPLE
 
 from .conftest import require_tool
 

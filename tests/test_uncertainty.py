@@ -20,6 +20,7 @@ from esea_gen.identify.fit import Plant, with_values
 from esea_gen.identify.fit import uncertainty as identified
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings
+from esea_gen.language.stream import Stream
 from esea_gen.model.elastomer import torque_sensor
 from esea_gen.studies import uncertainty as room
 from esea_gen.studies.uncertainty import (
@@ -41,7 +42,6 @@ from esea_gen.studies.uncertainty import (
     motions,
     torque_uncertainty,
 )
-from esea_gen.verify.streams import Stream
 
 from .conftest import require_tool
 

@@ -11,10 +11,10 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import butter, freqz, lfilter
 
-from esea_gen.hostlib.library import CRunner
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.language.stream import single
 from esea_gen.model.filters import VelocityProperties, velocity_properties
 from esea_gen.studies.discretisation import at_rate
-from esea_gen.verify.streams import single
 
 from .conftest import ROOT
 

@@ -40,8 +40,8 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
-from esea_gen.verify.equivalence import domain_chirp, recorded_stream
-from esea_gen.verify.streams import Stream
+from esea_gen.language.stream import Stream
+from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 STEPS = 4000
 COUNTED_STEPS = 400

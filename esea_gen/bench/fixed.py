@@ -20,10 +20,10 @@ from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats import ALL_FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.fixed import from_raw, to_raw
+from esea_gen.hostlib.codec import from_raw, to_raw
 from esea_gen.language.ports import Array
 from esea_gen.verify.bare import BARE_BOARDS, emulate, run_bare
-from esea_gen.verify.equivalence import domain_chirp
+from esea_gen.verify.streams import domain_chirp
 
 STEPS = 400
 CHIRP_S = 8.0

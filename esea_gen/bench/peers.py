@@ -25,19 +25,13 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, reference_c
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_sources, find_compiler
+from esea_gen.hostlib.compiler import compile_sources, find_compiler
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
+from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 from esea_gen.model.elastomer import stop_grid
-from esea_gen.targets import (
-    BARE_LINK,
-    BOARDS,
-    EXACT_FLAGS,
-    HOST_GCC,
-    SECTION_FLAGS,
-)
-from esea_gen.verify.streams import Stream
+from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, HOST_GCC, SECTION_FLAGS
 
 # As in a program: a call from one file to another is direct, not through a table that a loader
 # may redirect.

@@ -31,7 +31,8 @@ from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive_drive import predictive_controller
 from esea_gen.emit.program_c import ProgramRenderer, loop_lines, render_program
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import HostLibrary, find_compiler
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.language.program import Program
 from esea_gen.studies.experiments import EXPERIMENTS, controller_device

@@ -13,15 +13,16 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CBoard, HostLibrary, compile_device, run_schedule
+from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.language.component import Executor
 from esea_gen.language.ports import Array
+from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, SystemSimulator
 from esea_gen.studies.experiments import ARM_S, EXPERIMENTS, OFF, ON_S, TORQUE, plant_variant
 from esea_gen.twin.closed_loop import PATH, ClosedLoop, ClosedLoopRun
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
-from esea_gen.verify.streams import Stream, single
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
+from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import FilterName, exact_inverse, inverse_system, published_inverse
-from esea_gen.verify.equivalence import domain_chirp, recorded_stream
-from esea_gen.verify.streams import Stream, single
+from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 # At most so many instructions a step on the Cortex-M4F: a 1 kHz task of both takes 3.4 million a
 # second, a fiftieth of what a 168 MHz part could issue.

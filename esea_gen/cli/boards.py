@@ -78,7 +78,7 @@ def emulate(
         raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave it out.")
     deflections = recorded_streams(loaded, recording, data)
     if not deflections:
-        from esea_gen.verify.equivalence import domain_chirp
+        from esea_gen.verify.streams import domain_chirp
 
         deflections = {"chirp in the domain": domain_chirp(loaded)}
     results = emulate_deflections(loaded, board, deflections)

@@ -54,7 +54,7 @@ def verify(
 
 
 def _bound_note(result: Any, block: str) -> str:
-    from esea_gen.verify.equivalence import STATED
+    from esea_gen.verify.verdict import STATED
 
     stated = [c for c in result.comparisons if c.block == block and c.rule == STATED]
     if stated:
@@ -80,7 +80,7 @@ def _bound_note(result: Any, block: str) -> str:
 
 
 def _print_verification(loaded: Device, result: Any) -> None:
-    from esea_gen.verify.equivalence import EXACT_PROGRAM
+    from esea_gen.verify.verdict import EXACT_PROGRAM
 
     title = Text(f"{loaded.title}: C against the symbolic model")
     table = Table(title=title, title_justify="left")
@@ -123,11 +123,12 @@ def coverage(
 ) -> None:
     """Which sides of every minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
-    from esea_gen.verify.equivalence import chosen_blocks, is_program
-    from esea_gen.verify.streams import at_the_limits, other_memories, streams
+    from esea_gen.verify.equivalence import chosen_blocks
+    from esea_gen.verify.memories import other_memories
+    from esea_gen.verify.streams import at_the_limits, streams
 
     loaded = load_device(device, controller)
-    programs = [b.name for b in chosen_blocks(loaded, block) if is_program(b)]
+    programs = [b.name for b in chosen_blocks(loaded, block) if b.kind == "program"]
     found = {
         b.name: branch_coverage(b, [*streams(b), at_the_limits(b), *other_memories(b)])
         for b in chosen_blocks(loaded, block)

@@ -135,10 +135,8 @@ def recorded_streams(loaded: Device, recording: Path | None, data: Path | None) 
 
 def no_programs(loaded: Device, what: str) -> None:
     """Refuse a device with a Program, which ``what`` does not read."""
-    from esea_gen.verify.equivalence import is_program
-
     for block in loaded.system.kinds:
-        if is_program(block):
+        if block.kind == "program":
             raise UserError(
                 f"{loaded.origin}: {block.name} is a program of loops; {what} reads straight-line "
                 "Blocks.",

@@ -30,6 +30,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.control.limits_streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
@@ -607,6 +608,7 @@ def limits(device: DeviceData) -> Block:
         ),
         equations=_equations(),
         step=step,
+        streams=STREAMS,
     )
 
 

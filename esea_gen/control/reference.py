@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import casadi as ca
 import sympy as sp
 
+from esea_gen.control.reference_streams import STREAMS
 from esea_gen.devices.fields import field_facts
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word, threshold
@@ -231,6 +232,7 @@ def reference(device: DeviceData) -> Block:
             ),
         ),
         step=step,
+        streams=STREAMS,
     )
 
 

@@ -16,6 +16,7 @@ import sympy as sp
 
 from esea_gen.control.linear_loop import check_loop, sliding_mode_numbers
 from esea_gen.control.reference import ACCELERATION_ROOM
+from esea_gen.control.sliding_mode_streams import STREAMS
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
@@ -475,4 +476,5 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
             ),
         ),
         step=step,
+        streams=STREAMS,
     )

@@ -31,7 +31,8 @@ from scipy.stats import qmc
 
 from esea_gen.device import Device
 from esea_gen.devices.fields import Quantity, field_facts
-from esea_gen.hostlib.library import CRunner, compile_system
+from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.recording import Recording, resample
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS, torque_sensor

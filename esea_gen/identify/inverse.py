@@ -30,7 +30,8 @@ from esea_gen.device import Device, parse_device
 from esea_gen.devices.fields import Inverse, Quantity, field_facts
 from esea_gen.devices.file import render_toml
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, compile_system
+from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.fit import ROWS_REFINE, ROWS_SEARCH, Progress, with_values
 from esea_gen.identify.identification import Identification
 from esea_gen.identify.recording import DataSet, Recording

@@ -27,6 +27,7 @@ import numpy as np
 from esea_gen.language.component import Component, Executor
 from esea_gen.language.ports import Constant, Equation, Port, Tunable, port_ok, symbols_of
 from esea_gen.language.start import PrepareFn, check_ports, collect, start_functions
+from esea_gen.language.stream import OwnStreams
 
 
 class Guard(SimpleNamespace):
@@ -84,7 +85,7 @@ class Block(Component):
     ----------
     name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
         As in :class:`esea_gen.language.component.Component`.
-    equations, prepare, init
+    equations, prepare, init, streams
         As there.
     step : casadi.Function
         Scalar expressions (SX); one argument or result per port, in port order.
@@ -131,6 +132,7 @@ class Block(Component):
         split: Mapping[str, tuple[float, ...]] | None = None,
         facts: Mapping[str, tuple[float, float]] | None = None,
         solved: Mapping[str, Solved] | None = None,
+        streams: OwnStreams | None = None,
     ) -> Block:
         """Build a Block from Python functions on symbols.
 
@@ -138,7 +140,7 @@ class Block(Component):
         ----------
         name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
             As in the class.
-        equations, split, facts, solved
+        equations, split, facts, solved, streams
             As in the class.
         step : callable
             ``step(c, s, u, guard, label) -> (next_state, outputs)``: ``c``, ``s``, ``u`` hold one
@@ -243,6 +245,7 @@ class Block(Component):
             split=dict(split or {}),
             facts=dict(facts or {}),
             solved=dict(solved or {}),
+            streams=streams or OwnStreams(),
         )
 
     @property

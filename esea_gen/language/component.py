@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.language.ports import Array, Constant, Equation, Port, Tunable
+from esea_gen.language.stream import OwnStreams
 
 Kind = Literal["block", "program"]
 
@@ -34,6 +35,8 @@ class Component(ABC):
     prepare, init : casadi.Function
         Coefficients from tunables, state from coefficients: one argument or result per port, in
         port order.
+    streams : OwnStreams
+        Streams that it brings along: what random inputs do not bring about.
     """
 
     name: str
@@ -48,6 +51,7 @@ class Component(ABC):
     equations: tuple[Equation, ...]
     prepare: ca.Function = field(repr=False)
     init: ca.Function = field(repr=False)
+    streams: OwnStreams = field(default=OwnStreams(), repr=False, kw_only=True)
 
     kind: ClassVar[Kind]
 
@@ -152,6 +156,11 @@ class Executor(ABC):
     def coefficients(self) -> dict[str, Array]:
         """Coefficients prepared from the tunables."""
         return {n: c.copy() for n, c in self._c.items()}
+
+    @coefficients.setter
+    def coefficients(self, values: Mapping[str, Any]) -> None:
+        for name in self._c.keys() & values.keys():
+            self._c[name][:] = np.asarray(values[name], dtype=float).ravel()
 
     @coefficients.setter
     def coefficients(self, values: Mapping[str, Any]) -> None:

@@ -119,6 +119,10 @@ class Flag:
         that all number formats agree.
     threshold : float
         What it is compared with.
+    only_by_fault : str
+        Why only a fault of the arithmetic itself can set the bit, so that no stream is asked to.
+        That it stays quiet is checked by the comparisons, with the distance to its threshold; no
+        interval shows it.
     """
 
     name: str
@@ -126,6 +130,7 @@ class Flag:
     counted: bool = False
     compares: tuple[str, ...] = ()
     threshold: float = 0.0
+    only_by_fault: str = ""
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ from esea_gen.language.statements import (
     When,
     walk_statements,
 )
+from esea_gen.language.stream import OwnStreams
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Program(Component):
 
     Parameters
     ----------
-    name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations
+    name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations, streams
         As in :class:`esea_gen.language.component.Component`.
     state : tuple of Port
         What one step leaves to the next, then the work arrays, which carry nothing.
@@ -87,6 +88,7 @@ class Program(Component):
         coefficients: tuple[Port, ...] = (),
         prepare: PrepareFn | None = None,
         equations: tuple[Equation, ...] = (),
+        streams: OwnStreams | None = None,
     ) -> Program:
         """Build a Program.
 
@@ -95,6 +97,8 @@ class Program(Component):
         Parameters
         ----------
         name, title, period_s, inputs, outputs, state, constants, tunables, coefficients, equations
+            As in the class.
+        streams : OwnStreams, optional
             As in the class.
         builder : Builder
             Arrays and body.
@@ -132,6 +136,7 @@ class Program(Component):
             *start_functions(name, tunables, coefficients, state, prepare),
             dict(builder.memory),
             dict(builder.parts),
+            streams=streams or OwnStreams(),
         )
         program._check()
         return program

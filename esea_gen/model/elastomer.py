@@ -36,6 +36,7 @@ import sympy as sp
 
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Constant, Flag, Port, Tunable, clip, flag_word, threshold
+from esea_gen.model.plays import STREAMS
 from esea_gen.model.symbolic import equation, to_casadi
 
 if TYPE_CHECKING:
@@ -348,6 +349,7 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
         # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
         facts={"share": (0.0, 1.0)} if rate_terms else {},
         step=step,
+        streams=STREAMS,
     )
 
 

@@ -19,6 +19,7 @@ from esea_gen.devices.fields import EncoderSide
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, clip, flag_word
+from esea_gen.model.encoder_streams import STREAMS
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -351,6 +352,7 @@ def encoder(device: DeviceData, side: Side) -> Block:
         ),
         equations=_equations(bool(table)),
         step=step,
+        streams=STREAMS,
     )
 
 

@@ -41,6 +41,7 @@ from esea_gen.model.elastomer import (
     torque_sensor,
 )
 from esea_gen.model.filters import tracking_observer
+from esea_gen.model.plays import NESTING_ROOM_RAD, STREAMS
 from esea_gen.model.symbolic import equation, to_casadi
 
 if TYPE_CHECKING:
@@ -56,8 +57,6 @@ REQUEST_ROOM = 10.0
 # Residual above which the exact inverse says it has not converged, as a share of the torque limit:
 # far above float32 rounding (4e-7 of it).
 RESIDUAL_SHARE = 5e-6
-# Play states may miss their nesting by this much (float32 rounding) before they count as corrupt.
-NESTING_ROOM_RAD = 1e-5
 
 PLAYS = 10
 PLAY_DEFAULTS = {"kappa_rad": 0.106, "phi_1_rad": 4.84, "chi_rad": 0.00233}  # table 4.2
@@ -236,6 +235,8 @@ def _exact_flags(device: DeviceData, theta_high: float, omega_high: float) -> tu
             True,
             ("residual_Nm",),
             threshold(RESIDUAL_SHARE * device.file.limits.tau_Nm.value),
+            "the inverse is exact: from 60 000 memories of the model its residual stayed below "
+            "1e-14 Nm in f64",
         ),
     )
 
@@ -460,6 +461,7 @@ def exact_inverse(
             "set_point_rad": Solved("residual_Nm", limit["NOT_CONVERGED"], k1, 2 * float(dead_zone))
         },
         step=step,
+        streams=STREAMS,
     )
 
 

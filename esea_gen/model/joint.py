@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
+from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 
 
@@ -91,4 +94,20 @@ def deflection(device: DeviceData) -> Block:
         ),
         equations=(equation("(5.4)", "delta", motor - load, "deflection"),),
         step=step,
+        streams=OwnStreams(_events),
     )
+
+
+def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
+    # Both sides together, a deflection apart; each encoder usable or not.
+    steps = 1500
+    low, high = next((p.low, p.high) for p in block.inputs if p.name == "theta_load_rad")
+    bent = next(p.high for p in block.outputs if p.name == "theta_rad")
+    t = np.arange(steps)
+    load = single(0.5 * (low + high) + 0.4 * (high - low) * np.sin(t / 90))
+    motor = single(load + 1.2 * bent * np.sin(t / 17))
+    usable = np.array(list(product((1.0, 0.0, 0.5), repeat=2)))[t // 40 % 9]
+    names = ("motor_usable", "load_usable")
+    x = {"theta_load_rad": load, "theta_motor_rad": motor}
+    x |= {name: usable[:, k] for k, name in enumerate(names)}
+    return [Stream("both sides together", x)]

@@ -18,8 +18,8 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
 from esea_gen.targets import firmware_boards
 from esea_gen.verify.emulator import EmulatorResult
-from esea_gen.verify.equivalence import Verification
 from esea_gen.verify.firmware import FirmwareImage, build_firmware
+from esea_gen.verify.verdict import Verification
 
 REALS = ("f64", "f32")
 REAL_NAMES = {"f64": "float64", "f32": "float32"}

@@ -28,6 +28,7 @@ from esea_gen.identify import (
 from esea_gen.identify.recording import resample
 from esea_gen.language.block import Block
 from esea_gen.language.ports import unit_of
+from esea_gen.language.stream import single
 from esea_gen.report import figures
 from esea_gen.report.contents import (
     OPERATION_GROUPS,
@@ -44,16 +45,13 @@ from esea_gen.report.contents import (
 )
 from esea_gen.report.page import count_text, finite, render
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
+from esea_gen.verify.bounds import operating_ranges
+from esea_gen.verify.compare import F64_TOLERANCE
 from esea_gen.verify.emulator import EmulatorResult, run_in_emulator
-from esea_gen.verify.equivalence import (
-    F64_TOLERANCE,
-    Verification,
-    domain_chirp,
-    operating_ranges,
-    verify,
-)
+from esea_gen.verify.equivalence import verify
 from esea_gen.verify.firmware import FirmwareImage
-from esea_gen.verify.streams import deflection_inputs, first_axis, single
+from esea_gen.verify.streams import deflection_inputs, domain_chirp, first_axis
+from esea_gen.verify.verdict import Verification
 
 Array = npt.NDArray[Any]
 Say = Callable[[str], None]

@@ -39,8 +39,9 @@ from esea_gen.studies.experiments import (
 )
 from esea_gen.targets import DEFAULT_BOARD
 from esea_gen.verify.emulator import EmulatorResult, run_tasks_in_emulator
-from esea_gen.verify.equivalence import Comparison, Verification, verify
+from esea_gen.verify.equivalence import verify
 from esea_gen.verify.firmware import FirmwareImage
+from esea_gen.verify.verdict import Comparison, Verification
 
 Say = Callable[[str], None]
 

@@ -38,15 +38,8 @@ from esea_gen.language.ports import Array
 from esea_gen.language.system import System
 from esea_gen.twin import trajectories
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
-from esea_gen.twin.people import (
-    PEOPLE,
-    PLANTS,
-    PlantVariant,
-    ideal_plant,
-    random_person,
-    random_plant,
-    real_plant,
-)
+from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
+from esea_gen.twin.published import PEOPLE, PLANTS
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
 if TYPE_CHECKING:

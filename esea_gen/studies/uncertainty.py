@@ -30,7 +30,8 @@ from scipy.interpolate import CubicSpline
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, compile_device, compile_system
+from esea_gen.hostlib.library import compile_device, compile_system
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.fit import ROWS_REFINE, Plant, at_bound, bounds_of, tunable_system
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings

@@ -20,7 +20,7 @@ from esea_gen.emit.fixed.search import raw_tunable
 from esea_gen.emit.formats import ALL_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_sources, declarations
+from esea_gen.hostlib.compiler import compile_sources, declarations
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System
 from esea_gen.twin.people import PlantVariant

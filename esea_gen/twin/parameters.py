@@ -12,7 +12,8 @@ from esea_gen.devices.fields import DeviceFile
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.twin.people import PEOPLE, PLANTS, person_tunables
+from esea_gen.twin.people import person_tunables
+from esea_gen.twin.published import PEOPLE, PLANTS
 
 SINES = 6
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
-from esea_gen.twin.people import PLANTS
+from esea_gen.twin.published import PLANTS
 
 RATE_HZ = 1000.0
 

@@ -20,13 +20,8 @@ from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import ALL_FORMATS
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.library import (
-    HostLibrary,
-    cache_folder,
-    compile_device,
-    compile_sources,
-    find_compiler,
-)
+from esea_gen.hostlib.compiler import cache_folder, compile_sources, find_compiler
+from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.targets import (
     ARM_GCC,
     BARE_LINK,
@@ -160,8 +155,7 @@ def run_bare(
     renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
     runner = compile_device(device, real).task(what.name)
     packed = runner.pack(inputs)
-    raw = getattr(runner, "run_raw", runner.run)
-    host, _ = raw(inputs, trace=False)
+    host, _ = runner.run(inputs, trace=False, raw=True)
     names = packed.dtype.names or ()
 
     def text(v: Any) -> str:

@@ -25,7 +25,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.library import run_schedule
+from esea_gen.hostlib.runner import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.targets import Board, find_board
 from esea_gen.verify.firmware import FirmwareImage

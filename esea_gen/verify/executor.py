@@ -19,10 +19,12 @@ import numpy as np
 from esea_gen.emit.elementary import exponent_q27, source_paths
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node, prune, walk
-from esea_gen.hostlib.library import Array, HostLibrary, compile_sources, declarations
+from esea_gen.hostlib.codec import Array
+from esea_gen.hostlib.compiler import compile_sources, declarations
+from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
-from esea_gen.verify.equivalence import CasadiReference, run_c
-from esea_gen.verify.streams import Stream
+from esea_gen.language.stream import Stream
+from esea_gen.verify.runs import CasadiReference, run_c
 
 UINT32_MAX = 2**32 - 1
 
@@ -163,7 +165,7 @@ class Trajectory:
     def first_difference(self, outputs: Mapping[str, Array], states: Mapping[str, Array]) -> str:
         """Where another run first differs from this one in any bit.
 
-        outputs, states: the other run, as :func:`esea_gen.verify.equivalence.run_c` gives it.
+        outputs, states: the other run, as :func:`esea_gen.verify.runs.run_c` gives it.
         return: stream, port, step and both values; empty when all bits agree.
         """
         found: list[tuple[int, str]] = []
@@ -290,7 +292,7 @@ def exact_trajectory(
     """The bits that a Block's C must give on a stream.
 
     library: its C. In float32 its recorded states are where each step is evaluated from.
-    return: to be compared with :func:`esea_gen.verify.equivalence.run_c`.
+    return: to be compared with :func:`esea_gen.verify.runs.run_c`.
     """
     fmt = FORMATS[library.real]
     coefficients = coefficients_of(block, fmt, {})
@@ -387,15 +389,3 @@ def setup_difference(block: Block, library: HostLibrary, expected: Setup | None 
             if column.tobytes() != value.tobytes():
                 return f"prepare({tunables}): {p.name} is {column!r} instead of {value!r}"
     return ""
-
-
-__all__ = [
-    "Setup",
-    "Trajectory",
-    "emitted_kernel",
-    "evaluate",
-    "exact_trajectory",
-    "expected_setup",
-    "float32_reference",
-    "setup_difference",
-]

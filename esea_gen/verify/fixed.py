@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -27,12 +26,14 @@ from esea_gen.emit.fixed.values import COMPARES
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
-from esea_gen.hostlib.fixed import INVALID, FixedRunner, from_raw, to_raw
-from esea_gen.language.block import Block
+from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
+from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.ports import Array
-from esea_gen.verify.equivalence import full_scales, run_symbolic
+from esea_gen.language.stream import Stream
+from esea_gen.verify.bounds import full_scales
+from esea_gen.verify.compare import unexplained
 from esea_gen.verify.executor import counter_fields, evaluate, expected_counters
-from esea_gen.verify.streams import Stream
+from esea_gen.verify.runs import run_c, run_symbolic
 
 Raw = np.ndarray[Any, np.dtype[Any]]
 
@@ -130,31 +131,6 @@ def seen_stream(plan: BlockPlan, stream: Stream) -> Stream:
         for k, values in stream.injections.items()
     }
     return Stream(stream.name, inputs, injections)
-
-
-def run_raw(
-    runner: FixedRunner, stream: Stream, restore: bool = False
-) -> tuple[dict[str, Raw], dict[str, Raw]]:
-    """A stream through the compiled Block, in raw numbers.
-
-    restore: stop in the middle, disturb and reset the instance, put the saved state back, and go
-        on.
-    """
-    cuts = {0, stream.steps, *stream.injections}
-    middle = stream.steps // 2
-    if restore:
-        cuts.add(middle)
-    parts = []
-    for start, stop in pairwise(sorted(cuts)):
-        if start in stream.injections:
-            runner.put_state(stream.injections[start])
-        elif restore and start == middle:
-            saved = runner.state
-            runner.run_raw({k: v[:7] for k, v in stream.inputs.items()}, trace=False)
-            runner.reset()
-            runner.state = saved
-        parts.append(runner.run_raw({k: v[start:stop] for k, v in stream.inputs.items()}))
-    return _join([p[0] for p in parts]), _join([p[1] for p in parts])
 
 
 def states_before(plan: BlockPlan, stream: Stream, states: Mapping[str, Raw]) -> dict[str, Raw]:
@@ -259,7 +235,7 @@ def _turned(
 
 
 def first_difference(
-    plan: BlockPlan, runner: FixedRunner, stream: Stream
+    plan: BlockPlan, runner: CRunner, stream: Stream
 ) -> tuple[str, dict[str, Raw], dict[str, Raw]]:
     """Where the compiled Block first differs from the executor in any bit.
 
@@ -267,7 +243,7 @@ def first_difference(
     does, by induction, the whole run.
     """
     executor = Executor(plan)
-    outputs, states = run_raw(runner, stream)
+    outputs, states = run_c(runner, stream, raw=True)
     before = states_before(plan, stream, states)
     expected_y, expected_s = executor.steps(before, raw_stream(plan, stream))
     expected_s |= expected_counters(plan.block, stream, expected_y)
@@ -307,32 +283,8 @@ class FixedComparison:
         return not self.problems
 
 
-def status_problems(
-    block: Block,
-    expected: Mapping[str, Raw],
-    got: Mapping[str, Raw],
-    limits: Mapping[str, float],
-) -> int:
-    """Steps whose status word differs beyond what a value's error next to a threshold explains."""
-    wrong = 0
-    for port in block.outputs:
-        if not port.flags:
-            continue
-        difference = expected[port.name].astype(np.int64) ^ got[port.name].astype(np.int64)
-        bad = np.zeros(len(difference), dtype=bool)
-        for i, flag in enumerate(port.flags):
-            changed = (difference >> i) & 1 == 1
-            near = np.zeros(len(difference), dtype=bool)
-            for name in flag.compares:
-                distance = np.abs(np.abs(expected[name]) - flag.threshold)
-                near |= distance <= limits[name]
-            bad |= changed & ~near
-        wrong += int(bad.sum())
-    return wrong
-
-
 def compare_fixed(
-    device: Device, plan: BlockPlan, runner: FixedRunner, stream: Stream, bound: Bound
+    device: Device, plan: BlockPlan, runner: CRunner, stream: Stream, bound: Bound
 ) -> FixedComparison:
     """Compare one Block on one stream.
 
@@ -372,16 +324,13 @@ def compare_fixed(
             # Exact arithmetic is float64 itself: its own rounding is allowed for.
             if error > limits[name] + 1e-12 * scale.get(name, 1.0):
                 result.problems.append(f"{name}: error {error:.3g} above {limits[name]:.3g}")
-    status = status_problems(
-        block,
-        {n: v[counted] for n, v in expected_y.items()},
-        {n: v[counted] for n, v in got.items()},
-        limits,
-    )
+    judged = {n: v[counted] for n, v in expected_y.items()}
+    said = {n: v[counted] for n, v in got.items()}
+    status = sum(unexplained(p, judged, said, limits) for p in block.outputs if p.flags)
     if status:
         result.problems.append(f"{status} steps with an unexplained status word")
     runner.reset()
-    again_y, again_s = run_raw(runner, stream, restore=True)
+    again_y, again_s = run_c(runner, stream, restore=True, raw=True)
     for name, values in (raw_y | {f"state {n}": v for n, v in raw_s.items()}).items():
         other = again_s[name[6:]] if name.startswith("state ") else again_y[name]
         if not np.array_equal(values, other):
@@ -406,9 +355,7 @@ __all__ = [
     "counter_fields",
     "first_difference",
     "raw_stream",
-    "run_raw",
     "seen_stream",
     "single_steps",
     "states_before",
-    "status_problems",
 ]

@@ -20,10 +20,9 @@ from esea_gen.device import Device
 from esea_gen.emit.fixed.search import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.verify.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
-from esea_gen.verify.equivalence import domain_chirp
 from esea_gen.verify.fixed import bounds_of, compare_fixed
 from esea_gen.verify.proof import EvaResult, prove_block
-from esea_gen.verify.streams import streams
+from esea_gen.verify.streams import domain_chirp, streams
 
 Array = npt.NDArray[np.float64]
 AIM_SHARE = 0.0005
@@ -192,7 +191,7 @@ def _compare_blocks(
     for block in device.system.kinds:
         say(f"{block.name}")
         plan, bound = plan_block(block), bounds[block.name]
-        runner: Any = library.block(block.name)
+        runner = library.block(block.name)
         full = {p.name: max(abs(p.low), abs(p.high)) for p in block.outputs if not p.flags}
         proven = max((bound.outputs[n] / f for n, f in full.items()), default=0.0)
         measured, turned, problems = 0.0, 0, []

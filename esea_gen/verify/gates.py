@@ -20,9 +20,8 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import find_compiler
+from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
-from esea_gen.verify.equivalence import is_program
 from esea_gen.verify.firmware import deepest_stack, double_arithmetic, double_helpers
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
@@ -101,7 +100,7 @@ def find_target(name: str) -> Processor:
 
 def _stack_limit(device: Device, target: Processor) -> int:
     assert target.stack_limit_bytes is not None
-    programs = any(is_program(b) for b in device.system.kinds)
+    programs = any(b.kind == "program" for b in device.system.kinds)
     more = CONTROL_STACK_BYTES if device.system.latches else 0
     return target.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
 

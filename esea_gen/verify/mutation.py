@@ -32,30 +32,17 @@ from esea_gen.emit.ranges import Bound, whole_nodes
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.walker import Kernel, fuse_selects
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import (
-    Array,
-    CBoard,
-    CRunner,
-    HostLibrary,
-    compile_device,
-    find_compiler,
-)
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.hostlib.runner import CBoard, CRunner
 from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
+from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System
-from esea_gen.verify.coverage import guarded_ranges, imply, recorded_arguments
-from esea_gen.verify.equivalence import (
-    AS_WRITTEN,
-    CasadiReference,
-    _unexplained,
-    bounds_or_rule,
-    chosen_blocks,
-    compare,
-    domain_chirp,
-    recorded_stream,
-    run_c,
-    run_symbolic,
-)
-from esea_gen.verify.events import working_inputs
+from esea_gen.verify.bounds import bounds_or_rule
+from esea_gen.verify.compare import compare, unexplained
+from esea_gen.verify.coverage import recorded_arguments
+from esea_gen.verify.equivalence import chosen_blocks
 from esea_gen.verify.executor import (
     Trajectory,
     coefficients_of,
@@ -66,8 +53,17 @@ from esea_gen.verify.executor import (
     initial_state,
     setup_difference,
 )
+from esea_gen.verify.memories import other_memories
 from esea_gen.verify.one_step import StepRule
-from esea_gen.verify.streams import Stream, at_the_limits, other_memories, single, streams
+from esea_gen.verify.runs import AS_WRITTEN, CasadiReference, run_c, run_symbolic
+from esea_gen.verify.streams import (
+    at_the_limits,
+    domain_chirp,
+    recorded_stream,
+    streams,
+    working_inputs,
+)
+from esea_gen.verify.unreachable import guarded_ranges, imply
 
 # Fast to compile; without optimisation float arithmetic has the same bits.
 MUTANT_FLAGS = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC", "-w")
@@ -491,7 +487,7 @@ class _Bench:
             ):
                 for p in ports:
                     if p.flags:
-                        if _unexplained(p, expected[p.name], got, expected, judged.limits):
+                        if unexplained(p, expected, got, judged.limits):
                             return True
                         continue
                     error = np.abs(np.asarray(got[p.name], np.float64) - expected[p.name])

@@ -23,8 +23,8 @@ from esea_gen.emit.ranges import Bound, node_errors, step_bound
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
+from esea_gen.language.stream import Stream
 from esea_gen.verify.executor import coefficients_of, evaluate, initial_state, step_arguments
-from esea_gen.verify.streams import Stream
 
 DECIDING = frozenset({"lt", "le", "eq", "ne"})
 

@@ -10,31 +10,21 @@ this: the float32 C may say more against itself than the executor, never less.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from esea_gen.language.ports import Array
+from esea_gen.device import Device
+from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.program import Program
-from esea_gen.verify.equivalence import (
-    EXACT_PROGRAM,
-    STATED,
-    Comparison,
-    full_scales,
-    run_c,
-)
-from esea_gen.verify.streams import Stream, streams
-
-if TYPE_CHECKING:
-    from esea_gen.device import Device
-    from esea_gen.hostlib.library import HostLibrary
+from esea_gen.language.stream import Stream
+from esea_gen.verify.bounds import full_scales
+from esea_gen.verify.runs import Run, run_c
+from esea_gen.verify.streams import streams
+from esea_gen.verify.verdict import EXACT_PROGRAM, STATED, Comparison
 
 # The executor takes some 30 ms a step of the elbow's controller.
 STEPS = 40
 # Largest seen over 3200 steps of the elbow's controller on these streams: 1.2e-4.
 CLOSENESS = 1e-3
-
-Run = tuple[dict[str, Array], dict[str, Array]]
 
 
 def program_streams(program: Program, seed: int = 1, steps: int = STEPS) -> list[Stream]:
@@ -42,26 +32,7 @@ def program_streams(program: Program, seed: int = 1, steps: int = STEPS) -> list
 
     return: as :func:`esea_gen.verify.streams.streams`, with invalid inputs and corrupt states.
     """
-    block: object = program
-    return streams(block, seed, steps)  # type: ignore[arg-type]
-
-
-def run_executor(program: Program, stream: Stream) -> Run:
-    """A stream through the executor.
-
-    stream: inputs and injections; one into a work array is left out, which carries nothing.
-    """
-    simulator = program.simulator()
-    y: dict[str, list[Array]] = {p.name: [] for p in program.outputs}
-    s: dict[str, list[Array]] = {p.name: [] for p in program.state}
-    for k in range(stream.steps):
-        if k in stream.injections:
-            simulator.state = stream.injections[k]
-        for name, value in simulator.step(**{n: v[k] for n, v in stream.inputs.items()}).items():
-            y[name].append(value)
-        for name, value in simulator.state.items():
-            s[name].append(value if len(value) > 1 else value[0])
-    return {n: np.array(v, float) for n, v in y.items()}, {n: np.array(v) for n, v in s.items()}
+    return streams(program, seed, steps)
 
 
 def compare_program(
@@ -69,8 +40,7 @@ def compare_program(
 ) -> Comparison:
     """Compare a Program's C with its executor on one stream."""
     got = run_c(library.block(program.name), stream)
-    block: object = program
-    scale = full_scales(device, block)  # type: ignore[arg-type]
+    scale = full_scales(device, program)
     exact = library.real == "f64"
     judged = [p for p in program.outputs if not p.flags and p.unit != "1"]
     result = Comparison(

@@ -25,13 +25,17 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import Array, HostLibrary, find_compiler
-from esea_gen.language.block import Block
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.library import HostLibrary
+from esea_gen.language.ports import Array
+from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 from esea_gen.targets import HOST_GCC
-from esea_gen.verify.equivalence import chosen_blocks, is_program, run_c
+from esea_gen.verify.equivalence import chosen_blocks
 from esea_gen.verify.executor import counter_fields
-from esea_gen.verify.streams import Stream, at_the_limits, other_memories, streams
+from esea_gen.verify.memories import other_memories
+from esea_gen.verify.runs import run_c
+from esea_gen.verify.streams import at_the_limits, streams
 
 # What C leaves undefined, and the two conversions that IEEE defines but no kernel should need.
 UNDEFINED = ("-fsanitize=undefined,float-cast-overflow,float-divide-by-zero",)
@@ -91,13 +95,14 @@ class SanitizerRun:
         }
 
 
-def tried_streams(block: Block, fmt: Format, steps: int = 1500) -> list[Stream]:
+def tried_streams(block: Any, fmt: Format, steps: int = 1500) -> list[Stream]:
     """The streams of the comparisons, shortened.
 
     return: those of :func:`~esea_gen.verify.streams.streams`, the one at the limits, and those with
         another memory.
     """
-    if is_program(block):  # its state is work memory: what the rest changes in it carries nothing
+    # A program's state is work memory: what the rest changes in it carries nothing.
+    if block.kind == "program":
         return streams(block, steps=steps)
     return [
         *streams(block, steps=steps),

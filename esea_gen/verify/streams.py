@@ -2,52 +2,24 @@
 
 Every valid sample is a float32 number, so that all number formats are given the same input; what
 counts (:func:`esea_gen.emit.ranges.counts`) is given whole numbers.  What random inputs cannot
-bring about, such as a latch that opens, a Block brings along: :mod:`esea_gen.verify.events`.
+bring about, such as a latch that opens, a Block brings along
+(:class:`esea_gen.language.stream.OwnStreams`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from itertools import product
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.device import Device
 from esea_gen.emit.ranges import counts
 from esea_gen.language.block import Block
+from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Port
-from esea_gen.language.system import System
-
-SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
-
-
-@dataclass(frozen=True)
-class Stream:
-    """An input stream, with states put in from outside at some steps.
-
-    inputs: per input port: (steps,) or (steps, size), float64 values that float32 holds exactly.
-    injections: before the step, ``{state port: value}`` overwrites the state.
-    coefficients: from the step on, ``{coefficient port: value}`` stands in the memory of the
-        coefficients; those not named are as prepared from the default tunables.
-    """
-
-    name: str
-    inputs: dict[str, Array]
-    injections: dict[int, dict[str, Array]] = field(default_factory=dict)
-    coefficients: dict[int, dict[str, Array]] = field(default_factory=dict)
-
-    @property
-    def steps(self) -> int:
-        """Number of steps."""
-        return len(next(iter(self.inputs.values())))
-
-
-def single(values: npt.ArrayLike) -> Array:
-    """Round to float32, kept as float64."""
-    with np.errstate(over="ignore"):
-        return np.asarray(values, dtype=np.float64).astype(np.float32).astype(np.float64)
+from esea_gen.language.stream import SPECIAL, Stream, single
+from esea_gen.language.system import System, Task
 
 
 def _shape(port: Port, steps: int) -> tuple[int, ...]:
@@ -69,7 +41,7 @@ def _chirp(port: Port, steps: int, reach: float, phase: float) -> Array:
     return single(wave if port.size == 1 else np.tile(wave[:, None], (1, port.size)))
 
 
-def _thresholds(rng: np.random.Generator, block: Block, port: Port, steps: int) -> Array:
+def _thresholds(rng: np.random.Generator, block: Component, port: Port, steps: int) -> Array:
     # Ends of the range, constants of the Block that have the port's unit and multiples of them,
     # their float neighbours, zeros of both signs, subnormals.
     marks = [port.low, port.high, 0.0, -0.0, 1e-45, -1e-45, 1.2e-38]
@@ -95,14 +67,12 @@ def _whole(port: Port, values: Array) -> Array:
     return np.rint(values) + 0.0 if counts(port) else values
 
 
-def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
+def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
     """The streams of a Block: generated ones, and those it brings along.
 
     return: random walk, noise over the whole range, chirp, reversals, thresholds, jumps, invalid
-        inputs, corrupt states (where it has a state), and :func:`esea_gen.verify.events.events`.
+        inputs, corrupt states (where it has a state), and its own events.
     """
-    from esea_gen.verify.events import events
-
     rng = np.random.default_rng(seed)
 
     def each(make: Callable[[int, Port], Array]) -> dict[str, Array]:
@@ -148,23 +118,7 @@ def streams(block: Block, seed: int = 1, steps: int = 3000) -> list[Stream]:
     ]
     if injections:
         found.append(Stream("corrupt states", walk, injections))
-    return [*found, *events(block, seed)]
-
-
-def deflection_inputs(system: System, theta_rad: npt.ArrayLike) -> dict[str, Array]:
-    """One deflection for every axis of a measuring System.
-
-    theta_rad: deflection at the sensing rate, shape (steps,).
-    """
-    theta = single(theta_rad)
-    return {x.name: theta for x in system.task_inputs(system.tasks[0])}
-
-
-def first_axis(system: System, outputs: Mapping[str, Array]) -> dict[str, Array]:
-    """The outputs of a task's first sensor, under the names of its Block's ports."""
-    found = system.task_outputs(system.tasks[0])
-    instance = next(x.signals[0].instance for x in found if x.signals[0].port == "tau_Nm")
-    return {x.signals[0].port: outputs[x.name] for x in found if x.signals[0].instance == instance}
+    return [*found, *block.streams.events(block, np.random.default_rng(seed))]
 
 
 def inside(stream: Stream, limits: Mapping[str, tuple[float, float]]) -> bool:
@@ -192,45 +146,13 @@ def at_the_limits(
     """
     rng = np.random.default_rng(seed)
 
-    def around(p: Port) -> Array:
-        ends = [p.low, p.high, 0.0, 1e-3 * p.high]
-        # Where an output of the same unit is clipped or flagged: a state can reach that exactly.
-        ends += [x for q in block.outputs if q.unit == p.unit for x in (q.low, q.high)]
-        marks = np.array([x for x in dict.fromkeys(ends) if p.low <= x <= p.high], dtype=dtype)
-        sides = [np.nextafter(marks, np.full_like(marks, s * np.inf)) for s in (-1, 1)]
-        return np.concatenate([marks, *sides]).astype(np.float64)
-
     inputs = {}
     for p in block.inputs:
         slow = _walk(rng, p, steps, 0.55, 0.01)
         hit = rng.random(slow.shape) < 0.2
-        slow[hit] = rng.choice(around(p), int(hit.sum()))
+        slow[hit] = rng.choice(_around(block, p, dtype), int(hit.sum()))
         inputs[p.name] = slow
-    cases: list[dict[str, Array]] = []
-    for p in block.state:
-        for element in range(p.size):
-            for value in around(p):
-                state = np.full(p.size, p.init)
-                state[element] = value
-                # Among states as they are, and alone: nothing then moves it off the limit.
-                rest = {q.name: np.full(q.size, q.init) for q in block.state}
-                cases += [{p.name: state}, rest | {p.name: state}]
-        if p.size > 1:
-            # The guard of a vector sums magnitudes: come close to its limit from both sides.
-            total = float(np.float32(1.001 * p.size * max(abs(p.low), abs(p.high))))
-            limit = np.array([total], dtype)
-            for value in (limit, np.nextafter(limit, 0), np.nextafter(limit, 2 * limit)):
-                state = np.zeros(p.size)
-                state[int(rng.integers(p.size))] = value[0]
-                cases.append({p.name: state})
-            for element in range(p.size):
-                for value in (1.01 * total, -1.01 * total):
-                    state = np.zeros(p.size)
-                    state[element] = single(value)
-                    cases.append({p.name: state})
-            for share in (0.999999, 1.000001):
-                weights = rng.dirichlet(np.ones(p.size)) * rng.choice([-1, 1], p.size)
-                cases.append({p.name: np.asarray(weights * total * share, dtype).astype(float)})
+    cases = _states_at_limits(rng, block, dtype)
     counters = [f"n_{f.name.lower()}" for q in block.outputs for f in q.flags if f.counted]
     top = 2**32 - 1
     cases += [{c: np.array(top - k)} for c in counters for k in (0, 1, 40)]
@@ -263,61 +185,116 @@ def at_the_limits(
     return Stream("at the limits", inputs, dict(zip(at, cases, strict=False)))
 
 
-def other_memories(
-    block: Block, dtype: npt.DTypeLike = np.float32, seed: int = 2, steps: int = 3000
-) -> list[Stream]:
-    """A Block with another memory: other coefficients, and states that only a long past brings.
-
-    Not part of :func:`streams` either: the derived bounds are those of the default tunables.
-
-    return: for a Block with tunables one stream at the limits, with coefficients prepared from
-        tunables at their ends; :func:`esea_gen.verify.events.memories`; and, starting from the
-        states of these and of :func:`streams`, :func:`esea_gen.verify.ties.aimed_stream`; and each
-        counter at its end, alone.
-    """
-    from esea_gen.verify.events import memories
-    from esea_gen.verify.ties import aimed_stream
-
-    found = memories(block, dtype, seed) + _full_counters(block, seed)
-    found += aimed_stream(
-        block, [*streams(block, steps=1000), *memories(block, dtype, seed)], dtype
-    )
-    if not block.tunables:
-        return found
-    rng = np.random.default_rng(seed)
-    sets = list(product(*((t.low, t.high) for t in block.tunables[:3])))
-    changes: dict[int, dict[str, Array]] = {}
-    for k, ends in enumerate(rng.permutation(sets)):
-        # The first three in every combination of their ends, the rest at random.
-        rest = [rng.choice([t.low, t.high, t.default]) for t in block.tunables[3:]]
-        prepared = block.prepare.call([ca.DM(v) for v in (*ends, *rest)])
-        changes[k * steps // len(sets)] = {
-            p.name: single(np.asarray(v, dtype=float).ravel())
-            for p, v in zip(block.coefficients, prepared, strict=True)
-        }
-    base = at_the_limits(block, dtype, seed, steps)
-    return [Stream("tunables at their ends", base.inputs, base.injections, changes), *found]
+def _around(block: Block, p: Port, dtype: npt.DTypeLike) -> Array:
+    # Numbers at and beside the ends of a port's range.
+    ends = [p.low, p.high, 0.0, 1e-3 * p.high]
+    # Where an output of the same unit is clipped or flagged: a state can reach that exactly.
+    ends += [x for q in block.outputs if q.unit == p.unit for x in (q.low, q.high)]
+    marks = np.array([x for x in dict.fromkeys(ends) if p.low <= x <= p.high], dtype=dtype)
+    sides = [np.nextafter(marks, np.full_like(marks, s * np.inf)) for s in (-1, 1)]
+    return np.concatenate([marks, *sides]).astype(np.float64)
 
 
-def _full_counters(block: Block, seed: int) -> list[Stream]:
-    # One counter at its end and the others at 0, while the Block does what it does.
-    names = [f"n_{f.name.lower()}" for q in block.outputs for f in q.flags if f.counted]
-    out = []
-    for stream in streams(block, seed, 600) if names else ():
-        if stream.name in ("corrupt states", "chirp", "random walk"):
-            continue
-        cases = {}
-        for k, step in enumerate(range(10, stream.steps, 30)):
-            full = names[k % len(names)]
-            cases[step] = {n: np.array(2**32 - 1 if n == full else 0) for n in names}
-        both = {
-            k: cases.get(k, {}) | stream.injections.get(k, {})
-            for k in sorted({*cases, *stream.injections})
-        }
-        out.append(Stream(f"{stream.name}, counters at their ends", stream.inputs, both))
-    return out
+def _states_at_limits(
+    rng: np.random.Generator, block: Block, dtype: npt.DTypeLike
+) -> list[dict[str, Array]]:
+    cases: list[dict[str, Array]] = []
+    for p in block.state:
+        for element in range(p.size):
+            for value in _around(block, p, dtype):
+                state = np.full(p.size, p.init)
+                state[element] = value
+                # Among states as they are, and alone: nothing then moves it off the limit.
+                rest = {q.name: np.full(q.size, q.init) for q in block.state}
+                cases += [{p.name: state}, rest | {p.name: state}]
+        if p.size > 1:
+            # The guard of a vector sums magnitudes: come close to its limit from both sides.
+            total = float(np.float32(1.001 * p.size * max(abs(p.low), abs(p.high))))
+            limit = np.array([total], dtype)
+            for value in (limit, np.nextafter(limit, 0), np.nextafter(limit, 2 * limit)):
+                state = np.zeros(p.size)
+                state[int(rng.integers(p.size))] = value[0]
+                cases.append({p.name: state})
+            for element in range(p.size):
+                for value in (1.01 * total, -1.01 * total):
+                    state = np.zeros(p.size)
+                    state[element] = single(value)
+                    cases.append({p.name: state})
+            for share in (0.999999, 1.000001):
+                weights = rng.dirichlet(np.ones(p.size)) * rng.choice([-1, 1], p.size)
+                cases.append({p.name: np.asarray(weights * total * share, dtype).astype(float)})
+    return cases
 
 
 def _end(port: Port, upper: bool) -> float:
     # The lower end of a range that starts at zero is no extreme: take the upper one.
     return port.high if upper or port.low == 0 else port.low
+
+
+# -- devices and whole systems ---------------------------------------------------------------------
+
+
+def domain_chirp(device: Device, duration_s: float = 8.0) -> Array:
+    """A deflection chirp that stays inside the identified domain, shape (steps,)."""
+    theta = 0.95 * device.file.domain.theta_max_rad.value
+    rate = 0.8 * device.file.domain.omega_max_rad_s.value
+    t = np.arange(0.0, duration_s, device.period_s)
+    top_Hz = rate / (2 * np.pi * theta)
+    return single(theta * np.sin(np.pi * top_Hz * t * t / duration_s))
+
+
+def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") -> dict[str, Stream]:
+    """A recorded deflection as a stream for each Block that it reaches, wired as in the System.
+
+    theta_rad: at the sensing rate, shape (steps,).
+    """
+    theta = single(theta_rad)
+    rates, _ = device.velocity.simulator().run({"theta_rad": theta})
+    return {
+        "velocity": Stream(name, {"theta_rad": theta}),
+        "sensor": Stream(
+            name, {"theta_rad": theta, "omega_rad_s": single(rates["omega_mid_rad_s"])}
+        ),
+    }
+
+
+def deflection_inputs(system: System, theta_rad: npt.ArrayLike) -> dict[str, Array]:
+    """One deflection for every axis of a measuring System.
+
+    theta_rad: deflection at the sensing rate, shape (steps,).
+    """
+    theta = single(theta_rad)
+    return {x.name: theta for x in system.task_inputs(system.tasks[0])}
+
+
+def first_axis(system: System, outputs: Mapping[str, Array]) -> dict[str, Array]:
+    """The outputs of a task's first sensor, under the names of its Block's ports."""
+    found = system.task_outputs(system.tasks[0])
+    instance = next(x.signals[0].instance for x in found if x.signals[0].port == "tau_Nm")
+    return {x.signals[0].port: outputs[x.name] for x in found if x.signals[0].instance == instance}
+
+
+def working_inputs(system: System, task: Task, steps: int) -> dict[str, Array]:
+    """Inputs of a task under which a controlling System works: encoders move, a law acts.
+
+    return: by external input, float32 numbers: counts that move slowly, modes in turn, one request
+        to release the limits, one stop near the end, waves on all else.
+    """
+    t = np.arange(float(steps))
+    found = {}
+    for i, x in enumerate(system.task_inputs(task)):
+        name = x.name
+        if name.startswith("count"):
+            value = np.floor(0.02 * x.port.high * (1 + np.sin(t / 150 + 0.9 * i)))
+        elif name.startswith("frame_error"):
+            value = np.where((t > 0) & (t % 211 == 7 * i), 1.0, 0.0)
+        elif name == "mode":
+            value = np.where(t < 60, 0.0, 1.0 + (t // 300) % 2)
+        elif name == "rearm":
+            value = np.where(t < 30, 0.0, 1.0)
+        elif name == "stop":
+            value = np.where(t > steps - 50, 1.0, 0.0)
+        else:
+            value = 0.2 * x.port.high * np.sin(t / (37 + 5 * i))
+        found[name] = single(value if x.port.size == 1 else np.tile(value[:, None], x.port.size))
+    return found

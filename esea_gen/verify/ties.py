@@ -20,7 +20,15 @@ from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
-from esea_gen.verify.streams import Stream, single
+from esea_gen.language.stream import Stream, single
+from esea_gen.verify.executor import (
+    coefficients_of,
+    emitted_kernel,
+    evaluate,
+    initial_state,
+    step_arguments,
+)
+from esea_gen.verify.runs import run_symbolic
 
 AIMED = frozenset({"lt", "le", "fmin", "fmax"})
 ITERATIONS = 6
@@ -86,8 +94,6 @@ class _Aim:
 
     @classmethod
     def at(cls, block: Block, fmt: Format) -> _Aim:
-        from esea_gen.verify.executor import coefficients_of, emitted_kernel
-
         kernel, _ = emitted_kernel(block, fmt)
         cones = _cones(kernel, len(block.coefficients))
         decisions = [
@@ -107,8 +113,6 @@ class _Aim:
         self, arguments: Sequence[Array], kernel: Kernel | None = None, own: bool = False
     ) -> list[Array]:
         # Every value, in float64 or in the format's own arithmetic.
-        from esea_gen.verify.executor import evaluate
-
         full = [np.tile(c, (len(arguments[0]), 1)) for c in self.coefficients] + [*arguments]
         return evaluate(kernel or self.kernel, self.fmt if own else FORMATS["f64"], full)
 
@@ -121,9 +125,6 @@ class _Aim:
 
 def _pool(aim: _Aim, tried: Sequence[Stream], rng: np.random.Generator) -> list[Array]:
     # Any step of the given streams that lies within all ports' ranges.
-    from esea_gen.verify.equivalence import run_symbolic
-    from esea_gen.verify.executor import coefficients_of, initial_state, step_arguments
-
     double = FORMATS["f64"]
     coefficients = coefficients_of(aim.block, double, {})
     initial = initial_state(aim.block, double, coefficients)

@@ -1,0 +1,90 @@
+"""How numbers cross between Python and the C: in units, or in q31 as raw numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.emit.fixed.naming import Naming
+from esea_gen.emit.fixed.search import plan_block, raw_tunable
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
+from esea_gen.language.system import External
+
+Array = npt.NDArray[Any]
+
+INVALID = -(2**31)
+"""Raw number of what is not a number or does not fit: no port takes it as valid."""
+
+
+def to_raw(values: Any, fraction: int) -> Array:
+    """Raw numbers of values, as the macro ``ESEA_Q31_FROM`` gives them.
+
+    return: ``int32``, rounded half away from zero; NaN and what does not fit is ``INT32_MIN``.
+    """
+    with np.errstate(all="ignore"):
+        scaled = np.asarray(values, dtype=np.float64) * 2.0**fraction
+        fits = (scaled < 2.0**31 - 1) & (scaled > -(2.0**31 - 1))
+        rounded = np.trunc(np.where(fits, scaled, 0.0) + np.where(scaled < 0, -0.5, 0.5))
+    return np.where(fits, rounded, float(INVALID)).astype(np.int64).astype(np.int32)
+
+
+def from_raw(raw: Array, fraction: int) -> Array:
+    """Values of raw numbers; exact."""
+    return np.asarray(raw, dtype=np.float64) * 2.0**-fraction
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a C struct.
+
+    name, c_name: as callers name it, and in the C.
+    fraction: of its raw numbers; None where the C holds numbers in units.
+    """
+
+    name: str
+    c_name: str
+    port: Port
+    fraction: int | None = None
+
+    def encode(self, values: Any) -> Any:
+        """What the C holds for numbers in units; whole numbers are raw already."""
+        column = np.asarray(values)
+        if self.fraction is None or column.dtype.kind in "iu":
+            return column
+        return to_raw(column, self.fraction)
+
+    def decode(self, held: Any) -> Any:
+        """Numbers in units, but a status word, of what the C holds."""
+        if self.fraction is None or self.port.flags:
+            return held
+        return held * 2.0**-self.fraction
+
+
+class Codec:
+    """The fields of a System's C, in the number format that its names are in."""
+
+    def __init__(self, naming: Naming) -> None:
+        self.naming = naming
+
+    def field(self, block: Block, group: str, port: Port) -> Field:
+        """A field of a Block's own struct: ``in``, ``out`` or ``state``."""
+        c_name = self.naming.field(block, group, port)
+        if not self.naming.fixed:
+            return Field(port.name, c_name, port)
+        return Field(port.name, c_name, port, plan_block(block).field(group, port.name).fraction)
+
+    def external(self, external: External) -> Field:
+        """A field of a task's struct."""
+        c_name = self.naming.external(external)
+        if not self.naming.fixed:
+            return Field(external.name, c_name, external.port)
+        fraction = self.naming.external_field(external).fraction
+        return Field(external.name, c_name, external.port, fraction)
+
+    def tunable(self, block: Block, name: str, value: Any) -> tuple[str, Any]:
+        """C name and number of a tunable's value."""
+        return raw_tunable(block, name, value) if self.naming.fixed else (name, value)

@@ -1,0 +1,96 @@
+"""The host's C compiler: shared libraries from texts, and cffi's declarations from headers."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from esea_gen.errors import UserError
+from esea_gen.targets import EXACT_FLAGS, HOST_GCC
+
+CFLAGS = (*EXACT_FLAGS, "-fPIC")
+
+
+def find_compiler(name: str, package: str) -> str:
+    """Path of a compiler; :class:`UserError` with the Debian ``package`` to install without it."""
+    path = shutil.which(name)
+    if path is None:
+        raise UserError(
+            f"The compiler '{name}' is not installed.",
+            f"Install it with: apt-get install --no-install-recommends {package}",
+        )
+    return path
+
+
+def cache_folder() -> Path:
+    """Folder of compiled libraries: ``$XDG_CACHE_HOME/esea-gen`` or ``~/.cache/esea-gen``."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    folder = Path(base) / "esea-gen"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        folder = Path(tempfile.gettempdir()) / f"esea-gen-{os.getuid()}"
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def compile_sources(
+    files: Mapping[str, str], flags: Sequence[str] = (), link: Sequence[str] = ()
+) -> Path:
+    """Compile C files into a shared library, once for a given content.
+
+    files: relative path to text; every ``.c`` but ``main.c`` is compiled.
+    flags: beside the project's own.
+    return: the library; :class:`RuntimeError` with what the compiler said when it refuses them.
+    """
+    gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
+    version = subprocess.run([gcc, "--version"], capture_output=True, text=True, check=True).stdout
+    command = [gcc, *CFLAGS, *flags, "-shared"]
+    key = hashlib.sha256("\0".join([version, *command, *link]).encode())
+    for name in sorted(files):
+        key.update(f"\0{name}\0{files[name]}".encode())
+    target = cache_folder() / f"{key.hexdigest()[:32]}.so"
+    if target.is_file():
+        return target
+    with tempfile.TemporaryDirectory() as scratch:
+        sources = []
+        for name, text in files.items():
+            path = Path(scratch) / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            if name.endswith(".c") and name != "main.c":
+                sources.append(str(path))
+        built = Path(scratch) / "library.so"
+        done = subprocess.run(
+            [*command, f"-I{scratch}", *sorted(sources), "-o", str(built), *link],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode != 0:
+            raise RuntimeError(f"the generated C does not compile:\n{done.stderr}")
+        # Copy beside the target, then rename: a second process sees all of it or none.
+        partial = target.with_suffix(f".{os.getpid()}.tmp")
+        shutil.copyfile(built, partial)
+        partial.replace(target)
+    return target
+
+
+def declarations(text: str) -> str:
+    """cffi declarations, types and prototypes, of C text whose only includes are standard ones."""
+    gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
+    bare = re.sub(r"^\s*#\s*include.*$", "", text, flags=re.MULTILINE)
+    done = subprocess.run(
+        [gcc, "-E", "-P", "-x", "c", "-std=c99", "-"],
+        input=bare,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout

@@ -1,0 +1,342 @@
+"""Compiled Blocks, tasks and Systems: called like their symbolic counterparts, in every format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from esea_gen.hostlib.codec import Array, Field
+from esea_gen.language.block import Block
+from esea_gen.language.system import System, SystemSimulator
+
+if TYPE_CHECKING:
+    from esea_gen.hostlib.library import HostLibrary
+
+
+class CRunner:
+    """A compiled Block or task: steps and runs like its symbolic counterpart.
+
+    Parameters
+    ----------
+    library : HostLibrary
+        Where it lives.
+    name : str
+        The Block's or task's.
+    owner : Block or System
+        Whose params, coefficients and state it has: the Block's own, or the System's for a task.
+    inputs, outputs, state : sequence of Field
+        Fields of its structs; the state empty for a task.
+    """
+
+    def __init__(
+        self,
+        library: HostLibrary,
+        name: str,
+        owner: Block | System,
+        inputs: Sequence[Field],
+        outputs: Sequence[Field],
+        state: Sequence[Field],
+    ) -> None:
+        ffi = library.ffi
+        self.library, self.owner, self.stem = library, owner, f"{library.prefix}_{name}"
+        self.inputs, self.outputs, self.state_fields = inputs, outputs, state
+        self.prefix = library.prefix if isinstance(owner, System) else self.stem
+        self._run = getattr(library.lib, f"{self.stem}_run")
+        self._init = getattr(library.lib, f"{self.prefix}_init")
+        self._in_type = library.dtype(f"{self.stem}_in_t")
+        self._out_type = library.dtype(f"{self.stem}_out_t")
+        self._state_type = library.dtype(f"{self.prefix}_state_t")
+        self._state = np.zeros(1, self._state_type)
+        self._coeffs: tuple[Any, ...] = ()
+        self._params = None
+        if owner.tunables:
+            self._params = ffi.new(f"{self.prefix}_params_t *")
+            self._coeffs = (ffi.new(f"{self.prefix}_coeffs_t *"),)
+        self.prepare({})
+
+    def _cast(self, kind: str, array: Array) -> Any:
+        return self.library.ffi.cast(f"{kind} *", array.ctypes.data)
+
+    def prepare(self, tunables: Mapping[str, Any]) -> int:
+        """Set tunables, the others at their defaults, derive the coefficients, and reset.
+
+        Parameters
+        ----------
+        tunables : mapping
+            For a Block ``{tunable: value}``; for a task ``{instance: {tunable: value}}``.
+
+        Returns
+        -------
+        int
+            0, or the number of the refused tunable (tasks only; coefficients untouched).
+        """
+        refused = 0
+        if self._params is not None:
+            refused = self._prepare(self._params, tunables)
+        if not refused:
+            self.reset()
+        return refused
+
+    def _prepare(self, params: Any, tunables: Mapping[str, Any]) -> int:
+        library, owner = self.library, self.owner
+        call, codec = getattr(library.lib, f"{self.prefix}_prepare"), library.codec
+        if isinstance(owner, System):
+            getattr(library.lib, f"{self.prefix}_default_params")(params)
+            for instance, values in tunables.items():
+                for key, value in values.items():
+                    pair = codec.tunable(owner.blocks[instance], key, value)
+                    setattr(getattr(params, instance), *pair)
+            return int(call(params, *self._coeffs))
+        for key, value in (owner.default_tunables() | dict(tunables)).items():
+            setattr(params, *codec.tunable(owner, key, value))
+        call(params, *self._coeffs)
+        return 0
+
+    def reset(self) -> None:
+        """Return to the initial state."""
+        self._init(*self._coeffs, self._cast(f"{self.prefix}_state_t", self._state))
+
+    @property
+    def state(self) -> Array:
+        """The state struct, one element of a structured array (a copy)."""
+        return self._state.copy()
+
+    @state.setter
+    def state(self, value: Array) -> None:
+        self._state[:] = value
+
+    def put_state(self, values: Mapping[str, Any]) -> None:
+        """Overwrite part of the state.
+
+        Parameters
+        ----------
+        values : mapping of str to array
+            By state port, in units (in q31, whole numbers are raw numbers); counters by their C
+            names.
+        """
+        known = {f.name: f for f in self.state_fields}
+        for name, value in values.items():
+            if name in known:
+                self._state[known[name].c_name] = known[name].encode(value)
+            else:
+                self._state[name] = value
+
+    def pack(self, inputs: Mapping[str, Any]) -> Array:
+        """Arrange a stream as the C's input structs.
+
+        Parameters
+        ----------
+        inputs : mapping of str to array
+            One array per input, shape (steps,) or (steps, size), in units (in q31, whole numbers
+            are raw numbers).
+
+        Returns
+        -------
+        ndarray
+            Structured, shape (steps,).
+        """
+        steps = len(np.atleast_1d(next(iter(inputs.values())))) if inputs else 0
+        packed = np.zeros(steps, self._in_type)
+        for f in self.inputs:
+            packed[f.c_name] = f.encode(inputs[f.name])
+        return packed
+
+    def run(
+        self, inputs: Mapping[str, Any], trace: bool = True, raw: bool = False
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Run over a stream, going on from the present state.
+
+        Parameters
+        ----------
+        inputs : mapping of str to array
+            As for :meth:`pack`.
+        trace : bool
+            Whether to record the state after every step.
+        raw : bool
+            Give the C's own numbers, which in q31 are no units.
+
+        Returns
+        -------
+        outputs, states : dict of str to ndarray
+            By name; states empty without ``trace``.
+        """
+        packed = self.pack(inputs)
+        out = np.zeros(len(packed), self._out_type)
+        states = np.zeros(len(packed) if trace else 0, self._state_type)
+        self._run(
+            *self._coeffs,
+            self._cast(f"{self.prefix}_state_t", self._state),
+            self._cast(f"{self.stem}_in_t", packed),
+            self._cast(f"{self.stem}_out_t", out),
+            self._cast(f"{self.prefix}_state_t", states) if trace else self.library.ffi.NULL,
+            len(packed),
+        )
+        known = {f.c_name: f for f in self.state_fields}
+        outputs = {f.name: out[f.c_name] if raw else f.decode(out[f.c_name]) for f in self.outputs}
+        after = {}
+        for c_name in (self._state_type.names or ()) if trace else ():
+            f = known.get(c_name)
+            name, held = f.name if f else c_name, states[c_name]
+            after[name] = f.decode(held) if f and not raw else held
+        return outputs, after
+
+    def step(self, **inputs: Any) -> dict[str, Any]:
+        """One step.
+
+        Parameters
+        ----------
+        **inputs : float or ndarray
+            One value per input.
+
+        Returns
+        -------
+        dict
+            One value per output.
+        """
+        outputs, _ = self.run({k: np.asarray(v)[None] for k, v in inputs.items()}, trace=False)
+        return {k: v[0] for k, v in outputs.items()}
+
+
+class CBoard:
+    """A System's compiled C, called as firmware calls it: one state, shared by all tasks.
+
+    It has the face of :class:`esea_gen.language.system.SystemSimulator`.
+
+    Parameters
+    ----------
+    library : HostLibrary
+        Where it lives.
+    tunables : mapping, optional
+        ``{instance: {tunable: value}}`` other than the defaults.
+
+    Raises
+    ------
+    ValueError
+        For a tunable outside its range.
+    """
+
+    def __init__(
+        self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
+    ) -> None:
+        self.library, self.system = library, library.system
+        system, codec = library.system, library.codec
+        self._fields = {
+            t.name: (
+                [codec.external(x) for x in system.task_inputs(t)],
+                [codec.external(x) for x in system.task_outputs(t)],
+            )
+            for t in system.tasks
+        }
+        self._state = self._new("state")
+        self._coeffs: tuple[Any, ...] = ()
+        if system.tunables:
+            params, coeffs = self._new("params"), self._new("coeffs")
+            self._call("default_params", params)
+            self._set(params, tunables or {})
+            refused = int(self._call("prepare", params, coeffs))
+            if refused:
+                instance, tunable = system.tunables[refused - 1]
+                raise ValueError(
+                    f"{instance}.{tunable.name} is outside [{tunable.low}, {tunable.high}]"
+                )
+            self._coeffs = (coeffs,)
+        self._call("init", *self._coeffs, self._state)
+
+    def _set(self, params: Any, tunables: Mapping[str, Mapping[str, float]]) -> None:
+        known = {(i, t.name): t for i, t in self.system.tunables}
+        for instance, values in tunables.items():
+            for key, value in values.items():
+                taken = known[instance, key].taken(value) if (instance, key) in known else value
+                pair = self.library.codec.tunable(self.system.blocks[instance], key, taken)
+                setattr(getattr(params, instance), *pair)
+
+    def _new(self, kind: str, values: Mapping[str, Any] | None = None) -> Any:
+        return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
+
+    def _call(self, verb: str, *arguments: Any) -> Any:
+        return getattr(self.library.lib, f"{self.library.prefix}_{verb}")(*arguments)
+
+    def release(self, tick: int) -> None:
+        """Move the latches: at every base tick, before the tasks.
+
+        Parameters
+        ----------
+        tick : int
+            The base tick.
+        """
+        if self.system.latches:
+            self._call("release", self._state, tick)
+
+    def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
+        """One run of a task.
+
+        Parameters
+        ----------
+        task_name : str
+            Which.
+        **inputs : float or sequence of float
+            Its external inputs, in units; in q31, NaN and what does not fit is invalid.
+
+        Returns
+        -------
+        dict
+            Its external outputs: float, int for a status word, ndarray for a vector.
+        """
+        taken, given_back = self._fields[task_name]
+        given = {f.c_name: f.encode(np.asarray(inputs[f.name], np.float64)).tolist() for f in taken}
+        out = self._new(f"{task_name}_out")
+        values = self._new(f"{task_name}_in", given)
+        self._call(f"{task_name}_step", *self._coeffs, self._state, values, out)
+        found = {}
+        for f in given_back:
+            held = getattr(out, f.c_name)
+            found[f.name] = f.decode(held if f.port.size == 1 else np.array(list(held)))
+        return found
+
+
+def run_schedule(
+    board: CBoard | SystemSimulator, inputs: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Array]]:
+    """Run every task of a System at its own ticks.
+
+    Parameters
+    ----------
+    board : CBoard or SystemSimulator
+        The C, or the symbols.
+    inputs : mapping of str to mapping
+        Per task, one array per external input with one element a run; for a task without inputs
+        ``{"": zeros}`` of as many elements as it has runs.
+
+    Returns
+    -------
+    dict of str to dict of str to ndarray
+        Per task, one array per external output; float32 or uint32 from f32 C.
+    """
+    system = board.system
+    runs = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}
+    ticks = max(
+        system.task(t).phase + (n - 1) * system.task(t).every + 1 for t, n in runs.items() if n
+    )
+    found: dict[str, dict[str, list[Any]]] = {
+        t: {x.name: [] for x in system.task_outputs(system.task(t))} for t in inputs
+    }
+    for tick in range(ticks):
+        board.release(tick)
+        for task in system.tasks:
+            k, late = divmod(tick - task.phase, task.every)
+            if task.name not in inputs or late or not 0 <= k < runs[task.name]:
+                continue
+            given = {n: a[k] for n, a in inputs[task.name].items() if n}
+            for name, value in board.step(task.name, **given).items():
+                found[task.name][name].append(value)
+    single = isinstance(board, CBoard) and board.library.real == "f32"
+    kinds = {
+        x.name: np.uint32 if x.port.flags else np.float32 if single else np.float64
+        for x in system.outputs
+    }
+    return {
+        t: {n: np.asarray(v, dtype=kinds[n]) for n, v in outputs.items()}
+        for t, outputs in found.items()
+    }

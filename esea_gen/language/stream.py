@@ -1,0 +1,68 @@
+"""Streams: what a Block is tried with, and what it brings along to be tried with.
+
+Random inputs open no latch and make no encoder slip.  What needs inputs that fit together over many
+steps, a Block says itself: ``Block.define(..., streams=OwnStreams(events=...))``.  All numbers come
+from the Block's own ports, tunables and constants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from esea_gen.language.ports import Array
+
+SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """An input stream, with states put in from outside at some steps.
+
+    inputs: per input port: (steps,) or (steps, size), float64 values that float32 holds exactly.
+    injections: before the step, ``{state port: value}`` overwrites the state.
+    coefficients: from the step on, ``{coefficient port: value}`` stands in the memory of the
+        coefficients; those not named are as prepared from the default tunables.
+    """
+
+    name: str
+    inputs: dict[str, Array]
+    injections: dict[int, dict[str, Array]] = field(default_factory=dict)
+    coefficients: dict[int, dict[str, Array]] = field(default_factory=dict)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(next(iter(self.inputs.values())))
+
+
+def single(values: npt.ArrayLike) -> Array:
+    """Round to float32, kept as float64."""
+    with np.errstate(over="ignore"):
+        return np.asarray(values, dtype=np.float64).astype(np.float32).astype(np.float64)
+
+
+def _no_events(_block: Any, _rng: np.random.Generator) -> list[Stream]:
+    return []
+
+
+def _no_memories(_block: Any, _dtype: np.dtype[Any], _rng: np.random.Generator) -> list[Stream]:
+    return []
+
+
+@dataclass(frozen=True)
+class OwnStreams:
+    """The streams that a Block or Program brings along, made by functions that are given it.
+
+    events: for every comparison; all samples float32 numbers.
+    memories: for comparisons bit by bit in one format, whose type it is given: coefficients and
+        states that no ordinary run brings, at the edge of what they decide.
+    """
+
+    events: Callable[[Any, np.random.Generator], list[Stream]] = _no_events
+    memories: Callable[[Any, np.dtype[Any], np.random.Generator], list[Stream]] = _no_memories

@@ -1,0 +1,160 @@
+"""What a Block's float32 is held to: full scales, derived bounds, the limit of its residual."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.ranges import Bound, RangeError, block_bound
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block
+from esea_gen.language.component import Component
+from esea_gen.language.ports import Array, Flag
+from esea_gen.language.stream import Stream
+from esea_gen.verify.one_step import StepRule
+from esea_gen.verify.verdict import ONE_STEP
+
+
+def full_scales(device: Device, block: Component) -> dict[str, float]:
+    """What counts as 100 % for each output and state of a Block.
+
+    return: for a torque the smallest of its range's larger end and the device's torque full scale
+        (of a motor torque also its largest); the range's larger end for the rest.
+    """
+    actuator = device.file.actuator
+    out = {}
+    for p in (*block.outputs, *block.state):
+        if p.flags:
+            continue
+        scale = max(abs(p.low), abs(p.high))
+        if p.unit == "Nm":
+            scale = min(scale, device.tau_full_scale_Nm)
+            # The thesis's symbols: u_... are torques at the motor shaft, tau_... at the joint.
+            if actuator is not None and p.name.startswith("u_"):
+                scale = min(scale, actuator.u_max_Nm.value)
+        out[p.name] = scale
+    return out
+
+
+def operating_ranges(device: Device, block: Block) -> dict[str, tuple[float, float]]:
+    """The identified domain as ranges of a Block's inputs and states, for its tighter bound.
+
+    return: for :func:`esea_gen.emit.ranges.block_bound`; empty when the Block has none of these.
+    """
+    d = device.file.domain
+    theta, omega = d.theta_max_rad.value, d.omega_max_rad_s.value
+    ranges = {
+        "u_theta_rad": theta,
+        "s_theta_prev_rad": theta,
+        "u_omega_rad_s": omega,
+        "s_tau_r_Nm": device.tau_full_scale_Nm,
+    }
+    names = {f"u_{p.name}" for p in block.inputs} | {f"s_{p.name}" for p in block.state}
+    return {k: (-v, v) for k, v in ranges.items() if k in names}
+
+
+def residual_flag(block: Block) -> Flag | None:
+    """The flag by which a Block says that its residual is too large.
+
+    return: its ``NOT_CONVERGED``, where that looks at the output ``residual_Nm`` alone and the
+        Block turns a torque into a deflection and the rate that goes with it; None for any other
+        Block, which then needs a derived bound.
+    """
+    outputs = {p.name for p in block.outputs}
+    if [p.name for p in block.inputs] != ["tau_Nm"] or not outputs >= {
+        *("theta_rad", "omega_mid_rad_s", "residual_Nm")
+    }:
+        return None
+    port = block.status_port
+    for flag in port.flags if port else ():
+        if flag.name == "NOT_CONVERGED" and flag.compares == ("residual_Nm",):
+            return flag
+    return None
+
+
+def forward_residual(
+    device: Device, block: Block, stream: Stream, outputs: Mapping[str, Array]
+) -> tuple[float, float]:
+    """How far the torque at an inverse's set-points is from the request, said and computed.
+
+    stream, outputs: its requests, and what its C made of them.
+    return: largest |residual| by the Block's own output, and by the symbolic sensor in float64, run
+        on the set-points and their rates (0 where states were put in from outside: the sensor then
+        has another memory). Left out are steps in which the Block says that the request was invalid
+        or cannot be reached.
+    """
+    port = block.status_port
+    assert port is not None
+    bits = {f.name: 1 << i for i, f in enumerate(port.flags)}
+    status = outputs[port.name].astype(np.int64)
+    valid = status & bits["INPUT_INVALID"] == 0
+    free = valid & (status & bits["REQUEST_CLAMPED"] == 0)
+    said = np.abs(outputs["residual_Nm"].astype(np.float64))[free]
+    computed = np.zeros(0)
+    if not stream.injections and np.any(valid):
+        # Before its first valid request the inverse has no memory; the sensor starts with it.
+        start = int(np.argmax(valid))
+        y, _ = device.sensor.simulator().run(
+            {
+                "theta_rad": outputs["theta_rad"][start:],
+                "omega_rad_s": outputs["omega_mid_rad_s"][start:],
+            }
+        )
+        missed = np.abs(y["tau_Nm"] - stream.inputs["tau_Nm"][start:])
+        computed = missed[free[start:]]
+    return float(np.max(said, initial=0.0)), float(np.max(computed, initial=0.0))
+
+
+def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
+    """A Block's float32 bounds against float64: over its ports' ranges, and over the domain.
+
+    return: ``port ranges`` and ``identified domain``; both hold for any number of steps. Empty for
+        a Block that is judged by its residual. :class:`RangeError` where errors may grow without
+        limit.
+    """
+    if residual_flag(block) is not None:
+        return {}
+    out: dict[str, Bound] = {}
+    for name, ranges in (
+        ("port ranges", {}),
+        ("identified domain", operating_ranges(device, block)),
+    ):
+        if out and not ranges:  # nothing that the domain narrows
+            out[name] = out["port ranges"]
+            continue
+        single = block_bound(block, FORMATS["f32"], ranges)
+        double = block_bound(block, FORMATS["f64"], ranges)
+        out[name] = Bound(
+            "f32",
+            single.steps,
+            {k: v + double.outputs[k] for k, v in single.outputs.items()},
+            {k: v + double.states[k] for k, v in single.states.items()},
+            single.method,
+            single.assumptions,
+        )
+    return out
+
+
+def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], StepRule | None]:
+    """How a Block's float32 is judged: a bound for any number of steps, or what one step adds.
+
+    return: bounds of :func:`derive_bounds` and None, or that of one step and its rule;
+        :class:`UserError` when not even one step has a finite bound.
+    """
+    try:
+        return derive_bounds(device, block), None
+    except RangeError:
+        pass
+    try:
+        rule = StepRule(block)
+    except RangeError as error:
+        raise UserError(
+            f"{device.origin}: no finite float32 bound can be derived for {block.name}, not even "
+            f"of one step ({error}).",
+            "Narrow the ranges under [limits], or raise the offsets eps1 and eps2; --real f64 "
+            "verifies the float64 C alone.",
+        ) from error
+    return {ONE_STEP: rule.bound}, rule

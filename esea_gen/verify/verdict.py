@@ -1,0 +1,169 @@
+"""What a verification found: one comparison a Block, stream and format, and all of a device."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from esea_gen.emit.ranges import Bound
+
+EXACT, RESIDUAL, LASTING, ONE_STEP, EXACT_PROGRAM, STATED = RULES = (
+    "CasADi's C, bit for bit",
+    "residual",
+    "any number of steps",
+    "one step, from the same memory",
+    "a program's executor, bit for bit",
+    "a program's executor, a stated share of full scale",
+)
+
+
+@dataclass
+class Comparison:
+    """One stream through one Block in one number format.
+
+    Parameters
+    ----------
+    block, stream, real : str
+        Names.
+    steps : int
+        Length of the stream.
+    errors : dict of str to float
+        Largest |C - symbolic| per output and state.
+    limits : dict of str to float
+        What each must not exceed.
+    status_differences : int
+        Steps in which a status word differs beyond what its own threshold explains.
+    bit_identical : bool or None
+        f64: whether every bit equals CasADi's own generated C.
+    problems : list of str
+        Non-finite values, broken stop and restore, errors above their limit.
+    residual : tuple of float, optional
+        Blocks judged by their residual: the largest |request less the model's torque| and its
+        limit, Nm.
+    rule : str
+        One of ``RULES``: what ``errors`` are, and what ``limits`` hold for.
+    drift : dict of str to float
+        Rule "one step": how far a free run comes apart, per output and state, without a limit; of a
+        status word, the share of steps that differ.
+    turned : int
+        Rule "one step": steps in which rounding turned a decision, within the derived errors of its
+        operands.
+    """
+
+    block: str
+    stream: str
+    real: str
+    steps: int
+    errors: dict[str, float]
+    limits: dict[str, float]
+    status_differences: int = 0
+    bit_identical: bool | None = None
+    problems: list[str] = field(default_factory=list)
+    residual: tuple[float, float] | None = None
+    rule: str = EXACT
+    drift: dict[str, float] = field(default_factory=dict)
+    turned: int = 0
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything holds."""
+        return not self.problems and not self.status_differences and self.bit_identical is not False
+
+
+@dataclass
+class Verification:
+    """All comparisons of a device.
+
+    Parameters
+    ----------
+    device, content_hash : str
+        What was verified.
+    comparisons : list of Comparison
+        One per Block, stream and format.
+    bounds : dict
+        Derived worst-case errors: ``{block: {domain: Bound}}`` for f32; no entry for a Block that
+        is judged by its residual.
+    full_scale : dict of str to float
+        Per port name, what counts as 100 %; of several Blocks with a port of that name, the
+        smallest.
+    full_scales : dict of str to dict
+        The same per Block.
+    """
+
+    device: str
+    content_hash: str
+    comparisons: list[Comparison]
+    bounds: dict[str, dict[str, Bound]]
+    full_scale: dict[str, float]
+    full_scales: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every comparison holds."""
+        return all(c.passed for c in self.comparisons)
+
+    def worst(self, real: str, block: str) -> dict[str, float]:
+        """Largest error per port of a Block in a format, over all streams.
+
+        Parameters
+        ----------
+        real : str
+            Number format.
+        block : str
+            Name of the Block.
+
+        Returns
+        -------
+        dict of str to float
+            Error by output port.
+        """
+        out: dict[str, float] = {}
+        for c in self.comparisons:
+            if c.real == real and c.block == block:
+                for k, e in c.errors.items():
+                    out[k] = max(out.get(k, 0.0), e)
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return {
+            "device": self.device,
+            "content_hash": self.content_hash,
+            "passed": self.passed,
+            "full_scale": self.full_scale,
+            "full_scales": self.full_scales,
+            "comparisons": [
+                {
+                    "block": c.block,
+                    "stream": c.stream,
+                    "format": c.real,
+                    "rule": c.rule,
+                    "steps": c.steps,
+                    "passed": c.passed,
+                    "errors": c.errors,
+                    "limits": c.limits,
+                    "status_differences": c.status_differences,
+                    "bit_identical_to_casadi_c": c.bit_identical,
+                    "problems": c.problems,
+                    "residual_Nm": None if c.residual is None else c.residual[0],
+                    "residual_limit_Nm": None if c.residual is None else c.residual[1],
+                    "drift_not_bounded": c.drift,
+                    "steps_with_a_turned_decision": c.turned,
+                }
+                for c in self.comparisons
+            ],
+            "f32_bounds": {
+                block: {
+                    domain: {
+                        "outputs": b.outputs,
+                        "states": b.states,
+                        "method": b.method,
+                        "holds_for": LASTING if math.isinf(b.steps) else ONE_STEP,
+                        "assumptions": list(b.assumptions),
+                    }
+                    for domain, b in domains.items()
+                }
+                for block, domains in self.bounds.items()
+            },
+        }
