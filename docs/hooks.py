@@ -41,7 +41,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
             *(f"model.{m}" for m in ("sensing", "symbolic")),
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
-            *(f"control.{m}" for m in ("reference", "sliding_mode", "predictive_drive")),
+            *(f"control.{m}" for m in ("reference", "sliding_mode", "surface", "predictive_drive")),
             *(f"control.{m}" for m in ("limits", "system")),
         ),
     ),
