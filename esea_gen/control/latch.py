@@ -204,7 +204,7 @@ def _latch(
     """Opens with one more ``rearm`` and no cause left; closes with a cause and keeps the first."""
     cause = label("cause", _any(causes.values()), "anything that forbids a motor command")
     reason: Any = 0.0
-    for code, found in reversed(causes.items()):
+    for code, found in reversed(list(causes.items())):
         reason = ca.if_else(found, float(code), reason)
 
     known = ca.logic_and(m.trusted, s.rearm_last >= 0)

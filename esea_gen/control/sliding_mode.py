@@ -13,7 +13,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.control.linear_loop import check_loop
-from esea_gen.control.reference import ACCELERATION_ROOM
+from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.surface import (
     DELTA,
     ERROR,

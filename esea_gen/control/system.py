@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from esea_gen.control.limits import command_stamp, limits
-from esea_gen.control.reference import reference, setpoint_rates
+from esea_gen.control.reference import reference
+from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode import sliding_mode
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block
