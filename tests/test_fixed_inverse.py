@@ -18,7 +18,9 @@ from esea_gen.emit.fixed.search import Planner, plan_block
 from esea_gen.emit.ranges import RangeError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block, Port, Solved, clip
-from esea_gen.model.inverse import inverse_system, published_inverse, root_facts
+from esea_gen.model.cubic import root_facts
+from esea_gen.model.inverse import inverse_system
+from esea_gen.model.published_inverse import published_inverse
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
 

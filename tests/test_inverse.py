@@ -13,14 +13,9 @@ from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system
 from esea_gen.language.block import Block, threshold
-from esea_gen.model.inverse import (
-    FILTER_B,
-    cubic_root,
-    exact_inverse,
-    filter_taps,
-    inverse_system,
-    published_inverse,
-)
+from esea_gen.model.cubic import cubic_root
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.published_inverse import FILTER_B, filter_taps, published_inverse
 from esea_gen.studies.chapter4 import SIGNALS
 from esea_gen.studies.discretisation import at_rate
 from esea_gen.verify.equivalence import CasadiReference, compare, run_c, run_symbolic

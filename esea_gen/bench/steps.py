@@ -25,7 +25,8 @@ from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.language.block import Array, Block, Port
 from esea_gen.language.system import System, Task
-from esea_gen.model.inverse import FilterName, exact_inverse, inverse_system, published_inverse
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.published_inverse import FilterName, published_inverse
 from esea_gen.verify.equivalence import domain_chirp, recorded_stream
 from esea_gen.verify.streams import Stream, single
 

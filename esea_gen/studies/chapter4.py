@@ -16,12 +16,8 @@ import numpy as np
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.block import Array, Block
-from esea_gen.model.inverse import (
-    KAPPA_ROUNDING_RAD,
-    exact_inverse,
-    inverse_system,
-    published_inverse,
-)
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.published_inverse import KAPPA_ROUNDING_RAD, published_inverse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
