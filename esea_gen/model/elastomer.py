@@ -341,7 +341,8 @@ class _TorqueSensor:
         decay = label("decay", 1 / (1 + x * series), "exp(-x), third order")
         share = series * decay
         label("share", share, "(1 - exp(-x))/x, third order")
-        return s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
+        tau_r: ca.SX = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
+        return tau_r
 
     def state(self) -> tuple[Port, ...]:
         return (

@@ -378,7 +378,8 @@ class _Exact:
         tangent = label(
             "tangent_Nm_rad", 3 * self.k3 * near * near + linear, "d d / d x, at least a"
         )
-        return near + miss / tangent
+        better: ca.SX = near + miss / tangent
+        return better
 
     def outputs(self) -> tuple[Port, ...]:
         room = REQUEST_ROOM * self.tau_lim

@@ -320,6 +320,7 @@ class _Published:
         high = self.tau_high
         bend = 2 * self.k3 * (self.k1 / (3 * self.k3)) ** 1.5 if self.k3 > 0 else high
         facts["corrected_Nm"] = (-high, high)
+        split: dict[str, tuple[float, ...]]
         split = {"corrected_Nm": (1e-6 * high, 0.1 * bend, bend, 4 * bend)}
         split |= rate_split(self.forward, "omega_rad_s")
         if self.forward.has_rate:
