@@ -40,11 +40,11 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "models": (
         "Models, observers, control",
         (
-            *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
-            *(f"model.{m}" for m in ("sensing", "symbolic")),
+            *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "cubic")),
+            *(f"model.{m}" for m in ("published_inverse", "joint", "sensing", "symbolic")),
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
-            *(f"control.{m}" for m in ("reference", "sliding_mode", "predictive_drive")),
-            *(f"control.{m}" for m in ("limits", "system")),
+            *(f"control.{m}" for m in ("reference", "setpoint", "sliding_mode", "surface")),
+            *(f"control.{m}" for m in ("limits", "faults", "predictive_drive", "system")),
         ),
     ),
     "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library", "hostlib.runner")),

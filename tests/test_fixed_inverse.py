@@ -20,7 +20,9 @@ from esea_gen.emit.ranges import RangeError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Port, clip
-from esea_gen.model.inverse import inverse_system, published_inverse, root_facts
+from esea_gen.model.cubic import root_facts
+from esea_gen.model.inverse import inverse_system
+from esea_gen.model.published_inverse import published_inverse
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
 

@@ -16,14 +16,9 @@ from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block
 from esea_gen.language.ports import threshold
 from esea_gen.language.stream import SPECIAL, Stream, single
-from esea_gen.model.inverse import (
-    FILTER_B,
-    cubic_root,
-    exact_inverse,
-    filter_taps,
-    inverse_system,
-    published_inverse,
-)
+from esea_gen.model.cubic import cubic_root
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.published_inverse import FILTER_B, filter_taps, published_inverse
 from esea_gen.studies.chapter4 import SIGNALS
 from esea_gen.studies.discretisation import at_rate
 from esea_gen.verify.compare import compare

@@ -21,11 +21,10 @@ from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
 from esea_gen.identify.inverse import judge_inverse, mean_rms_rad, refit_inverse
 from esea_gen.identify.recording import DataSet, Recording
 from esea_gen.language.stream import Stream, single
-from esea_gen.model.inverse import (
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.published_inverse import (
     FilterName,
-    exact_inverse,
     filter_taps,
-    inverse_system,
     play_parameters,
     published_inverse,
 )

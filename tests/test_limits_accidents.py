@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.control.limits import Fault, limits
+from esea_gen.control.faults import Fault
+from esea_gen.control.limits import limits
 from esea_gen.device import Device
 from esea_gen.language.stream import single
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.control.limits import RELEASED_KEY, Fault, limits
+from esea_gen.control.faults import Fault
+from esea_gen.control.latch import RELEASED_KEY
+from esea_gen.control.limits import limits
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner

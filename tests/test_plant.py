@@ -606,12 +606,24 @@ def test_having_keeps_the_rest(device):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("cable_loss = 0.10 ", "cable_los = 0.10 ", "real.cable_los is unknown"),
+        (
+            "cable_loss = 0.10 ",
+            "cable_los = 0.10 ",
+            "unknown key real.cable_los = 0.1.*Did you mean cable_loss",
+        ),
         ("cable_loss = 0.10 ", "# ", "real.cable_loss is missing"),
-        ("cable_loss = 0.10 ", 'cable_loss = "much" ', "real.cable_loss = 'much' is not a float"),
-        ("cable_loss = 0.10 ", "cable_loss = nan ", "is not a float"),
-        ("feedforward = true", "feedforward = 1", "person.ideal.feedforward = 1 is not a bool"),
-        ("joint_encoder_bits = 12 ", "joint_encoder_bits = 12.5 ", "is not a int"),
+        (
+            "cable_loss = 0.10 ",
+            'cable_loss = "much" ',
+            "real.cable_loss = 'much': input should be a valid number",
+        ),
+        ("cable_loss = 0.10 ", "cable_loss = nan ", "should be a finite number"),
+        (
+            "feedforward = true",
+            "feedforward = 1",
+            "person.ideal.feedforward = 1: input should be a valid boolean",
+        ),
+        ("joint_encoder_bits = 12 ", "joint_encoder_bits = 12.5 ", "valid integer"),
         ("[nominal]", "[nominal", "not valid TOML"),
     ],
 )

@@ -27,7 +27,8 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, Task
-from esea_gen.model.inverse import FilterName, exact_inverse, inverse_system, published_inverse
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.published_inverse import FilterName, published_inverse
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 # At most so many instructions a step on the Cortex-M4F: a 1 kHz task of both takes 3.4 million a

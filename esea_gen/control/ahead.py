@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -11,7 +10,7 @@ import sympy as sp
 from esea_gen.control.horizon import Horizon
 from esea_gen.devices.fields import field_facts
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
+from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -41,20 +40,45 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
     In one layer the path stays so near to the load side, as it moves on by itself, that the
     stiffness asks for ``tau_range_Nm`` at most: as the set torque's clip does in two layers.
     """
-    drive = drive_of(device)
-    n = horizon.intervals
-    many = n if given else 1
-    tau_lim, omega_lim = drive.tau_Nm, drive.omega_rad_s
-    full_scale = threshold(device.tau_full_scale_Nm)
-    kp_high, kd_high = (field_facts(f"impedance.{k}")["high"] for k in ("Kp_Nm_rad", "Kd_Nms_rad"))
-    low, high = drive.theta_low_rad, drive.theta_high_rad
-    angle = high - low
-    widest = threshold(1.01 * (2 * tau_lim + kp_high * angle + 2 * kd_high * omega_lim))
-    ticks = [round(t / device.period_s) for t in horizon.ends_s]
+    law = _Ahead(device, horizon, given, one_layer)
+    inputs, outputs = law.ports()
+    return Block.define(
+        "ahead",
+        "What is wanted along the horizon",
+        period_s=law.drive.control_period_s,
+        state=(),
+        inputs=inputs,
+        outputs=outputs,
+        equations=law.equations(),
+        step=law.step,
+    )
 
-    def fades(keep: Any) -> list[Any]:
+
+class _Ahead:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData, horizon: Horizon, given: bool, one_layer: bool) -> None:
+        self.horizon = horizon
+        self.given = given
+        self.one_layer = one_layer
+        self.drive = drive_of(device)
+        self.n = horizon.intervals
+        self.many = self.n if given else 1
+        self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
+        self.full_scale = threshold(device.tau_full_scale_Nm)
+        self.kp_high, self.kd_high = (
+            field_facts(f"impedance.{k}")["high"] for k in ("Kp_Nm_rad", "Kd_Nms_rad")
+        )
+        self.low, self.high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        angle = self.high - self.low
+        self.widest = threshold(
+            1.01 * (2 * self.tau_lim + self.kp_high * angle + 2 * self.kd_high * self.omega_lim)
+        )
+        self.ticks = [round(t / device.period_s) for t in horizon.ends_s]
+
+    def fades(self, keep: Any) -> list[Any]:
         squares = [keep]
-        while len(squares) < max(ticks).bit_length():
+        while len(squares) < max(self.ticks).bit_length():
             squares.append(squares[-1] * squares[-1])
 
         def power(k: int) -> Any:
@@ -65,38 +89,93 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
             return out
 
         out, last, value = [], 0, ca.SX(1)
-        for k in ticks:
+        for k in self.ticks:
             value = value * power(k - last)
             out.append(value)
             last = k
         return out
 
-    def along(x: Any) -> list[Any]:
-        return ca.vertsplit(x) if given else [x] * n
+    def along(self, x: Any) -> list[Any]:
+        return ca.vertsplit(x) if self.given else [x] * self.n
+
+    def ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+        """Inputs and outputs."""
+        inputs = [
+            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)
+            if self.given
+            else around("tau_wanted_Nm", self.tau_lim, "wanted torque now"),
+            around("offset_Nm", self.widest, "from the law to where the torque was, now"),
+            Port("keep", 0.0, 1.0, "share of the offset that a sensing period keeps"),
+            # Above 0, so that no clip has both ends at a zero, of which there are two.
+            Port(
+                "tau_range_Nm",
+                0.009 * self.full_scale,
+                self.full_scale,
+                "largest |set torque|",
+                on_invalid=self.full_scale,
+            ),
+        ]
+        gains = (
+            Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
+            Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
+        )
+        flags = (Flag("INPUT_INVALID", "an input was NaN or outside its range; off", True),)
+        outputs = [around("tau_d_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)]
+        if self.one_layer:
+            word = "preview" if self.given else "wanted"
+            inputs += [
+                Port(f"theta_{word}_rad", self.low, self.high, "wanted angle", self.many),
+                around(f"omega_{word}_rad_s", self.omega_lim, "wanted rate", self.many),
+                *gains,
+                Port("theta_load_rad", self.low, self.high, "load side's angle"),
+                around("omega_load_rad_s", self.omega_lim, "load side's rate"),
+            ]
+            outputs += [
+                Port(
+                    "theta_d_rad",
+                    self.low,
+                    self.high,
+                    "wanted angle at the intervals' ends",
+                    self.n,
+                ),
+                around("omega_d_rad_s", self.omega_lim, "wanted rate there", self.n),
+                *gains,
+            ]
+        else:
+            inputs.append(around("tau_set_Nm", self.full_scale, "set torque, impedance mode"))
+        outputs += [
+            Port("mode", 0.0, 2.0, "mode that holds; 0 with an invalid input"),
+            Port("request_ok", 0, 1, "1 while every input is sound; else the limits latch"),
+            Port("status", 0, 1, "what is known of it", flags=flags),
+        ]
+        return tuple(inputs), tuple(outputs)
 
     def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        wanted = u.tau_preview_Nm if given else u.tau_wanted_Nm
+        wanted = u.tau_preview_Nm if self.given else u.tau_wanted_Nm
         law = label("impedance", u.mode > 1.5, "the impedance law holds")
         tau = [
             clip(w + u.offset_Nm * f, -u.tau_range_Nm, u.tau_range_Nm)
-            for w, f in zip(along(wanted), fades(u.keep), strict=True)
+            for w, f in zip(self.along(wanted), self.fades(u.keep), strict=True)
         ]
-        if not one_layer:
+        if not self.one_layer:
             tau = [ca.if_else(law, u.tau_set_Nm, t) for t in tau]
         outputs: dict[str, Any] = {"tau_d_Nm": tau}
-        if one_layer:
+        if self.one_layer:
             kp = label("stiffness_Nm_rad", ca.if_else(law, u.Kp_Nm_rad, 0))
             reach = label(
                 "reach_rad", u.tau_range_Nm / ca.fmax(kp, LEAST_KP), "where it asks for all"
             )
-            omega = along(u.omega_preview_rad_s if given else u.omega_wanted_rad_s)
-            start = along(u.theta_preview_rad if given else u.theta_wanted_rad)
+            omega = self.along(u.omega_preview_rad_s if self.given else u.omega_wanted_rad_s)
+            start = self.along(u.theta_preview_rad if self.given else u.theta_wanted_rad)
             path = []
-            for k, end in enumerate(horizon.ends_s):
-                theta = start[k] if given else clip(start[k] + end * omega[k], low, high)
-                coasting = clip(u.theta_load_rad + end * u.omega_load_rad_s, low, high)
+            for k, end in enumerate(self.horizon.ends_s):
+                theta = (
+                    start[k] if self.given else clip(start[k] + end * omega[k], self.low, self.high)
+                )
+                coasting = clip(u.theta_load_rad + end * u.omega_load_rad_s, self.low, self.high)
                 # Between two angles of the range, and so in it.
                 path.append(clip(theta, coasting - reach, coasting + reach))
             outputs |= {
@@ -114,64 +193,13 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
         }
         return {}, outputs
 
-    inputs = [
-        Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
-        Port("tau_preview_Nm", -tau_lim, tau_lim, "wanted torque at the intervals' ends", n)
-        if given
-        else Port("tau_wanted_Nm", -tau_lim, tau_lim, "wanted torque now"),
-        Port("offset_Nm", -widest, widest, "from the law to where the torque was, now"),
-        Port("keep", 0.0, 1.0, "share of the offset that a sensing period keeps"),
-        # Above 0, so that no clip has both ends at a zero, of which there are two.
-        Port(
-            "tau_range_Nm",
-            0.009 * full_scale,
-            full_scale,
-            "largest |set torque|",
-            on_invalid=full_scale,
-        ),
-    ]
-    gains = (
-        Port("Kp_Nm_rad", 0.0, kp_high, "stiffness", equation="(5.24)"),
-        Port("Kd_Nms_rad", 0.0, kd_high, "damping", equation="(5.24)"),
-    )
-    flags = (Flag("INPUT_INVALID", "an input was NaN or outside its range; off", True),)
-    outputs = [Port("tau_d_Nm", -tau_lim, tau_lim, "wanted torque at the intervals' ends", n)]
-    if one_layer:
-        word = "preview" if given else "wanted"
-        inputs += [
-            Port(f"theta_{word}_rad", low, high, "wanted angle", many),
-            Port(f"omega_{word}_rad_s", -omega_lim, omega_lim, "wanted rate", many),
-            *gains,
-            Port("theta_load_rad", low, high, "load side's angle"),
-            Port("omega_load_rad_s", -omega_lim, omega_lim, "load side's rate"),
-        ]
-        outputs += [
-            Port("theta_d_rad", low, high, "wanted angle at the intervals' ends", n),
-            Port("omega_d_rad_s", -omega_lim, omega_lim, "wanted rate there", n),
-            *gains,
-        ]
-    else:
-        inputs.append(Port("tau_set_Nm", -full_scale, full_scale, "set torque, impedance mode"))
-    outputs += [
-        Port("mode", 0.0, 2.0, "mode that holds; 0 with an invalid input"),
-        Port("request_ok", 0, 1, "1 while every input is sound; else the limits latch"),
-        Port("status", 0, 1, "what is known of it", flags=flags),
-    ]
-    tau_d, o, t, blend = sp.symbols("tau_d o t T_b")
-    return Block.define(
-        "ahead",
-        "What is wanted along the horizon",
-        period_s=drive.control_period_s,
-        state=(),
-        inputs=tuple(inputs),
-        outputs=tuple(outputs),
-        equations=(
+    def equations(self) -> tuple[Equation, ...]:
+        tau_d, o, t, blend = sp.symbols("tau_d o t T_b")
+        return (
             equation(
                 "[blend]",
                 "tau_ahead",
                 tau_d + o * sp.exp(-t / blend),
                 "wanted torque with the offset of a change of mode, as it will have faded",
             ),
-        ),
-        step=step,
-    )
+        )

@@ -94,8 +94,7 @@ class Stops:
             )
         if any(b <= a for a, b in zip((0.0, *self.r), self.r, strict=False)):
             raise UserError(
-                f"Stop operators: the thresholds {self.r} do not rise from above 0.",
-                "Sort them.",
+                f"Stop operators: the thresholds {self.r} do not rise from above 0.", "Sort them."
             )
 
 
@@ -279,6 +278,14 @@ class _Coefficients:
         return self.symbols[-1]
 
 
+def _resolve(expressions: list[ca.SX], entries: Sequence[Entry]) -> list[ca.SX]:
+    """The expressions with what a tape names written out."""
+    if not entries:
+        return expressions
+    symbols, values = [e.symbol for e in entries], [e.value for e in entries]
+    return list(ca.substitute_inplace(symbols, values, expressions)[1])
+
+
 def linearise(model: Model, h: float, u_scale: float) -> Linearised:
     """Split and differentiate a model's substep."""
     x_all, x = _scalars(model.states)
@@ -295,12 +302,6 @@ def linearise(model: Model, h: float, u_scale: float) -> Linearised:
     tau = ca.SX.sym("tau") if tape.memory_symbol is None else tape.memory_symbol
     nothing = ca.SX(0)
     deflection = tape.entries[cut - 1].value if tape.memory_at is not None else nothing
-
-    def resolve(expressions: list[ca.SX], entries: list[Entry]) -> list[ca.SX]:
-        if not entries:
-            return expressions
-        symbols, values = [e.symbol for e in entries], [e.value for e in entries]
-        return list(ca.substitute_inplace(symbols, values, expressions)[1])
 
     held = _Coefficients()
     d = {n: ca.SX.sym(f"d_{n}") for n in model.states}
@@ -338,12 +339,12 @@ def linearise(model: Model, h: float, u_scale: float) -> Linearised:
     k_all = ca.vertcat(*held.symbols) if held.symbols else ca.SX(0, 1)
     d_all = ca.vertcat(*[d[n] for n in model.states])
 
-    values = resolve([ca.SX(result[n]) for n in model.states] + held.values, tape.entries[cut:])
+    values = _resolve([ca.SX(result[n]) for n in model.states] + held.values, tape.entries[cut:])
     # What was named before the memory comes from where the first half has put it, if it is read.
     read = {s.name() for v in values for s in ca.symvar(v)}
     first = [e.symbol for e in tape.entries[:cut] if e.symbol.name() in read]
     named = ca.SX.sym("named", len(first)) if first else ca.SX(0, 1)
-    before_values = resolve([*first, deflection], tape.entries[:cut])
+    before_values = _resolve([*first, deflection], tape.entries[:cut])
     before = ca.Function(
         "before",
         [x_all, u, p_all, w_all],

@@ -164,17 +164,17 @@ class _Writer:
 
     def _roll(self) -> None:
         assert self.m.stops is not None
-        b, count = self.b, len(self.m.stops.r)
-        tied, first, groups = self.tied.at(0), self.first.at(0), self.groups.at(0)
-        turn = b.array("turn", 1, "local")
-        more = b.array("more", 1, "local")
-        stop = b.array("stop_here", 1, "local")
-        weight = self.weight
-        # Each call lets go at most one group, and leaves at most one of them partly tied.
-        z = self.z
+        z, count = self.z, len(self.m.stops.r)
         steps = z.intervals * z.substeps
-        rolls = steps + z.delay_substeps
-        most = 2 * sum(-(-t // z.substeps) for t in range(steps))
+        turn, more, stop = (self.b.array(n, 1, "local") for n in ("turn", "more", "stop_here"))
+        self._let_go(count, 2 * sum(-(-t // z.substeps) for t in range(steps)))
+        self._tie(count, steps + z.delay_substeps, stop)
+        self._roll_on(count, turn, more)
+
+    def _let_go(self, count: int, most: int) -> None:
+        # Each call lets go at most one group, and leaves at most one of them partly tied.
+        b, weight = self.b, self.weight
+        tied, groups = self.tied.at(0), self.groups.at(0)
         with (
             b.part(
                 "lose", "since", comment="Take the history of a group of operators that are tied."
@@ -219,9 +219,8 @@ class _Writer:
                     _mac,
                 )
 
-        def beyond(new: Any, sense: Any, play: Any, r: Any) -> Any:
-            return sense * (new - play) > r
-
+    def _tie(self, count: int, rolls: int, stop: Memory) -> None:
+        b, tied, first = self.b, self.tied.at(0), self.first.at(0)
         with b.part("tie", comment="Tie those that the deflection has moved beyond their stops."):
             b.call("first", [self.tied[0]], [self.first[0]], _same)
             with b.loop(tied, count, most=count) as i:
@@ -229,7 +228,7 @@ class _Writer:
                     "stays",
                     [self.ahead[0], self.sense[0], self.play[i], self.t_r[i]],
                     [stop[0]],
-                    lambda *known: ca.logic_not(beyond(*known)),
+                    lambda *known: ca.logic_not(_beyond(*known)),
                 )
                 b.leave(stop[0])
                 b.call(
@@ -240,6 +239,9 @@ class _Writer:
                 )
             with b.when((first, "<", tied)):
                 self._take_histories(count, rolls)
+
+    def _roll_on(self, count: int, turn: Memory, more: Memory) -> None:
+        b, tied = self.b, self.tied.at(0)
         with b.part(
             "roll",
             "t",
@@ -266,7 +268,7 @@ class _Writer:
                     "beyond",
                     [self.ahead[0], self.sense[0], self.play[tied], self.t_r[tied]],
                     [more[0]],
-                    beyond,
+                    _beyond,
                 )
                 with b.when(more[0]):
                     b.invoke("tie")
@@ -588,9 +590,7 @@ class _Writer:
             slope = b.array(f"{kind}_slope", max(1, len(used)), "local")
             shared = [self.x[:], self.u[0], self.p[0 : p.numel()], self.r[0 : r.numel()]]
             f = ca.Function(
-                kind,
-                [x, u, p, r],
-                [expression, ca.densify(ca.vertcat(*partial, ca.SX(0, 1)))],
+                kind, [x, u, p, r], [expression, ca.densify(ca.vertcat(*partial, ca.SX(0, 1)))]
             )
             b.run(f, shared, [value[k], slope[0 : len(used)]])
             d = ca.SX.sym("d", nx)
@@ -680,6 +680,10 @@ def _constant(value: float) -> Any:
 
 def _minus_one() -> Any:
     return ca.SX(-1)
+
+
+def _beyond(new: Any, sense: Any, play: Any, r: Any) -> Any:
+    return sense * (new - play) > r
 
 
 def _mac(total: Any, a: Any, b: Any) -> Any:

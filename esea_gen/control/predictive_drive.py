@@ -12,7 +12,7 @@ import sympy as sp
 from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import predictive_program
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.ports import Constant, Port, Tunable, clip
+from esea_gen.language.ports import Constant, Port, Tunable, around, clip
 from esea_gen.language.program import Program
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
 from esea_gen.model.symbolic import equation, to_casadi
@@ -79,102 +79,167 @@ def drive_model(
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
     with the new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
     """
-    f, drive = device.file, drive_of(device)
-    a, joint, e = drive.actuator, drive.joint, f.elastomer
-    n, inertia = a.gear_ratio.value, a.J_kgm2.value
-    fv, fc, width = a.fv_Nms_rad.value, a.fc_Nm.value, a.coulomb_width_rad_s.value
-    tau_c, u_max = a.tau_c_s.value, drive.u_Nm
-    numbers = {c.name: c.value for c in device.constants("elastomer")}
-    r, shares = stop_grid(numbers, int(e.stops.value))
-    stops = Stops(tuple(map(float, r)), tuple(float(w) for w in shares))
-    dead = numbers.get("dead_zone_rad", 0.0)
-    fade = drive.disturbance.decay_s.value
-    k1, k3 = numbers["k1_Nm_rad"], numbers["k3_Nm_rad3"]
-    printed = person == "parabola"
+    plant = _Drive(device, impedance, person)
+    tunables, coefficients = _weights(weights)
+    gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
+    wanted, references = plant.wanted(horizon, preview)
+    return Model(
+        states=plant.states(),
+        start=plant.start,
+        substep=plant.substep,
+        error=plant.error,
+        effort=plant.effort,
+        inputs=(*plant.measured(), *wanted),
+        in_force="u_in_force_Nm",
+        enable="mode",
+        u_max=plant.u_max,
+        references=references,
+        forecasts={"tau_h": plant.human},
+        shape=plant.reach,
+        parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains),
+        stops=plant.stops,
+        play="play_rad",
+        deflection=lambda u: plant.beyond(u.delta_rad),
+        constants=(
+            *device.constants("actuator"),
+            *device.constants("joint"),
+            *device.constants("elastomer"),
+            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
+        ),
+        tunables=tunables,
+        coefficients=coefficients,
+        prepare=plant.prepare,
+        equations=_equations(impedance),
+    )
 
-    def beyond(delta: Any) -> Any:
-        return to_casadi(BEYOND, {THETA: delta, DEAD_ZONE: dead}) if dead else delta
 
-    def spring(d: Any) -> Any:
-        return d * (k1 + k3 * d * d)
+class _Drive:
+    """Numbers of the plant, one method an equation group, and the ports."""
 
-    def start(u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
-        tau_r = u.tau_rate_Nm if e.maxwell else 0.0
-        angle = {"theta_l": u.theta_l_rad} if impedance else {}
+    def __init__(self, device: DeviceData, impedance: bool, person: Person) -> None:
+        drive = self.drive = drive_of(device)
+        self.impedance, self.printed = impedance, person == "parabola"
+        a = drive.actuator
+        self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
+        self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
+        self.width = a.coulomb_width_rad_s.value
+        self.tau_c, self.u_max = a.tau_c_s.value, drive.u_Nm
+        e = device.file.elastomer
+        numbers = {c.name: c.value for c in device.constants("elastomer")}
+        r, shares = stop_grid(numbers, int(e.stops.value))
+        self.stops = Stops(tuple(map(float, r)), tuple(float(w) for w in shares))
+        self.dead = numbers.get("dead_zone_rad", 0.0)
+        self.k1, self.k3 = numbers["k1_Nm_rad"], numbers["k3_Nm_rad3"]
+        self.maxwell = (
+            {c.name: c.value for c in device.constants("elastomer.maxwell")} if e.maxwell else None
+        )
+
+    def beyond(self, delta: Any) -> Any:
+        """(8.7/8.8): the deflection beyond the dead zone."""
+        return to_casadi(BEYOND, {THETA: delta, DEAD_ZONE: self.dead}) if self.dead else delta
+
+    def spring(self, d: Any) -> Any:
+        """(3.2)."""
+        return d * (self.k1 + self.k3 * d * d)
+
+    def states(self) -> tuple[str, ...]:
+        angle, rate = ("theta_l",) * self.impedance, ("tau_r",) * (self.maxwell is not None)
+        return (*angle, "delta", "omega_m", "omega_l", "u_a", *rate, "tau_e")
+
+    def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
+        """State at the measurement."""
+        tau_r = u.tau_rate_Nm if self.maxwell else 0.0
+        angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
         return angle | {
             "delta": u.delta_rad,
-            "omega_m": u.omega_m_rad_s if printed else u.omega_l_rad_s + u.omega_rad_s,
+            "omega_m": u.omega_m_rad_s if self.printed else u.omega_l_rad_s + u.omega_rad_s,
             "omega_l": u.omega_l_rad_s,
             "u_a": u.u_a_Nm,
-            **({"tau_r": tau_r} if e.maxwell else {}),
-            "tau_e": spring(beyond(u.delta_rad)) + tau_r + tau_memory,
+            **({"tau_r": tau_r} if self.maxwell else {}),
+            "tau_e": self.spring(self.beyond(u.delta_rad)) + tau_r + tau_memory,
         }
 
     def substep(
-        t: Tape, h: float, x: SimpleNamespace, u: Any, p: SimpleNamespace, w: SimpleNamespace
+        self, t: Tape, h: float, x: SimpleNamespace, u: Any, p: SimpleNamespace, w: SimpleNamespace
     ) -> dict[str, Any]:
-        keep = math.exp(-h / tau_c)
-        mean = (1 - keep) * tau_c / h
+        """Lag (5.1), half a kick, friction, drift, the coupling, half a kick (5.2, 5.3)."""
+        keep = math.exp(-h / self.tau_c)
+        mean = (1 - keep) * self.tau_c / h
         half = 0.5 * h
-        push = t.let("push", half * (n / inertia * (u + mean * (x.u_a - u)) + p.d4_rad_s2))
-        omega_1 = t.let("omega_1", x.omega_m + push - half / inertia * x.tau_e)
+        push = t.let(
+            "push", half * (self.ratio / self.inertia * (u + mean * (x.u_a - u)) + p.d4_rad_s2)
+        )
+        omega_1 = t.let("omega_1", x.omega_m + push - half / self.inertia * x.tau_e)
         pull = half * p.load_1_kgm2
         load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
-        sig = t.keep(
-            "sig", ca.tanh(omega_1 * (1 / width)), {omega_1: lambda y: (1 - y * y) * (1 / width)}
-        )
-        damping = 1 + half / inertia * (fv + fc / width * (1 - sig * sig))
-        eased = t.keep("eased", 1 / damping)
-        loss = h / inertia
-
-        def lost_by(lost: Any) -> Any:
-            by_sig = loss * (fc + lost * (fc / width) * sig)
-            return eased * (loss * fv + by_sig * ((1 - sig * sig) * (1 / width)))
-
-        lost = t.keep("lost", loss * (fv * omega_1 + fc * sig) * eased, {omega_1: lost_by})
-        omega_2 = t.let("omega_2", omega_1 - lost)
+        omega_2 = self.friction(t, h, omega_1)
         moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
         delta = t.let("delta_next", x.delta + moved)
-        stretch = t.let("stretch", beyond(delta)) if dead else delta
+        stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
         tau_memory = t.memory(stretch)
-        tau_r: Any = 0.0
-        if e.maxwell:
-            m = {c.name: c.value for c in device.constants("elastomer.maxwell")}
-            last = beyond(x.delta) if dead else x.delta
-            change = t.keep("change", stretch - last) if dead else moved
-            rate = change * (1 / h)
-            middle = t.keep("middle", last + 0.5 * change)
-            by_angle = t.power("by_angle", middle**2 + SMOOTH_RAD**2, m["m"] / 2)
-            by_rate = t.power("by_rate", rate**2 + SMOOTH_RAD_S**2, m["n"] / 2)
-            gain = m["A_Nms_rad"] * by_angle + m["eps1_Nms_rad"]
-            drag = m["B"] * by_rate + m["eps2"]
-            ratio = t.keep("ratio", h * m["kv_Nm_rad"] * drag / gain)
-            series = t.keep("series", 1 + ratio * (0.5 + ratio * (1 / 6)))
-            decay = t.keep("decay", 1 / (1 + ratio * series))
-            share = t.keep("share", m["kv_Nm_rad"] * series * decay)
-
-            def relaxed_by(_: Any) -> Any:
-                by_series = 0.5 + ratio * (1 / 3)
-                gained = m["kv_Nm_rad"] * change * (by_series - series * series)
-                return decay * decay * (gained - x.tau_r * (series + ratio * by_series))
-
-            slopes = {x.tau_r: lambda _: decay, change: lambda _: share, ratio: relaxed_by}
-            relaxed = t.keep("relaxed", x.tau_r * decay + change * share, slopes)
-            tau_r = t.let("tau_r_next", relaxed)
-        tau_e = t.let("tau_e_next", spring(stretch) + tau_r + tau_memory)
-        angle = {"theta_l": x.theta_l + h * load_1} if impedance else {}
+        tau_r = self.rate_torque(t, h, x, stretch, moved) if self.maxwell else 0.0
+        tau_e = t.let("tau_e_next", self.spring(stretch) + tau_r + tau_memory)
+        angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
         return angle | {
             "delta": delta,
-            "omega_m": omega_2 + push - half / inertia * tau_e,
+            "omega_m": omega_2 + push - half / self.inertia * tau_e,
             "omega_l": load_1 + pull * (tau_e + w.tau_h),
             "u_a": u + keep * (x.u_a - u),
-            **({"tau_r": tau_r} if e.maxwell else {}),
+            **({"tau_r": tau_r} if self.maxwell else {}),
             "tau_e": tau_e,
         }
 
-    def error(x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
+    def friction(self, t: Tape, h: float, omega_1: Any) -> Any:
+        """Friction's part of (5.2): one linearly implicit midpoint step of omega_m."""
+        half = 0.5 * h
+        sig = t.keep(
+            "sig",
+            ca.tanh(omega_1 * (1 / self.width)),
+            {omega_1: lambda y: (1 - y * y) * (1 / self.width)},
+        )
+        damping = 1 + half / self.inertia * (self.fv + self.fc / self.width * (1 - sig * sig))
+        eased = t.keep("eased", 1 / damping)
+        loss = h / self.inertia
+
+        def lost_by(lost: Any) -> Any:
+            by_sig = loss * (self.fc + lost * (self.fc / self.width) * sig)
+            return eased * (loss * self.fv + by_sig * ((1 - sig * sig) * (1 / self.width)))
+
+        lost = t.keep(
+            "lost", loss * (self.fv * omega_1 + self.fc * sig) * eased, {omega_1: lost_by}
+        )
+        return t.let("omega_2", omega_1 - lost)
+
+    def rate_torque(self, t: Tape, h: float, x: SimpleNamespace, stretch: Any, moved: Any) -> Any:
+        """(3.3, 3.4): the Maxwell element as the sensor has it, viscosity at mid-step."""
+        m = self.maxwell
+        assert m is not None
+        last = self.beyond(x.delta) if self.dead else x.delta
+        change = t.keep("change", stretch - last) if self.dead else moved
+        rate = change * (1 / h)
+        middle = t.keep("middle", last + 0.5 * change)
+        by_angle = t.power("by_angle", middle**2 + SMOOTH_RAD**2, m["m"] / 2)
+        by_rate = t.power("by_rate", rate**2 + SMOOTH_RAD_S**2, m["n"] / 2)
+        gain = m["A_Nms_rad"] * by_angle + m["eps1_Nms_rad"]
+        drag = m["B"] * by_rate + m["eps2"]
+        ratio = t.keep("ratio", h * m["kv_Nm_rad"] * drag / gain)
+        series = t.keep("series", 1 + ratio * (0.5 + ratio * (1 / 6)))
+        decay = t.keep("decay", 1 / (1 + ratio * series))
+        share = t.keep("share", m["kv_Nm_rad"] * series * decay)
+
+        def relaxed_by(_: Any) -> Any:
+            by_series = 0.5 + ratio * (1 / 3)
+            gained = m["kv_Nm_rad"] * change * (by_series - series * series)
+            return decay * decay * (gained - x.tau_r * (series + ratio * by_series))
+
+        slopes = {x.tau_r: lambda _: decay, change: lambda _: share, ratio: relaxed_by}
+        relaxed = t.keep("relaxed", x.tau_r * decay + change * share, slopes)
+        return t.let("tau_r_next", relaxed)
+
+    def error(self, x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
+        """(5.24), or the torque's error."""
         e_tau = x.tau_e - ref.tau_d
-        if impedance:
+        if self.impedance:
             e_tau = (
                 e_tau
                 + p.Kp_Nm_rad * (x.theta_l - ref.theta_d)
@@ -182,124 +247,106 @@ def drive_model(
             )
         return [p.root_q * e_tau]
 
-    def effort(x: SimpleNamespace, u: Any, p: SimpleNamespace) -> list[Any]:
+    def effort(self, x: SimpleNamespace, u: Any, p: SimpleNamespace) -> list[Any]:
+        """The motor torque's rate, by (5.1)."""
         return [p.root_r * (u - x.u_a)]
 
-    def human(u: SimpleNamespace, p: SimpleNamespace, s: Any) -> Any:
-        if not printed:
+    def human(self, u: SimpleNamespace, p: SimpleNamespace, s: Any) -> Any:
+        """Forecast of the person's torque."""
+        if not self.printed:
             return u.tau_h_Nm + u.tau_h_rate_Nm_s * s
         tau = u.tau_h_Nm + s * (u.tau_h_rate_Nm_s + 0.5 * s * u.tau_h_curve_Nm_s2)
         # A parabola knows no end: a person does.
-        return clip(tau, -drive.tau_h_Nm, drive.tau_h_Nm)
+        return clip(tau, -self.drive.tau_h_Nm, self.drive.tau_h_Nm)
 
-    def reach(t: float) -> float:
+    def reach(self, t: float) -> float:
+        """What the forecast takes of the time since the measurement."""
+        fade = self.drive.disturbance.decay_s.value
         # The extended-state observer's own model: the rate decays, the torque settles.
-        return t if printed else fade * (1 - math.exp(-t / fade))
+        return t if self.printed else fade * (1 - math.exp(-t / fade))
 
-    many = horizon.intervals if preview else 1
-    turn = drive.theta_high_rad
-    wanted = [Port("tau_d_Nm", -drive.tau_Nm, drive.tau_Nm, "wanted torque on the load", many)]
-    references = {"tau_d": ("tau_d_Nm", preview)}
-    if impedance:
-        low = drive.theta_low_rad
-        wanted += [
-            Port("theta_d_rad", low, turn, "wanted angle of the joint", many),
-            Port("omega_d_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "its rate", many),
-        ]
-        references |= {"theta_d": ("theta_d_rad", preview), "omega_d": ("omega_d_rad_s", preview)}
-        wanted += [
-            Port(name, 0.0, field_facts(f"impedance.{name}")["high"], meaning, 1, "(5.24)")
-            for name, meaning in (
-                ("Kp_Nm_rad", "stiffness to the path"),
-                ("Kd_Nms_rad", "damping to the path"),
-            )
-        ]
-    memory_range = 2 * drive.delta_rad
-    tau_rate = Port("tau_rate_Nm", -drive.tau_Nm, drive.tau_Nm, "sensor: Maxwell element's torque")
-    inputs = (
-        Port("delta_rad", -drive.delta_rad, drive.delta_rad, "deflection"),
-        Port("omega_m_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "motor side's rate")
-        if printed
-        else Port("omega_rad_s", -drive.rate_rad_s, drive.rate_rad_s, "deflection's rate"),
-        *(
-            (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
-            if impedance
-            else ()
-        ),
-        Port("omega_l_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "load side's rate"),
-        Port("u_a_Nm", -u_max, u_max, "motor torque now, at the shaft", equation="(5.1)"),
-        Port("u_in_force_Nm", -u_max, u_max, "command until the new one takes effect"),
-        *((tau_rate,) if e.maxwell else ()),
-        Port(
-            "play_rad",
-            -memory_range,
-            memory_range,
-            "sensor: play states of the stop operators",
-            len(stops.r),
-            "(3.5-3.7)",
-        ),
-        Port("d4_rad_s2", -drive.d4_rad_s2, drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
-        Port("tau_h_Nm", -drive.tau_h_Nm, drive.tau_h_Nm, "torque of the person"),
-        Port("tau_h_rate_Nm_s", -1e4, 1e4, "its rate"),
-        *((Port("tau_h_curve_Nm_s2", -1e5, 1e5, "its second derivative"),) if printed else ()),
-        Port("mode", 0, 2, "0 off: the command is 0"),
-        *wanted,
-    )
-    tunables = [
+    def prepare(self, c: SimpleNamespace) -> dict[str, Any]:
+        return {
+            "root_q": ca.sqrt(c.Q),
+            "root_r": ca.sqrt(c.R) / self.tau_c,
+            "load_1_kgm2": c.load_free * (1 / self.drive.joint.Jh_kgm2.value),
+        }
+
+    def wanted(
+        self, horizon: Horizon, preview: bool
+    ) -> tuple[list[Port], dict[str, tuple[str, bool]]]:
+        """What is wanted: its ports, and the references read from them."""
+        drive = self.drive
+        many = horizon.intervals if preview else 1
+        turn = drive.theta_high_rad
+        wanted = [around("tau_d_Nm", drive.tau_Nm, "wanted torque on the load", many)]
+        references = {"tau_d": ("tau_d_Nm", preview)}
+        if self.impedance:
+            low = drive.theta_low_rad
+            wanted += [
+                Port("theta_d_rad", low, turn, "wanted angle of the joint", many),
+                around("omega_d_rad_s", drive.omega_rad_s, "its rate", many),
+            ]
+            references |= {
+                "theta_d": ("theta_d_rad", preview),
+                "omega_d": ("omega_d_rad_s", preview),
+            }
+            wanted += [
+                Port(name, 0.0, field_facts(f"impedance.{name}")["high"], meaning, 1, "(5.24)")
+                for name, meaning in (
+                    ("Kp_Nm_rad", "stiffness to the path"),
+                    ("Kd_Nms_rad", "damping to the path"),
+                )
+            ]
+        return wanted, references
+
+    def measured(self) -> tuple[Port, ...]:
+        """Ports of what is measured and estimated."""
+        drive, turn, u_max = self.drive, self.drive.theta_high_rad, self.u_max
+        memory_range = 2 * drive.delta_rad
+        tau_rate = around("tau_rate_Nm", drive.tau_Nm, "sensor: Maxwell element's torque")
+        return (
+            around("delta_rad", drive.delta_rad, "deflection"),
+            around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
+            if self.printed
+            else around("omega_rad_s", drive.rate_rad_s, "deflection's rate"),
+            *(
+                (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
+                if self.impedance
+                else ()
+            ),
+            around("omega_l_rad_s", drive.omega_rad_s, "load side's rate"),
+            around("u_a_Nm", u_max, "motor torque now, at the shaft", equation="(5.1)"),
+            around("u_in_force_Nm", u_max, "command until the new one takes effect"),
+            *((tau_rate,) if self.maxwell else ()),
+            around(
+                "play_rad",
+                memory_range,
+                "sensor: play states of the stop operators",
+                len(self.stops.r),
+                "(3.5-3.7)",
+            ),
+            around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
+            around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
+            around("tau_h_rate_Nm_s", 1e4, "its rate"),
+            *((around("tau_h_curve_Nm_s2", 1e5, "its second derivative"),) if self.printed else ()),
+            Port("mode", 0, 2, "0 off: the command is 0"),
+        )
+
+
+def _weights(weights: tuple[float, float]) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
+    """Tunables and what they are prepared to."""
+    tunables = (
         Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
         Tunable("R", weights[1], 1e-4, 1e4, "weight of the motor torque's rate", "thesis: 1"),
         Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
-    ]
-    coefficients = [
+    )
+    coefficients = (
         Port("root_q", 0.0, 1e3, "root of Q"),
         Port("root_r", 0.0, 1e6, "root of R over the motor's lag"),
         Port("load_1_kgm2", 0.0, 1e4, "1 / Jh, 0 when held fast"),
-    ]
-
-    def prepare(c: SimpleNamespace) -> dict[str, Any]:
-        return {
-            "root_q": ca.sqrt(c.Q),
-            "root_r": ca.sqrt(c.R) / tau_c,
-            "load_1_kgm2": c.load_free * (1 / joint.Jh_kgm2.value),
-        }
-
-    return Model(
-        states=(
-            *(("theta_l",) if impedance else ()),
-            *("delta", "omega_m", "omega_l", "u_a"),
-            *(("tau_r",) if e.maxwell else ()),
-            "tau_e",
-        ),
-        start=start,
-        substep=substep,
-        error=error,
-        effort=effort,
-        inputs=inputs,
-        in_force="u_in_force_Nm",
-        enable="mode",
-        u_max=u_max,
-        references=references,
-        forecasts={"tau_h": human},
-        shape=reach,
-        parameters=(
-            "d4_rad_s2",
-            *(c.name for c in coefficients),
-            *(("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()),
-        ),
-        stops=stops,
-        play="play_rad",
-        deflection=lambda u: beyond(u.delta_rad),
-        constants=(
-            *device.constants("actuator"),
-            *device.constants("joint"),
-            *device.constants("elastomer"),
-            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
-        ),
-        tunables=tuple(tunables),
-        coefficients=tuple(coefficients),
-        prepare=prepare,
-        equations=_equations(impedance),
     )
+    return tunables, coefficients
 
 
 def predictive_controller(
@@ -348,12 +395,7 @@ def predictive_controller(
         horizon = Horizon(delay_s=period if release is None else release.value)
     return predictive_program(
         drive_model(
-            device,
-            horizon,
-            preview=preview,
-            impedance=impedance,
-            person=person,
-            weights=weights,
+            device, horizon, preview=preview, impedance=impedance, person=person, weights=weights
         ),
         horizon,
         period_s=period,

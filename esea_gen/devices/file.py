@@ -7,7 +7,6 @@ every key, unit, bound and relation, and says in one paragraph what is wrong.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 import math
@@ -18,9 +17,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, get_args
 
-import tomlkit
-import tomlkit.exceptions
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from esea_gen.devices.fields import (
     MOST_AXES,
@@ -33,11 +30,11 @@ from esea_gen.devices.fields import (
     field_facts,
     models_of,
     quantities_of,
-    section_at,
     series_of,
 )
 from esea_gen.errors import UserError
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
+from esea_gen.toml_file import Problem, checked, nearest, parse_toml, read_text
 
 SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", source = "where from" }'
 SAME_ORIENTATION_RAD = 0.02  # about 1 deg: an encoder's error moves little within that
@@ -126,19 +123,12 @@ def read_file(name_or_path: str | Path) -> tuple[str, str]:
     shipped = shipped_devices()
     path = shipped.get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
-        close = difflib.get_close_matches(str(name_or_path), shipped, n=1)
-        hint = f"Did you mean {close[0]}? " if close else ""
+        hint = nearest(str(name_or_path), shipped)
         raise UserError(
             f"There is no device '{name_or_path}': it is neither a file nor a shipped device.",
             f"{hint}Shipped: {', '.join(sorted(shipped))}; or give the path of a TOML file.",
         )
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(
-            f"{path.name}: cannot be read as text ({error}).", "Check the file."
-        ) from error
-    return text, path.name
+    return read_text(path, "Check the file."), path.name
 
 
 def shipped_controllers() -> dict[str, Path]:
@@ -153,10 +143,7 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     controllers: shipped controllers, or TOML files, whose sections take the place of the file's.
     """
     document = _with_controllers(_resolved(text, origin), controllers)
-    try:
-        file = DeviceFile.model_validate(document)
-    except ValidationError as error:
-        raise _explain(error, document, origin) from None
+    file = checked(DeviceFile, document, origin, _fix)
     for key, q in quantities_of(file):
         _check_value(origin, key, q)
     for key, row in series_of(file):
@@ -171,7 +158,7 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
 
 def _resolved(text: str, origin: str) -> dict[str, Any]:
     # With what it extends filled in.  Shipped files are the only base and never extend in a circle.
-    document = _document(text, origin)
+    document = parse_toml(text, origin, "the shipped elbow.toml")
     base, controller = document.pop("extends", None), document.pop("controller", None)
     controllers = () if controller is None else (str(controller),)
     if base is None:
@@ -203,24 +190,14 @@ def controller_document(name: str) -> dict[str, Any]:
     shipped = shipped_controllers()
     path = shipped.get(name, Path(name))
     if name not in shipped and not path.is_file():
-        close = difflib.get_close_matches(name, shipped, n=1)
-        hint = f"Did you mean {close[0]}? " if close else ""
         raise UserError(
             f"There is no controller '{name}'.",
-            f"{hint}Choose from {', '.join(sorted(shipped))}, or give the path of a file.",
+            f"{nearest(name, shipped)}Choose from {', '.join(sorted(shipped))}, or give the path "
+            "of a file.",
         )
     own = ("schema", "extends", "name", "title")
-    document = _document(path.read_text(encoding="utf-8-sig"), path.name)
+    document = parse_toml(read_text(path, "Check the file."), path.name, "the shipped mpc.toml")
     return {k: v for k, v in document.items() if k not in own}
-
-
-def _document(text: str, origin: str) -> dict[str, Any]:
-    try:
-        return dict(tomlkit.parse(text).unwrap())
-    except tomlkit.exceptions.TOMLKitError as error:
-        raise UserError(
-            f"{origin}: not valid TOML ({error}).", "Correct that line; see the shipped elbow.toml."
-        ) from None
 
 
 def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -465,10 +442,6 @@ def _check_encoder(origin: str, file: DeviceFile) -> None:
                 )
 
 
-def _line_of(document_key: tuple[Any, ...]) -> str:
-    return ".".join(str(k) for k in document_key)
-
-
 def _stem(key: str) -> str:
     for suffix in sorted(UNIT_SUFFIXES, key=len, reverse=True):
         if key.endswith(suffix):
@@ -476,60 +449,32 @@ def _stem(key: str) -> str:
     return key
 
 
-def _known_keys(loc: tuple[Any, ...]) -> list[str]:
-    model = section_at(str(name) for name in loc)
-    if model is None:
-        return []
-    return ["schema" if k == "schema_version" else k for k in model.model_fields]
-
-
-def _explain(error: ValidationError, document: Any, origin: str) -> UserError:
-    # A wrong unit suffix shows as one unknown and one missing key: tell of the unknown first.
-    items = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    first = items[0]
-    loc = first["loc"]
-    key, more = _line_of(loc), len(items) - 1
-    tail = f" ({more} more problem{'s' if more > 1 else ''} in this file.)" if more else ""
-    if first["type"] == "extra_forbidden":
-        name = str(loc[-1])
-        known = _known_keys(loc[:-1])
-        same = [k for k in known if _stem(k) == _stem(name)]
-        if same:
-            return UserError(
-                f"{origin}: {key} has the unit suffix of '{unit_of(name)}'; this value is kept in "
-                f"'{unit_of(same[0])}'.",
-                f"Convert the number and name the key {same[0]}.{tail}",
-            )
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f"Did you mean {close[0]}? " if close else ""
+def _fix(problem: Problem) -> str | UserError:
+    key, name = problem.key, str(problem.loc[-1])
+    row = "correction_rad" in problem.loc
+    if problem.kind == "extra_forbidden":
+        same = [k for k in problem.known if _stem(k) == _stem(name)]
+        if not same:
+            return ""
         return UserError(
-            f"{origin}: unknown key {key} = {first.get('input')!r}.",
-            f"{hint}Known keys here: {', '.join(known)}.{tail}",
+            f"{key} has the unit suffix of '{unit_of(name)}'; this value is kept in "
+            f"'{unit_of(same[0])}'.",
+            f"Convert the number and name the key {same[0]}.",
         )
-    if first["type"] == "missing":
-        if loc[-1] == "values" or "correction_rad" in loc:
-            fix = f"Write {SERIES_FORM}."
-        elif loc[-1] in ("value", "status", "source"):
-            fix = 'Write { value = 1.0, status = "assumed", source = "why" }.'
-        else:
-            fix = "Add it; the shipped elbow.toml shows the form."
-        return UserError(f"{origin}: key {key} is missing.", fix + tail)
-    given = first.get("input")
-    if loc[0] == "axes":
-        return UserError(
-            f"{origin}: {key} = {given!r}: {first['msg'].lower()}.",
+    if problem.kind == "missing":
+        if row:
+            return f"Write {SERIES_FORM}."
+        if problem.within is Quantity:
+            return 'Write { value = 1.0, status = "assumed", source = "why" }.'
+        return "Add it; the shipped elbow.toml shows the form."
+    if problem.loc[0] == "axes":
+        return (
             'Axes are written ["flexion", "deviation"]: up to '
-            f"{MOST_AXES} names of 1 to 12 lower case letters.{tail}",
+            f"{MOST_AXES} names of 1 to 12 lower case letters."
         )
-    if "correction_rad" in loc:
-        return UserError(
-            f"{origin}: {key} = {given!r}: {first['msg'].lower()}.",
-            f"A row of numbers is written {SERIES_FORM}.{tail}",
-        )
-    return UserError(
-        f"{origin}: {key} = {given!r}: {first['msg'].lower()}.",
-        'A number is written { value = 1.0, status = "published", source = "where from" }.' + tail,
-    )
+    if row:
+        return f"A row of numbers is written {SERIES_FORM}."
+    return 'A number is written { value = 1.0, status = "published", source = "where from" }.'
 
 
 def render_toml(file: DeviceFile) -> str:

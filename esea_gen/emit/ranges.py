@@ -29,7 +29,7 @@ import numpy as np
 
 from esea_gen.emit.elementary import ACCURACY_ULP, EXPONENT_FRACTION_BITS, exponent_q27
 from esea_gen.emit.formats import Format
-from esea_gen.emit.walker import Kernel, Node, fuse_selects, walk
+from esea_gen.emit.walker import Kernel, Node, fuse_selects, labelled_kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 
@@ -582,13 +582,8 @@ def whole_nodes(block: Block, kernel: Kernel, fmt: Format) -> frozenset[int]:
 
 def _with_facts(block: Block) -> tuple[Kernel, dict[int, tuple[float, float]]]:
     # The fused step, and which of its nodes a fact is known of.
-    labelled = fuse_selects(walk(block.labelled_step))
-    count = block.step.n_out()
-    nodes = {
-        name: r[0] for (name, _), r in zip(block.labels, labelled.results[count:], strict=True)
-    }
-    facts = {nodes[name]: limits for name, limits in block.facts.items()}
-    return Kernel(labelled.name, labelled.nodes, labelled.results[:count]), facts
+    kernel, labels = labelled_kernel(block, fuse_selects)
+    return kernel, {node: block.facts[n] for node, n, _ in labels if n in block.facts}
 
 
 def limits_of(

@@ -23,7 +23,7 @@ from esea_gen.emit.fixed.naming import Naming
 from esea_gen.emit.fixed.render import print_lowered
 from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats import FORMATS, Q31, Format, PrintedKernel, print_kernel
-from esea_gen.emit.walker import Kernel, prune, walk
+from esea_gen.emit.walker import Kernel, labelled_kernel, walk
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
@@ -142,11 +142,8 @@ def emit_block(block: Block, fmt: Format) -> EmittedBlock:
         access = _access([("params", block.tunables)])
         prepare = print_kernel(fmt.passes(walk(block.prepare)), fmt, access, {})
 
-    labelled = fmt.passes(walk(block.labelled_step))
-    count = block.step.n_out()
-    names = dict(zip((r[0] for r in labelled.results[count:]), block.labels, strict=True))
-    kernel = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
-    kernel, names = _prune_with(kernel, names)
+    kernel, labels = labelled_kernel(block, fmt.passes)
+    names = {node: (name, comment) for node, name, comment in labels}
     access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
     step = print_kernel(kernel, fmt, access, names, block.flag_results)
     return EmittedBlock(block, prepare, init, step, early_stores(block, step))
@@ -188,24 +185,6 @@ def early_stores(
             waits.append(read.get(place, 0))
             after[max(waits)].append(f"{place} = {atom};")
     return tuple(map(tuple, after))
-
-
-def _prune_with(
-    kernel: Kernel, names: dict[int, tuple[str, str]]
-) -> tuple[Kernel, dict[int, tuple[str, str]]]:
-    # Names of values that no result needs, of inputs and of constants are dropped.
-    needed = {i for r in kernel.results for i in r}
-    for i in range(len(kernel.nodes) - 1, -1, -1):
-        if i in needed:
-            needed.update(kernel.nodes[i].args)
-    order = sorted(needed)
-    position = {old: new for new, old in enumerate(order)}
-    kept = {
-        position[i]: label
-        for i, label in names.items()
-        if i in needed and kernel.nodes[i].op not in ("input", "const")
-    }
-    return prune(kernel), kept
 
 
 def content_hash(

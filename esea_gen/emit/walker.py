@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
+
+from esea_gen.language.block import Block
 
 # CasADi's operation codes, by the name used here.  An operation that is not in this table cannot be
 # emitted, and the walker says so.
@@ -148,13 +151,37 @@ def walk(function: ca.Function) -> Kernel:
     return prune(Kernel(function.name(), tuple(nodes), tuple(map(tuple, results))))
 
 
-def prune(kernel: Kernel) -> Kernel:
-    """Drop the nodes that no result needs."""
+def needed_nodes(kernel: Kernel) -> list[int]:
+    """Indices of the nodes that a result needs, rising."""
     needed = {i for r in kernel.results for i in r}
     for i in range(len(kernel.nodes) - 1, -1, -1):
         if i in needed:
             needed.update(kernel.nodes[i].args)
-    order = sorted(needed)
+    return sorted(needed)
+
+
+def labelled_kernel(
+    block: Block, passes: Callable[[Kernel], Kernel]
+) -> tuple[Kernel, list[tuple[int, str, str]]]:
+    """A Block's step kernel after ``passes``, and (node, name, comment) of its labelled values.
+
+    Values that no result needs, inputs and constants have no entry.
+    """
+    labelled = passes(walk(block.labelled_step))
+    count = block.step.n_out()
+    kernel = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
+    position = {old: new for new, old in enumerate(needed_nodes(kernel))}
+    labels = [
+        (position[node], name, comment)
+        for (name, comment), (node, *_) in zip(block.labels, labelled.results[count:], strict=True)
+        if node in position and kernel.nodes[node].op not in ("input", "const")
+    ]
+    return prune(kernel), labels
+
+
+def prune(kernel: Kernel) -> Kernel:
+    """Drop the nodes that no result needs."""
+    order = needed_nodes(kernel)
     position = {old: new for new, old in enumerate(order)}
     nodes = tuple(
         Node(n.op, tuple(position[a] for a in n.args), n.value, n.source)

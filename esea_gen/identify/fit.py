@@ -275,10 +275,7 @@ class Space:
 
         x: searched numbers, shape (2,) or (7,).
         """
-        out = {
-            "omega_rad": math.exp(x[0]),
-            "beta_1_rad": math.expm1(x[1]) / self.theta_rad,
-        }
+        out = {"omega_rad": math.exp(x[0]), "beta_1_rad": math.expm1(x[1]) / self.theta_rad}
         if self.rate_terms:
             m, n, eps1 = float(x[4]), float(x[6]), math.exp(x[2])
             out |= {
@@ -340,6 +337,18 @@ def _linear_bounds(rate_terms: bool) -> tuple[Array, Array]:
     return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
 
 
+def _finalists(population: Array, costs: Array, space: Space) -> list[int]:
+    """The best ones that are not neighbours of a better one."""
+    unit = (population - space.low) / (space.high - space.low)
+    chosen: list[int] = []
+    for i in np.argsort(costs, kind="stable"):
+        if all(np.abs(unit[i] - unit[j]).max() > 0.1 for j in chosen):
+            chosen.append(int(i))
+        if len(chosen) == FINALISTS[space.rate_terms]:
+            break
+    return chosen
+
+
 def search(
     device: Device,
     recordings: list[Recording],
@@ -373,14 +382,7 @@ def search(
         if i % 32 == 0:
             progress(0.5 * i / count, f"population: {i} of {count}, best {_rms(costs[: i + 1])}")
 
-    # Finalists: the best ones that are not neighbours of a better one.
-    unit = (population - space.low) / (space.high - space.low)
-    chosen: list[int] = []
-    for i in np.argsort(costs, kind="stable"):
-        if all(np.abs(unit[i] - unit[j]).max() > 0.1 for j in chosen):
-            chosen.append(int(i))
-        if len(chosen) == FINALISTS[space.rate_terms]:
-            break
+    chosen = _finalists(population, costs, space)
     ends: list[tuple[float, Array]] = []
     for place, i in enumerate(chosen):
         done = _polish(coarse, residual, population[i], space, 60 if space.rate_terms else 80)
@@ -476,11 +478,7 @@ def _rms(costs: Array) -> str:
 
 
 def _polish(
-    plant: Plant,
-    residual: Callable[[Plant, Array], Array],
-    start: Array,
-    space: Space,
-    steps: int,
+    plant: Plant, residual: Callable[[Plant, Array], Array], start: Array, space: Space, steps: int
 ) -> tuple[float, Array]:
     width = space.high - space.low
     inside = np.clip(start, space.low + 1e-6 * width, space.high - 1e-6 * width)
@@ -611,8 +609,5 @@ def uncertainty(plant: Plant, values: Mapping[str, float]) -> Uncertainty:
         total = float(spread.sum())
         sigma[k] = math.sqrt(noise * total) * values[k] if total < 1e200 else math.inf
     direction = {k: round(float(x), 3) for k, x in zip(free, v[-1], strict=True)}
-    weakest = {
-        "direction": direction,
-        "rms_change_Nm": 0.1 * float(singular[-1]) / math.sqrt(rows),
-    }
+    weakest = {"direction": direction, "rms_change_Nm": 0.1 * float(singular[-1]) / math.sqrt(rows)}
     return Uncertainty(sigma, weakest, factor)

@@ -35,13 +35,8 @@ from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.fit import ROWS_REFINE, ROWS_SEARCH, Progress, with_values
 from esea_gen.identify.identification import Identification
 from esea_gen.identify.recording import DataSet, Recording
-from esea_gen.model.inverse import (
-    PLAY_DEFAULTS,
-    PLAYS,
-    chosen_inverse,
-    inverse_system,
-    published_inverse,
-)
+from esea_gen.model.inverse import chosen_inverse, inverse_system
+from esea_gen.model.published_inverse import PLAY_DEFAULTS, PLAYS, published_inverse
 
 Array = npt.NDArray[np.float64]
 

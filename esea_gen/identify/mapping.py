@@ -10,19 +10,17 @@ marked ``assumed`` and appears as such in the device file.
 from __future__ import annotations
 
 import difflib
-import types
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import tomlkit
-import tomlkit.exceptions
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.devices.fields import Quantity
 from esea_gen.errors import UserError
+from esea_gen.toml_file import Problem, checked, parse_toml, read_text, table_type
 
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
@@ -301,12 +299,7 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
     folder = Path(data_folder) if data_folder is not None else path.parent
     if not folder.is_dir():
         raise UserError(f"There is no data folder '{folder}'.", "Give an existing folder.")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(
-            f"{path.name}: cannot be read as text ({error}).", "Save it as UTF-8."
-        ) from None
+    text = read_text(path, "Save it as UTF-8.")
     return MappingFile(parse_mapping(text, path.name), path.name, folder)
 
 
@@ -330,16 +323,8 @@ def parse_mapping(text: str, origin: str) -> Mapping:
     UserError
         As :func:`load_mapping`.
     """
-    try:
-        document = tomlkit.parse(text).unwrap()
-    except tomlkit.exceptions.TOMLKitError as error:
-        raise UserError(
-            f"{origin}: not valid TOML ({error}).", "Correct that line; see docs/identify.md."
-        ) from None
-    try:
-        mapping = Mapping.model_validate(document)
-    except ValidationError as error:
-        raise _explain(error, origin) from None
+    document = parse_toml(text, origin, "docs/identify.md")
+    mapping = checked(Mapping, document, origin, _fix)
     for key, q, extra in _quantities(mapping):
         if not extra["low"] <= q.value <= extra["high"]:
             below = q.value < extra["low"]
@@ -474,68 +459,9 @@ def _check_text(origin: str, mapping: Mapping) -> None:
         )
 
 
-def _model_at(loc: tuple[Any, ...]) -> type[BaseModel] | None:
-    """Model whose keys stand at a place of the document."""
-    model: type[BaseModel] = Mapping
-    for name in loc:
-        if isinstance(name, int):
-            continue
-        field = next(
-            (f for k, f in model.model_fields.items() if name in (k, f.alias)),
-            None,
-        )
-        if field is None:
-            return None
-        inner = _models_in(field.annotation)
-        if not inner:
-            return None
-        model = inner
-    return model
-
-
-def _models_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if typing.get_origin(annotation) in (list, types.UnionType, typing.Union):
-        for a in typing.get_args(annotation):
-            found = _models_in(a)
-            if found:
-                return found
-    return None
-
-
-def _explain(error: ValidationError, origin: str) -> UserError:
-    # A misspelt key shows as one unknown and one missing key: tell of the unknown first.
-    items = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    first = items[0]
-    loc = first["loc"]
-    key = ""
-    for part in loc:
-        key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else str(part)
-    more = len(items) - 1
-    tail = f" ({more} more problem{'s' if more > 1 else ''} in this file.)" if more else ""
-    model = _model_at(loc[:-1])
-    names = {f.alias or k: f for k, f in model.model_fields.items()} if model else {}
-    field = names.get(str(loc[-1])) if loc else None
-    form = ""
-    if model is Quantity or (field is not None and _models_in(field.annotation) is Quantity):
-        form = 'Write { value = 1.0, status = "assumed", source = "why" }.'
-    if first["type"] == "extra_forbidden":
-        close = difflib.get_close_matches(str(loc[-1]), names, n=1)
-        hint = f"Did you mean {close[0]}? " if close else ""
-        return UserError(
-            f"{origin}: unknown key {key} = {first.get('input')!r}.",
-            f"{hint}Known keys here: {', '.join(names)}.{tail}",
-        )
-    text = field.description if field is not None and field.description else ""
-    if first["type"] == "missing":
-        about = f" ({text.rstrip('.')})" if text else ""
-        return UserError(
-            f"{origin}: key {key} is missing{about}.",
-            (form or "Add it; see docs/identify.md.") + tail,
-        )
-    said = first["msg"][0].lower() + first["msg"][1:]
-    return UserError(
-        f"{origin}: {key} = {first.get('input')!r}: {said}.",
-        (form or text or "Correct it; see docs/identify.md.") + tail,
-    )
+def _fix(problem: Problem) -> str:
+    if Quantity in (problem.within, table_type(problem.wanted)):
+        return 'Write { value = 1.0, status = "assumed", source = "why" }.'
+    if problem.kind == "missing":
+        return "Add it; see docs/identify.md."
+    return problem.text or "Correct it; see docs/identify.md."

@@ -186,6 +186,26 @@ class Port:
         return "bits" if self.flags else unit_of(self.name)
 
 
+def around(name: str, limit: float, meaning: str, *more: Any, **named: Any) -> Port:
+    """A port whose range is ``limit`` either way of 0.
+
+    Parameters
+    ----------
+    name, meaning
+        As in :class:`Port`.
+    limit : float
+        Largest magnitude.
+    *more, **named
+        The rest of :class:`Port`.
+
+    Returns
+    -------
+    Port
+        The port.
+    """
+    return Port(name, -limit, limit, meaning, *more, **named)
+
+
 @dataclass(frozen=True)
 class Tunable:
     """A value that may be changed while the board runs.

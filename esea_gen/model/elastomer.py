@@ -35,7 +35,16 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, Tunable, clip, flag_word, threshold
+from esea_gen.language.ports import (
+    Constant,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
 from esea_gen.model.plays import STREAMS
 from esea_gen.model.symbolic import equation, to_casadi
 
@@ -116,6 +125,24 @@ def _symbols_of(p: Mapping[str, Any]) -> dict[sp.Symbol, Any]:
     return {symbol: p[key] for symbol, key in names.items() if key in p}
 
 
+def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str, Any]:
+    """The elastomer's parameters as tunables: what identification runs."""
+    keys = MODEL_KEYS + (RATE_KEYS if rate_terms else ())
+    tunables = tuple(_as_tunable(device, key) for key in keys)
+    direct = ("k1_Nm_rad", "k3_Nm_rad3") + (RATE_KEYS if rate_terms else ())
+    coefficients = (
+        Port("r_rad", 0.0, 4.0, "thresholds of the stop operators", stops, "(3.11)"),
+        Port("p_Nm_rad", 0.0, 1000.0, "weights of the stop operators", stops, "(3.10)"),
+        *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name in direct),
+    )
+
+    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+        r, w = stop_grid(vars(t), stops)
+        return {"r_rad": r, "p_Nm_rad": w} | {k: getattr(t, k) for k in direct}
+
+    return {"tunables": tunables, "coefficients": coefficients, "prepare": prepare}
+
+
 def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
     """The torque sensor as a Block.
 
@@ -132,53 +159,76 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
         Inputs ``theta_rad`` and ``omega_rad_s`` (the mid-step rate that feeds the viscosity);
         outputs the torque, its three parts and a status word.
     """
-    file = device.file
-    stops = int(file.elastomer.stops.value)
-    rate_terms = file.elastomer.maxwell is not None
-    h = device.period_s
-    # As the ports hold them: a state clipped at a limit must pass its own guard in every format.
-    theta_lim = threshold(file.limits.theta_rad.value)
-    omega_lim = threshold(file.limits.omega_rad_s.value)
-    tau_lim = threshold(file.limits.tau_Nm.value)
-    values: dict[str, Any] = {c.name: c.value for c in device.constants("elastomer")}
-    constants = device.constants("elastomer") + device.constants("domain")
-    dead_zone = threshold(values.get("dead_zone_rad", 0.0))
+    model = _TorqueSensor(device, tunable)
+    return Block.define(
+        "sensor",
+        "Elastomer torque sensor: deflection to interaction torque",
+        period_s=model.h,
+        constants=model.constants,
+        **(_tunable_ports(device, model.stops, model.rate_terms) if tunable else {}),
+        state=model.state(),
+        inputs=model.inputs(),
+        outputs=model.outputs(),
+        equations=_equations(model.rate_terms, model.dead_zone > 0),
+        split={
+            "s_theta_prev_rad": _beyond_cuts(
+                model.dead_zone,
+                _power_cuts(
+                    model.values["A_Nms_rad"],
+                    model.values["m"],
+                    model.values["eps1_Nms_rad"],
+                    model.theta_lim - model.dead_zone,
+                ),
+            ),
+            "u_omega_rad_s": _power_cuts(
+                model.values["B"], model.values["n"], model.values["eps2"], model.omega_lim
+            ),
+        }
+        if model.rate_terms
+        else {},
+        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
+        facts={"share": (0.0, 1.0)} if model.rate_terms else {},
+        step=model.step,
+        streams=STREAMS,
+    )
 
-    def beyond(theta: ca.SX) -> ca.SX:
-        if not dead_zone:
+
+class _TorqueSensor:
+    """The model's numbers, one method an equation group, and the ports."""
+
+    def __init__(self, device: DeviceData, tunable: bool = False) -> None:
+        self.tunable = tunable
+        file = device.file
+        self.stops = int(file.elastomer.stops.value)
+        self.rate_terms = file.elastomer.maxwell is not None
+        self.h = device.period_s
+        # As the ports hold them: a state clipped at a limit must pass its own guard in every
+        # format.
+        self.theta_lim = threshold(file.limits.theta_rad.value)
+        self.omega_lim = threshold(file.limits.omega_rad_s.value)
+        self.tau_lim = threshold(file.limits.tau_Nm.value)
+        self.values: dict[str, Any] = {c.name: c.value for c in device.constants("elastomer")}
+        self.constants = device.constants("elastomer") + device.constants("domain")
+        self.dead_zone = threshold(self.values.get("dead_zone_rad", 0.0))
+        self.theta_domain = threshold(file.domain.theta_max_rad.value)
+        self.omega_domain = threshold(file.domain.omega_max_rad_s.value)
+        self.tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
+        self.step_max = threshold(self.omega_lim * self.h)
+
+    def beyond(self, theta: ca.SX) -> ca.SX:
+        if not self.dead_zone:
             return theta
-        return to_casadi(BEYOND, {THETA: theta, DEAD_ZONE: dead_zone})
-
-    tunables: tuple[Tunable, ...] = ()
-    coefficients: tuple[Port, ...] = ()
-    prepare = None
-    if tunable:
-        keys = MODEL_KEYS + (RATE_KEYS if rate_terms else ())
-        tunables = tuple(_as_tunable(device, key) for key in keys)
-        direct = ("k1_Nm_rad", "k3_Nm_rad3") + (RATE_KEYS if rate_terms else ())
-        coefficients = (
-            Port("r_rad", 0.0, 4.0, "thresholds of the stop operators", stops, "(3.11)"),
-            Port("p_Nm_rad", 0.0, 1000.0, "weights of the stop operators", stops, "(3.10)"),
-            *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name in direct),
-        )
-
-        def prepare(t: SimpleNamespace) -> dict[str, Any]:
-            r, w = stop_grid(vars(t), stops)
-            return {"r_rad": r, "p_Nm_rad": w} | {k: getattr(t, k) for k in direct}
-
-    theta_domain = threshold(file.domain.theta_max_rad.value)
-    omega_domain = threshold(file.domain.omega_max_rad_s.value)
-    tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
+        return to_casadi(BEYOND, {THETA: theta, DEAD_ZONE: self.dead_zone})
 
     def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        p = dict(values)
-        if tunable:
+        p = dict(self.values)
+        if self.tunable:
             p |= {k: v for k, v in vars(c).items() if k not in ("r_rad", "p_Nm_rad")}
             r, w = ca.vertsplit(c.r_rad), ca.vertsplit(c.p_Nm_rad)
         else:
-            r, w = stop_grid(p, stops)
+            r, w = stop_grid(p, self.stops)
         symbols = _symbols_of(p)
 
         # The first valid sample defines where the operators start: E_i(0) = 0, tau_r(0) = 0.
@@ -189,64 +239,14 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
             "theta_last_rad", ca.if_else(primed, s.theta_prev_rad, u.theta_rad), "theta(k-1)"
         )
         moved = u.theta_rad - theta_prev
-        step_max = threshold(omega_lim * h)
-        theta, stretched = u.theta_rad, moved
-        if dead_zone:
-            theta = label("delta_rad", beyond(u.theta_rad), "(8.7/8.8) beyond the dead zone")
-            last = label("delta_last_rad", beyond(theta_prev), "delta(k-1)")
-            stretched = theta - last
-        dtheta = label(
-            "dtheta_rad",
-            clip(stretched, -step_max, step_max),
-            "delta(k) - delta(k-1)" if dead_zone else "theta(k) - theta(k-1)",
-        )
-
+        theta, dtheta = self.stretch(u.theta_rad, theta_prev, moved, label)
         tau_s = label(
-            "tau_s_Nm",
-            to_casadi(sp.horner(TAU_S, wrt=THETA), symbols | {THETA: theta}),
-            "(3.2)",
+            "tau_s_Nm", to_casadi(sp.horner(TAU_S, wrt=THETA), symbols | {THETA: theta}), "(3.2)"
         )
 
-        play, tau_h = [], ca.SX(0)
-        for i in range(stops):
-            start = ca.if_else(primed, s.play_rad[i], theta)
-            f = clip(start, theta - r[i], theta + r[i])
-            play.append(label(f"play_{i + 1}_rad", f, f"(3.5-3.7) play form of stop {i + 1}"))
-            tau_h = tau_h + w[i] * (theta - f)
-        label("tau_h_Nm", tau_h, "(3.9)")
-
-        if rate_terms:
-            # From the stored deflection even on the first sample: tau_r is then 0 whatever x is.
-            theta_mid = label(
-                "delta_mid_rad" if dead_zone else "theta_mid_rad",
-                beyond(s.theta_prev_rad) + 0.5 * h * u.omega_rad_s,
-                "deflection half a step on",
-            )
-            # x = h kv / eta as one quotient of two positive numbers: eta itself is not needed.
-            step_kv, sixth = h * p["kv_Nm_rad"], 1.0 / 6.0
-            if dead_zone and not tunable:
-                # x spans many orders of magnitude here.  Numbers that every format holds alike
-                # leave it a relative error only, and the derived bound stays small.
-                symbols |= {k: threshold(symbols[k]) for k in (A, B, EPS1, EPS2)}
-                step_kv, sixth = threshold(step_kv), threshold(sixth)
-            gain = to_casadi(sp.fraction(ETA)[0], symbols | {THETA: theta_mid})
-            drag = to_casadi(sp.fraction(ETA)[1], symbols | {RATE: u.omega_rad_s})
-            x = step_kv * drag / gain
-            if dead_zone:
-                # Inside, delta and its rate are 0 and x is one number.
-                resting = step_kv * symbols[EPS2] / symbols[EPS1]
-                outside = ca.fabs(s.theta_prev_rad) > dead_zone
-                x = ca.if_else(outside, x, resting if tunable else threshold(resting))
-            label("x", x, "(3.4) step over time constant")
-            series = 1 + x * (0.5 + x * sixth)
-            # One division; kept apart, both factors lie in (0, 1] and every error stays relative.
-            decay = label("decay", 1 / (1 + x * series), "exp(-x), third order")
-            share = series * decay
-            label("share", share, "(1 - exp(-x))/x, third order")
-            tau_r = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
-        else:
-            tau_r = ca.SX(0)
-        tau_r_next = label("tau_r_Nm", clip(tau_r, -tau_lim, tau_lim), "(3.3)")
+        play, tau_h = self.hysteresis(r, w, s, theta, primed, label)
+        tau_r = self.maxwell(p, symbols, s, u, dtheta, label) if self.rate_terms else ca.SX(0)
+        tau_r_next = label("tau_r_Nm", clip(tau_r, -self.tau_lim, self.tau_lim), "(3.3)")
         tau = label("tau_Nm", tau_s + tau_r_next + tau_h, "(3.1)")
 
         ready = ca.logic_or(primed, guard.inputs_ok)
@@ -254,11 +254,11 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
             [
                 ca.logic_not(guard.inputs_ok),
                 ca.logic_not(guard.state_ok),
-                ca.fabs(u.theta_rad) > theta_domain,
-                ca.fabs(u.omega_rad_s) > omega_domain,
-                ca.fabs(tau) > tau_domain,
-                ca.fabs(moved) > step_max,
-                ca.fabs(tau_r) > tau_lim,
+                ca.fabs(u.theta_rad) > self.theta_domain,
+                ca.fabs(u.omega_rad_s) > self.omega_domain,
+                ca.fabs(tau) > self.tau_domain,
+                ca.fabs(moved) > self.step_max,
+                ca.fabs(tau_r) > self.tau_lim,
             ]
         )
         next_state = {
@@ -268,89 +268,130 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
             "play_rad": play,
         }
         outputs = {
-            "tau_Nm": clip(tau, -tau_lim, tau_lim),
-            "tau_spring_Nm": clip(tau_s, -tau_lim, tau_lim),
+            "tau_Nm": clip(tau, -self.tau_lim, self.tau_lim),
+            "tau_spring_Nm": clip(tau_s, -self.tau_lim, self.tau_lim),
             "tau_rate_Nm": tau_r_next,
-            "tau_hysteresis_Nm": clip(tau_h, -tau_lim, tau_lim),
+            "tau_hysteresis_Nm": clip(tau_h, -self.tau_lim, self.tau_lim),
             "status": status,
         }
         return next_state, outputs
 
-    torque = "part of the torque on the load"
-    return Block.define(
-        "sensor",
-        "Elastomer torque sensor: deflection to interaction torque",
-        period_s=h,
-        constants=constants,
-        tunables=tunables,
-        coefficients=coefficients,
-        prepare=prepare,
-        state=(
+    def stretch(
+        self, sampled: ca.SX, theta_prev: ca.SX, moved: ca.SX, label: Labels
+    ) -> tuple[ca.SX, ca.SX]:
+        """Deflection that counts, and how far it went: beyond the dead zone (8.7/8.8), if any."""
+        theta, stretched = sampled, moved
+        if self.dead_zone:
+            theta = label("delta_rad", self.beyond(sampled), "(8.7/8.8) beyond the dead zone")
+            last = label("delta_last_rad", self.beyond(theta_prev), "delta(k-1)")
+            stretched = theta - last
+        dtheta = label(
+            "dtheta_rad",
+            clip(stretched, -self.step_max, self.step_max),
+            "delta(k) - delta(k-1)" if self.dead_zone else "theta(k) - theta(k-1)",
+        )
+        return theta, dtheta
+
+    def hysteresis(
+        self, r: list[Any], w: list[Any], s: Any, theta: ca.SX, primed: ca.SX, label: Labels
+    ) -> tuple[list[ca.SX], ca.SX]:
+        """(3.5 to 3.9): stop operators in play form, and their torque."""
+        play, tau_h = [], ca.SX(0)
+        for i in range(self.stops):
+            start = ca.if_else(primed, s.play_rad[i], theta)
+            f = clip(start, theta - r[i], theta + r[i])
+            play.append(label(f"play_{i + 1}_rad", f, f"(3.5-3.7) play form of stop {i + 1}"))
+            tau_h = tau_h + w[i] * (theta - f)
+        return play, label("tau_h_Nm", tau_h, "(3.9)")
+
+    def maxwell(
+        self,
+        p: Mapping[str, Any],
+        symbols: dict[sp.Symbol, Any],
+        s: Any,
+        u: Any,
+        dtheta: ca.SX,
+        label: Labels,
+    ) -> ca.SX:
+        """(3.3, 3.4): torque of the Maxwell element after this step, before its clip."""
+        # From the stored deflection even on the first sample: tau_r is then 0 whatever x is.
+        theta_mid = label(
+            "delta_mid_rad" if self.dead_zone else "theta_mid_rad",
+            self.beyond(s.theta_prev_rad) + 0.5 * self.h * u.omega_rad_s,
+            "deflection half a step on",
+        )
+        # x = h kv / eta as one quotient of two positive numbers: eta itself is not needed.
+        step_kv, sixth = self.h * p["kv_Nm_rad"], 1.0 / 6.0
+        if self.dead_zone and not self.tunable:
+            # x spans many orders of magnitude here.  Numbers that every format holds alike leave
+            # it a relative error only, and the derived bound stays small.
+            symbols = symbols | {k: threshold(symbols[k]) for k in (A, B, EPS1, EPS2)}
+            step_kv, sixth = threshold(step_kv), threshold(sixth)
+        gain = to_casadi(sp.fraction(ETA)[0], symbols | {THETA: theta_mid})
+        drag = to_casadi(sp.fraction(ETA)[1], symbols | {RATE: u.omega_rad_s})
+        x = step_kv * drag / gain
+        if self.dead_zone:
+            # Inside, delta and its rate are 0 and x is one number.
+            resting = step_kv * symbols[EPS2] / symbols[EPS1]
+            outside = ca.fabs(s.theta_prev_rad) > self.dead_zone
+            x = ca.if_else(outside, x, resting if self.tunable else threshold(resting))
+        label("x", x, "(3.4) step over time constant")
+        series = 1 + x * (0.5 + x * sixth)
+        # One division; kept apart, both factors lie in (0, 1] and every error stays relative.
+        decay = label("decay", 1 / (1 + x * series), "exp(-x), third order")
+        share = series * decay
+        label("share", share, "(1 - exp(-x))/x, third order")
+        tau_r: ca.SX = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
+        return tau_r
+
+    def state(self) -> tuple[Port, ...]:
+        return (
             Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port("theta_prev_rad", -theta_lim, theta_lim, "deflection of the last step"),
-            Port("tau_r_Nm", -tau_lim, tau_lim, "torque of the Maxwell element", equation="(3.3)"),
-            Port(
+            around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
+            around("tau_r_Nm", self.tau_lim, "torque of the Maxwell element", equation="(3.3)"),
+            around(
                 "play_rad",
-                -2 * theta_lim,
-                2 * theta_lim,
+                2 * self.theta_lim,
                 "play states F_i = theta - E_i of the stop operators",
-                stops,
+                self.stops,
                 "(3.5-3.7)",
                 repair="block",
             ),
-        ),
-        inputs=(
-            Port(
+        )
+
+    def inputs(self) -> tuple[Port, ...]:
+        return (
+            around(
                 "theta_rad",
-                -theta_lim,
-                theta_lim,
+                self.theta_lim,
                 "deflection: motor-side minus load-side angle",
                 on_invalid="theta_prev_rad",
             ),
-            Port(
+            around(
                 "omega_rad_s",
-                -omega_lim,
-                omega_lim,
+                self.omega_lim,
                 "deflection rate in the middle of the step, free of theta(k)",
                 on_invalid=0.0,
             ),
-        ),
-        outputs=(
-            Port("tau_Nm", -tau_lim, tau_lim, "interaction torque on the load", equation="(3.1)"),
-            Port("tau_spring_Nm", -tau_lim, tau_lim, f"cubic spring: {torque}", equation="(3.2)"),
-            Port("tau_rate_Nm", -tau_lim, tau_lim, f"Maxwell element: {torque}", equation="(3.3)"),
-            Port(
-                "tau_hysteresis_Nm",
-                -tau_lim,
-                tau_lim,
-                f"stop operators: {torque}",
-                equation="(3.9)",
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        torque = "part of the torque on the load"
+        return (
+            around("tau_Nm", self.tau_lim, "interaction torque on the load", equation="(3.1)"),
+            around("tau_spring_Nm", self.tau_lim, f"cubic spring: {torque}", equation="(3.2)"),
+            around("tau_rate_Nm", self.tau_lim, f"Maxwell element: {torque}", equation="(3.3)"),
+            around(
+                "tau_hysteresis_Nm", self.tau_lim, f"stop operators: {torque}", equation="(3.9)"
             ),
             Port(
                 "status",
                 0,
                 127,
                 "what is known of this sample",
-                flags=_status(tau_domain, tau_lim),
+                flags=_status(self.tau_domain, self.tau_lim),
             ),
-        ),
-        equations=_equations(rate_terms, dead_zone > 0),
-        split={
-            "s_theta_prev_rad": _beyond_cuts(
-                dead_zone,
-                _power_cuts(
-                    values["A_Nms_rad"], values["m"], values["eps1_Nms_rad"], theta_lim - dead_zone
-                ),
-            ),
-            "u_omega_rad_s": _power_cuts(values["B"], values["n"], values["eps2"], omega_lim),
-        }
-        if rate_terms
-        else {},
-        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
-        facts={"share": (0.0, 1.0)} if rate_terms else {},
-        step=step,
-        streams=STREAMS,
-    )
+        )
 
 
 def _power_cuts(gain: float, exponent: float, offset: float, limit: float) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ import sympy as sp
 from esea_gen.devices.fields import EncoderSide
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, clip, flag_word
+from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, around, clip, flag_word
 from esea_gen.model.encoder_streams import STREAMS
 from esea_gen.model.symbolic import equation
 
@@ -214,28 +214,61 @@ def encoder(device: DeviceData, side: Side) -> Block:
     * a readable frame that is still implausible says that something slipped or that reference and
       reading belong to different things: the reference is lost until init.
     """
-    own = _side(device, side)
-    bits = int(device.file.encoder.resolution_bits.value)
-    full, count_rad = 1 << bits, 2 * math.pi / (1 << bits)
-    step_max = step_max_counts(device, side)
-    held_max = int(own.held_max.value) if own.held_max else HELD_MAX
-    sign = -1.0 if own.direction and own.direction.value < 0 else 1.0
-    table = own.correction_rad.values if own.correction_rad else ()
-    middle = _middle(device)
-    if step_max * (held_max + 1) >= full // 2:
-        raise UserError(
-            f"{device.origin}: encoder.{side}: the largest believable step, {step_max} counts "
-            f"({step_max * count_rad:.3g} rad), times {held_max + 1} (held_max + 1) reaches half a "
-            f"turn ({full // 2} counts): which way the joint went could not be told.",
-            f"Lower encoder.{side}.step_max_rad, held_max or the joint's speed limit, or raise the "
-            "sensing rate.",
-        )
+    front = _Encoder(device, side)
+    return Block.define(
+        f"encoder_{side}",
+        f"Encoder front end, {side} side: count to joint angle",
+        period_s=device.period_s,
+        constants=_constants(device, side, front.bits, front.step_max, front.held_max),
+        tunables=_tunables(front.own),
+        coefficients=(
+            around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
+            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
+        ),
+        prepare=front.prepare,
+        state=front.state(),
+        inputs=(
+            Port("count", 0, front.full - 1, "raw count as the chip gives it, a whole number"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        ),
+        outputs=front.outputs(),
+        equations=_equations(bool(front.table)),
+        step=front.step,
+        streams=STREAMS,
+    )
 
-    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+
+class _Encoder:
+    """Numbers, step and ports of one encoder's front end."""
+
+    def __init__(self, device: DeviceData, side: Side) -> None:
+        self.side = side
+        self.own = _side(device, side)
+        self.bits = int(device.file.encoder.resolution_bits.value)
+        self.full, self.count_rad = 1 << self.bits, 2 * math.pi / (1 << self.bits)
+        self.step_max = step_max_counts(device, side)
+        self.held_max = int(self.own.held_max.value) if self.own.held_max else HELD_MAX
+        self.sign = -1.0 if self.own.direction and self.own.direction.value < 0 else 1.0
+        self.table = self.own.correction_rad.values if self.own.correction_rad else ()
+        self.middle = _middle(device)
+        # Every angle that turns, count, correction and zero can make, so that the clip never acts.
+        largest = max((abs(v) for v in self.table), default=0.0)
+        self.theta_max = math.ceil(2 * math.pi * (TURNS + 1) + math.pi + largest + 0.01)
+        if self.step_max * (self.held_max + 1) >= self.full // 2:
+            raise UserError(
+                f"{device.origin}: encoder.{side}: the largest believable step, {self.step_max} "
+                f"counts ({self.step_max * self.count_rad:.3g} rad), times {self.held_max + 1} "
+                f"(held_max + 1) reaches half a turn ({self.full // 2} counts): which way the "
+                "joint went could not be told.",
+                f"Lower encoder.{side}.step_max_rad, held_max or the joint's speed limit, or raise "
+                "the sensing rate.",
+            )
+
+    def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
 
     def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         started, settled = s.settled > 0.5, s.settled > SETTLED - 0.5
         lost = s.lost > 0.5
@@ -243,14 +276,14 @@ def encoder(device: DeviceData, side: Side) -> Block:
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
 
         raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")
-        up = label("wrapped_up", ca.logic_and(started, raw < -full / 2), "past the last count")
-        down = label("wrapped_down", ca.logic_and(started, raw > full / 2), "past count 0")
+        up = label("wrapped_up", ca.logic_and(started, raw < -self.full / 2), "past the last count")
+        down = label("wrapped_down", ca.logic_and(started, raw > self.full / 2), "past count 0")
         wrap = ca.if_else(up, 1.0, ca.if_else(down, -1.0, 0.0))
-        moved = label("step", raw + ca.if_else(up, full, ca.if_else(down, -full, 0.0)))
+        moved = label("step", raw + ca.if_else(up, self.full, ca.if_else(down, -self.full, 0.0)))
         # Between whole numbers, so that no format can decide otherwise.
-        reach = ca.SX(step_max + 0.5)
-        for k in range(1, held_max + 1):
-            reach = ca.if_else(s.held > k - 0.5, step_max * (k + 1) + 0.5, reach)
+        reach = ca.SX(self.step_max + 0.5)
+        for k in range(1, self.held_max + 1):
+            reach = ca.if_else(s.held > k - 0.5, self.step_max * (k + 1) + 0.5, reach)
         label("reach", reach, "[reach] as far as the joint can have gone, in counts")
         near = ca.fabs(moved) <= reach
 
@@ -258,16 +291,15 @@ def encoder(device: DeviceData, side: Side) -> Block:
         odd = ca.logic_and(started, ca.logic_and(readable, ca.logic_not(near)))
         odd = label("implausible", odd, "readable, but farther away than the joint can be")
         start = label(
-            "start",
-            ca.logic_and(readable, ca.logic_or(ca.logic_not(started), ca.logic_not(near))),
+            "start", ca.logic_and(readable, ca.logic_or(ca.logic_not(started), ca.logic_not(near)))
         )
         start = ca.logic_and(start, ca.logic_not(settled))
         good = ca.logic_and(readable, ca.logic_or(start, near))
         good = label("good", ca.logic_and(good, ca.logic_not(lost)), "becomes the reference")
 
         # The turn: nearest to the middle of the range at the start, then by the wraps.
-        ahead = middle + c.offset_rad - sign * count_rad * u.count
-        nearest = ahead * (sign / (2 * math.pi))
+        ahead = self.middle + c.offset_rad - self.sign * self.count_rad * u.count
+        nearest = ahead * (self.sign / (2 * math.pi))
         wanted = label("turn_wanted", ca.if_else(start, nearest, s.turn + wrap))
         turn = ca.if_else(good, _snap(wanted, -TURNS, TURNS), s.turn)
         label("turn", turn, "[turn] whole turns")
@@ -276,10 +308,10 @@ def encoder(device: DeviceData, side: Side) -> Block:
 
         held = label(
             "bad_in_a_row",
-            ca.if_else(good, 0.0, _snap(s.held + 1, 0, held_max + 1)),
+            ca.if_else(good, 0.0, _snap(s.held + 1, 0, self.held_max + 1)),
             "bad frames in a row",
         )
-        late = label("late", held > held_max + 0.5, "more than may be bridged")
+        late = label("late", held > self.held_max + 0.5, "more than may be bridged")
         # Readable and implausible with nothing left to bridge: it slipped.  Unreadable: start anew.
         slipped = ca.logic_and(ca.logic_and(settled, odd), late)
         lost_now = label("reference_lost", ca.logic_or(lost, ca.logic_or(slipped, away)))
@@ -290,10 +322,12 @@ def encoder(device: DeviceData, side: Side) -> Block:
         settling = settled_now < SETTLED - 0.5
         unzeroed = c.zeroed < 0.5
 
-        angle = (turn * full + count) * count_rad
-        if table:
-            angle = angle + label("correction_rad", correction(table, count, bits), "[table]")
-        theta = label("theta_rad", sign * angle - c.offset_rad, "[angle] of the joint")
+        angle = (turn * self.full + count) * self.count_rad
+        if self.table:
+            angle = angle + label(
+                "correction_rad", correction(self.table, count, self.bits), "[table]"
+            )
+        theta = label("theta_rad", self.sign * angle - c.offset_rad, "[angle] of the joint")
         doubts = [late, settling, unzeroed, lost_now]
         usable = ca.logic_not(
             ca.logic_or(ca.logic_or(doubts[0], doubts[1]), ca.logic_or(doubts[2], doubts[3]))
@@ -308,52 +342,32 @@ def encoder(device: DeviceData, side: Side) -> Block:
             "lost": lost_now,
         }
         outputs = {
-            "theta_rad": clip(theta, -theta_max, theta_max),
+            "theta_rad": clip(theta, -self.theta_max, self.theta_max),
             "usable": usable,
             "status": flag_word([*bad, *doubts]),
         }
         return next_state, outputs
 
-    largest = max((abs(v) for v in table), default=0.0)
-    # Every angle that turns, count, correction and zero can make, so that the clip never acts.
-    theta_max = math.ceil(2 * math.pi * (TURNS + 1) + math.pi + largest + 0.01)
-    return Block.define(
-        f"encoder_{side}",
-        f"Encoder front end, {side} side: count to joint angle",
-        period_s=device.period_s,
-        constants=_constants(device, side, bits, step_max, held_max),
-        tunables=_tunables(own),
-        coefficients=(
-            Port("offset_rad", -math.pi, math.pi, "angle of the encoder where the joint is at 0"),
-            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
-        ),
-        prepare=prepare,
-        state=(
-            Port("count_last", 0, full - 1, "count of the last good frame"),
-            Port("turn", -TURNS, TURNS, "whole turns of the encoder"),
-            Port("held", 0, held_max + 1, "bad frames in a row; stays at its end"),
+    def state(self) -> tuple[Port, ...]:
+        return (
+            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            around("turn", TURNS, "whole turns of the encoder"),
+            Port("held", 0, self.held_max + 1, "bad frames in a row; stays at its end"),
             Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
             Port("lost", 0, 1, "1 once the reference is lost, until init"),
-        ),
-        inputs=(
-            Port("count", 0, full - 1, "raw count as the chip gives it, a whole number"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
-        ),
-        outputs=(
-            Port(
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        return (
+            around(
                 "theta_rad",
-                -theta_max,
-                theta_max,
-                f"joint angle, {side} side of the coupling; held, at first at count 0, while the "
-                "encoder is not usable",
+                self.theta_max,
+                f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
+                "the encoder is not usable",
             ),
             Port("usable", 0.0, 1.0, "1 when the angle can be used"),
             Port("status", 0, 255, "what is known of this sample", flags=_status()),
-        ),
-        equations=_equations(bool(table)),
-        step=step,
-        streams=STREAMS,
-    )
+        )
 
 
 def _tunables(own: EncoderSide) -> tuple[Tunable, ...]:
@@ -393,10 +407,7 @@ def _constants(
     return (
         Constant("resolution_bits", bits, resolution.source, resolution.status),
         Constant(
-            "step_max_counts",
-            step_max,
-            q.source if q else by_speed,
-            q.status if q else "derived",
+            "step_max_counts", step_max, q.source if q else by_speed, q.status if q else "derived"
         ),
         Constant(
             "held_max",

@@ -12,7 +12,17 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Array, Equation, Flag, Port, Tunable, clip, flag_word, threshold
+from esea_gen.language.ports import (
+    Array,
+    Equation,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -65,46 +75,82 @@ def tracking_observer(device: DeviceData) -> Block:
        alpha-beta-gamma target trackers", IEEE Trans. AES 20(2), 1984 (the gains are the
        critically damped, fading-memory ones).
     """
-    file = device.file
-    h = device.period_s
-    # As the ports hold them: a state clipped at a limit must pass its own guard in every format.
-    theta_lim = threshold(file.limits.theta_rad.value)
-    omega_lim = threshold(file.limits.omega_rad_s.value)
-    # A step of twice the deflection range moves the states by at most the gains times it; clipping
-    # them at the rate's range (with room for the transient) also unwinds a corrupt start.
-    v_lim, a_lim = 4 * omega_lim, threshold(4 * omega_lim / h)
-    bandwidth = file.velocity.bandwidth_Hz
-    high = min(BANDWIDTH_MAX_HZ, 0.1 / h)
+    law = _TrackingObserver(device)
+    p, q, hs, e, v, a = sp.symbols("p q h e v a")
+    return Block.define(
+        "velocity",
+        "Deflection rate: third-order tracking observer",
+        period_s=law.h,
+        constants=device.constants("timing"),
+        tunables=law.tunables(),
+        coefficients=(
+            Port("alpha", 0.0, 1.0, "position gain"),
+            Port("beta_1_s", 0.0, 3.0 / law.h, "velocity gain"),
+            Port("gamma_1_s2", 0.0, 1.0 / law.h**2, "acceleration gain"),
+        ),
+        prepare=law.prepare,
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=law.outputs(),
+        equations=(
+            equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),
+            equation("[obs 2]", "omega_m", v + hs * a / 2, "rate in the middle of the step"),
+            equation("[obs 3]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "velocity gain"),
+        ),
+        step=law.step,
+    )
 
-    def prepare(t: SimpleNamespace) -> dict[str, Any]:
-        pole = ca.exp(-2 * math.pi * h * t.bandwidth_Hz)
+
+class _TrackingObserver:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData) -> None:
+        file = device.file
+        self.h = device.period_s
+        # As the ports hold them: a state clipped at a limit must pass its own guard in every
+        # format.
+        self.theta_lim = threshold(file.limits.theta_rad.value)
+        self.omega_lim = threshold(file.limits.omega_rad_s.value)
+        # A step of twice the deflection range moves the states by at most the gains times it;
+        # clipping them at the rate's range (with room for the transient) also unwinds a corrupt
+        # start.
+        self.v_lim, self.a_lim = 4 * self.omega_lim, threshold(4 * self.omega_lim / self.h)
+        self.bandwidth = file.velocity.bandwidth_Hz
+        self.high = min(BANDWIDTH_MAX_HZ, 0.1 / self.h)
+
+    def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
+        pole = ca.exp(-2 * math.pi * self.h * t.bandwidth_Hz)
         q = 1 - pole
         return {
             "alpha": 1 - pole * pole * pole,
-            "beta_1_s": 1.5 * q * q * (1 + pole) / h,
-            "gamma_1_s2": q * q * q / (h * h),
+            "beta_1_s": 1.5 * q * q * (1 + pole) / self.h,
+            "gamma_1_s2": q * q * q / (self.h * self.h),
         }
 
     def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         predicted = label(
             "theta_predicted_rad",
             ca.if_else(
-                s.primed, s.theta_hat_rad + h * (s.v_rad_s + 0.5 * h * s.a_rad_s2), u.theta_rad
+                s.primed,
+                s.theta_hat_rad + self.h * (s.v_rad_s + 0.5 * self.h * s.a_rad_s2),
+                u.theta_rad,
             ),
             "[1] prediction",
         )
         error = label("innovation_rad", u.theta_rad - predicted, "[1] innovation")
-        mid = s.v_rad_s + 0.5 * h * s.a_rad_s2
-        v = s.v_rad_s + h * s.a_rad_s2 + c.beta_1_s * error
+        mid = s.v_rad_s + 0.5 * self.h * s.a_rad_s2
+        v = s.v_rad_s + self.h * s.a_rad_s2 + c.beta_1_s * error
         next_state = {
             "primed": ca.logic_or(s.primed, guard.inputs_ok),
-            "theta_hat_rad": clip(predicted + c.alpha * error, -2 * theta_lim, 2 * theta_lim),
-            "v_rad_s": clip(v, -v_lim, v_lim),
-            "a_rad_s2": clip(s.a_rad_s2 + c.gamma_1_s2 * error, -a_lim, a_lim),
+            "theta_hat_rad": clip(
+                predicted + c.alpha * error, -2 * self.theta_lim, 2 * self.theta_lim
+            ),
+            "v_rad_s": clip(v, -self.v_lim, self.v_lim),
+            "a_rad_s2": clip(s.a_rad_s2 + c.gamma_1_s2 * error, -self.a_lim, self.a_lim),
         }
-        limit = omega_lim
+        limit = self.omega_lim
         outputs = {
             "omega_rad_s": clip(v, -limit, limit),
             "omega_mid_rad_s": clip(mid, -limit, limit),
@@ -118,61 +164,47 @@ def tracking_observer(device: DeviceData) -> Block:
         }
         return next_state, outputs
 
-    p, q, hs, e, v, a = sp.symbols("p q h e v a")
-    return Block.define(
-        "velocity",
-        "Deflection rate: third-order tracking observer",
-        period_s=h,
-        constants=device.constants("timing"),
-        tunables=(
+    def tunables(self) -> tuple[Tunable, ...]:
+        return (
             Tunable(
                 "bandwidth_Hz",
-                bandwidth.value,
+                self.bandwidth.value,
                 BANDWIDTH_MIN_HZ,
-                high,
+                self.high,
                 "bandwidth of the triple pole: higher follows faster and passes more noise",
-                bandwidth.source,
-                bandwidth.status,
+                self.bandwidth.source,
+                self.bandwidth.status,
             ),
-        ),
-        coefficients=(
-            Port("alpha", 0.0, 1.0, "position gain"),
-            Port("beta_1_s", 0.0, 3.0 / h, "velocity gain"),
-            Port("gamma_1_s2", 0.0, 1.0 / h**2, "acceleration gain"),
-        ),
-        prepare=prepare,
-        state=(
+        )
+
+    def state(self) -> tuple[Port, ...]:
+        return (
             Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port("theta_hat_rad", -2 * theta_lim, 2 * theta_lim, "estimated deflection"),
-            Port("v_rad_s", -v_lim, v_lim, "estimated rate"),
-            Port("a_rad_s2", -a_lim, a_lim, "estimated acceleration"),
-        ),
-        inputs=(
-            Port(
+            around("theta_hat_rad", 2 * self.theta_lim, "estimated deflection"),
+            around("v_rad_s", self.v_lim, "estimated rate"),
+            around("a_rad_s2", self.a_lim, "estimated acceleration"),
+        )
+
+    def inputs(self) -> tuple[Port, ...]:
+        return (
+            around(
                 "theta_rad",
-                -theta_lim,
-                theta_lim,
+                self.theta_lim,
                 "deflection: motor-side minus load-side angle",
                 on_invalid="theta_hat_rad",
             ),
-        ),
-        outputs=(
-            Port("omega_rad_s", -omega_lim, omega_lim, "deflection rate at this sample"),
-            Port(
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        return (
+            around("omega_rad_s", self.omega_lim, "deflection rate at this sample"),
+            around(
                 "omega_mid_rad_s",
-                -omega_lim,
-                omega_lim,
+                self.omega_lim,
                 "deflection rate predicted for the middle of this step from past samples",
             ),
-            Port("status", 0, 7, "what is known of this sample", flags=_status(omega_lim)),
-        ),
-        equations=(
-            equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),
-            equation("[obs 2]", "omega_m", v + hs * a / 2, "rate in the middle of the step"),
-            equation("[obs 3]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "velocity gain"),
-        ),
-        step=step,
-    )
+            Port("status", 0, 7, "what is known of this sample", flags=_status(self.omega_lim)),
+        )
 
 
 P, W = sp.symbols("p Omega", positive=True)

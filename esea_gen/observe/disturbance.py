@@ -11,7 +11,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
+from esea_gen.language.ports import Equation, Flag, Port, Tunable, around, clip, flag_word
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
@@ -154,63 +154,99 @@ def drive_observer(device: DeviceData) -> Block:
     with L = 0 the estimate rests instead of drifting.  a_model is the mean over the step: friction
     and coupling torque of both its ends, and the motor's torque averaged exactly.
     """
-    drive = drive_of(device)
-    a = drive.actuator
-    h = device.period_s
-    d_lim, u_lim, tau_lim, omega_lim = (
-        drive.d4_rad_s2,
-        drive.u_Nm,
-        drive.tau_Nm,
-        drive.omega_rad_s,
-    )
-    tau_c = a.tau_c_s.value
-    decay = math.exp(-h / tau_c)
-    # Mean of the lag over a step: u + (u_a - u) (1 - exp(-h/tau_c)) tau_c/h.
-    mean = (1 - decay) * tau_c / h
-    numbers = {
-        J: a.J_kgm2.value,
-        N: a.gear_ratio.value,
-        FV: a.fv_Nms_rad.value,
-        FC: a.fc_Nm.value,
-        WIDTH: a.coulomb_width_rad_s.value,
-    }
-    # Every part of (5.2) at its largest; the port's range only, nothing is clipped there.
-    reach = (
-        (numbers[N] * u_lim + numbers[FV] * omega_lim + numbers[FC] + tau_lim) / numbers[J] * 1.001
+    law = _DriveObserver(device)
+    return Block.define(
+        "drive_observer",
+        "Disturbance of the drive, and the motor's torque behind its lag",
+        period_s=law.h,
+        constants=device.constants("actuator"),
+        tunables=law.tunables(),
+        coefficients=(
+            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
+            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
+        ),
+        prepare=law.prepare,
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=(
+            around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
+            around("u_a_Nm", law.u_lim, "motor torque by the model of its lag", equation="(5.1)"),
+            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+        ),
+        equations=law.equations(),
+        step=law.step,
     )
 
-    def prepare(t: SimpleNamespace) -> dict[str, Any]:
-        share = share_of(t.bandwidth_1_s, h)
+
+class _DriveObserver:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData) -> None:
+        self.device = device
+        self.drive = drive_of(device)
+        a = self.drive.actuator
+        self.h = device.period_s
+        self.d_lim, self.u_lim, self.tau_lim, self.omega_lim = (
+            self.drive.d4_rad_s2,
+            self.drive.u_Nm,
+            self.drive.tau_Nm,
+            self.drive.omega_rad_s,
+        )
+        tau_c = a.tau_c_s.value
+        self.decay = math.exp(-self.h / tau_c)
+        # Mean of the lag over a step: u + (u_a - u) (1 - exp(-h/tau_c)) tau_c/h.
+        self.mean = (1 - self.decay) * tau_c / self.h
+        self.numbers = {
+            J: a.J_kgm2.value,
+            N: a.gear_ratio.value,
+            FV: a.fv_Nms_rad.value,
+            FC: a.fc_Nm.value,
+            WIDTH: a.coulomb_width_rad_s.value,
+        }
+        # Every part of (5.2) at its largest; the port's range only, nothing is clipped there.
+        self.reach = (
+            (
+                self.numbers[N] * self.u_lim
+                + self.numbers[FV] * self.omega_lim
+                + self.numbers[FC]
+                + self.tau_lim
+            )
+            / self.numbers[J]
+            * 1.001
+        )
+
+    def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
+        share = share_of(t.bandwidth_1_s, self.h)
         return {"share": share, "keep": 1 - share}
 
     def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         ok = guard.inputs_ok
         ready = label("ready", ca.logic_and(ok, s.primed), "two valid samples in a row")
-        values = numbers | {OMEGA_M: u.omega_motor_rad_s, TAU_E: u.tau_Nm}
+        values = self.numbers | {OMEGA_M: u.omega_motor_rad_s, TAU_E: u.tau_Nm}
         passive = label(
             "passive_rad_s2",
             to_casadi(MODEL_ACCELERATION.subs(U_A, 0), values),
             "(5.2) without motor and disturbance",
         )
-        driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * mean
-        drive_part = numbers[N] / numbers[J] * driven
+        driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.mean
+        drive_part = self.numbers[N] / self.numbers[J] * driven
         model = label(
             "model_rad_s2",
             drive_part + 0.5 * (passive + s.passive_rad_s2),
             "(5.2) mean of the model over the step",
         )
-        seen = (u.omega_motor_rad_s - s.omega_last_rad_s) * (1 / h)
+        seen = (u.omega_motor_rad_s - s.omega_last_rad_s) * (1 / self.h)
         moved = s.d4_rad_s2 * c.keep + c.share * (seen - model)
         d4 = label(
             "d4_rad_s2",
-            ca.if_else(ready, clip(moved, -d_lim, d_lim), s.d4_rad_s2),
+            ca.if_else(ready, clip(moved, -self.d_lim, self.d_lim), s.d4_rad_s2),
             "(5.5) disturbance",
         )
         u_a = label(
             "u_a_Nm",
-            s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * decay,
+            s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.decay,
             "(5.1) the motor's torque, exact for a held command",
         )
         next_state = {
@@ -228,69 +264,54 @@ def drive_observer(device: DeviceData) -> Block:
                 [
                     ca.logic_not(ok),
                     ca.logic_not(guard.state_ok),
-                    ca.logic_and(ready, ca.fabs(moved) > d_lim),
+                    ca.logic_and(ready, ca.fabs(moved) > self.d_lim),
                 ]
             ),
         }
         return next_state, outputs
 
-    flags = (
-        Flag("INPUT_INVALID", "an input was NaN or outside its range; d4 is held", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-        Flag("CLIPPED", "the estimate was clipped at its range", True, ("d4_rad_s2",), d_lim),
-    )
-    d_p, h_s, bandwidth = sp.Symbol("d_4,k-1"), sp.Symbol("h"), sp.Symbol("L")
-    rise = (sp.Symbol("omega_m,k") - sp.Symbol("omega_m,k-1")) / h_s
-    return Block.define(
-        "drive_observer",
-        "Disturbance of the drive, and the motor's torque behind its lag",
-        period_s=h,
-        constants=device.constants("actuator"),
-        tunables=(
+    def tunables(self) -> tuple[Tunable, ...]:
+        return (
             bandwidth_tunable(
-                device,
-                drive.disturbance.drive_1_s,
-                drive.joint.motor_velocity_Hz,
+                self.device,
+                self.drive.disturbance.drive_1_s,
+                self.drive.joint.motor_velocity_Hz,
                 "disturbance.drive_1_s",
                 "joint.motor_velocity_Hz",
             ),
-        ),
-        coefficients=(
-            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
-            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
-        ),
-        prepare=prepare,
-        state=(
+        )
+
+    def state(self) -> tuple[Port, ...]:
+        return (
             Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            Port("omega_last_rad_s", -omega_lim, omega_lim, "motor side's rate, last step"),
-            Port("passive_rad_s2", -reach, reach, "friction and coupling, last step"),
-            Port("u_held_Nm", -u_lim, u_lim, "command that the motor holds"),
-            Port("u_a_Nm", -u_lim, u_lim, "motor torque", equation="(5.1)"),
-            Port("d4_rad_s2", -d_lim, d_lim, "disturbance", equation="(5.5)"),
-        ),
-        inputs=(
-            Port(
+            around("omega_last_rad_s", self.omega_lim, "motor side's rate, last step"),
+            around("passive_rad_s2", self.reach, "friction and coupling, last step"),
+            around("u_held_Nm", self.u_lim, "command that the motor holds"),
+            around("u_a_Nm", self.u_lim, "motor torque", equation="(5.1)"),
+            around("d4_rad_s2", self.d_lim, "disturbance", equation="(5.5)"),
+        )
+
+    def inputs(self) -> tuple[Port, ...]:
+        return (
+            around(
                 "u_Nm",
-                -u_lim,
-                u_lim,
+                self.u_lim,
                 "command that the motor holds from this tick on, at the motor shaft",
                 on_invalid=0.0,
             ),
-            Port(
+            around(
                 "omega_motor_rad_s",
-                -omega_lim,
-                omega_lim,
+                self.omega_lim,
                 "motor side's rate",
                 on_invalid="omega_last_rad_s",
             ),
-            Port("tau_Nm", -tau_lim, tau_lim, "interaction torque on the load", on_invalid=0.0),
-        ),
-        outputs=(
-            Port("d4_rad_s2", -d_lim, d_lim, "disturbance of the drive", equation="(5.5)"),
-            Port("u_a_Nm", -u_lim, u_lim, "motor torque by the model of its lag", equation="(5.1)"),
-            Port("status", 0, 7, "what is known of this estimate", flags=flags),
-        ),
-        equations=(
+            around("tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid=0.0),
+        )
+
+    def equations(self) -> tuple[Equation, ...]:
+        d_p, h_s, bandwidth = sp.Symbol("d_4,k-1"), sp.Symbol("h"), sp.Symbol("L")
+        rise = (sp.Symbol("omega_m,k") - sp.Symbol("omega_m,k-1")) / h_s
+        return (
             equation("(5.1)", "tau_c u_a'", sp.Symbol("u_c") - U_A, "lag of the motor's torque"),
             equation("(5.2)", "a_model", MODEL_ACCELERATION, "motion of the motor side"),
             equation(
@@ -299,6 +320,13 @@ def drive_observer(device: DeviceData) -> Block:
                 d_p + (1 - sp.exp(-bandwidth * h_s)) * (rise - sp.Symbol("a_model") - d_p),
                 "disturbance: a lag of bandwidth L behind what the model leaves unexplained",
             ),
-        ),
-        step=step,
-    )
+        )
+
+    def flags(self) -> tuple[Flag, ...]:
+        return (
+            Flag("INPUT_INVALID", "an input was NaN or outside its range; d4 is held", True),
+            Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
+            Flag(
+                "CLIPPED", "the estimate was clipped at its range", True, ("d4_rad_s2",), self.d_lim
+            ),
+        )

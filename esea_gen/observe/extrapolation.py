@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -11,7 +10,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Array, Flag, Port, clip, flag_word, threshold
+from esea_gen.language.ports import Array, Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -47,86 +46,99 @@ def parabola(device: DeviceData) -> Block:
     Until there are so many, the first one stands for those that are missing.  An invalid input
     counts as the last valid one.
     """
-    drive = drive_of(device)
-    h = drive.control_period_s
-    every = round(SPACING_S / h)
-    count = (VALUES - 1) * every + 1
-    if every < 1 or abs(every * h - SPACING_S) > 1e-9 or count > MOST_KEPT:
-        raise UserError(
-            f"{device.origin}: timing.control_rate_Hz = {1 / h:g} Hz does not suit the parabola "
-            f"through values {SPACING_S:g} s apart: it takes a multiple of {1 / SPACING_S:g} Hz up "
-            f"to {(MOST_KEPT - 1) / (VALUES - 1) / SPACING_S:g} Hz.",
-            'Change the rate, or write person = "extended_state" in [predictive].',
-        )
-    weights = parabola_weights()
-    tau_lim = drive.tau_h_Nm
-    # The farthest that any past within its range can give.
-    reach = tau_lim * np.sum(np.abs(weights), axis=1)
-    rate_lim, curve_lim = threshold(1.01 * reach[1]), threshold(2.02 * reach[2])
-
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        ok = guard.inputs_ok
-        primed = ca.logic_or(s.primed, ok)
-        past = [ca.if_else(s.primed, x, u.tau_h_Nm) for x in (s.last_Nm, *ca.vertsplit(s.past_Nm))]
-        kept = [u.tau_h_Nm, *past][:count]
-        fit = [
-            sum((float(w) * kept[i * every] for i, w in enumerate(row)), ca.SX(0))
-            for row in weights
-        ]
-        value = label("fit_Nm", fit[0], "least squares through 11 values, now")
-        out = ca.fabs(value) > tau_lim
-        next_state = {
-            "primed": primed,
-            "last_Nm": kept[0],
-            "past_Nm": kept[1 : count - 1],
-        }
-        outputs = {
-            "tau_h_fit_Nm": clip(value, -tau_lim, tau_lim),
-            "tau_h_rate_Nm_s": clip(fit[1], -rate_lim, rate_lim),
-            "tau_h_curve_Nm_s2": clip(2 * fit[2], -curve_lim, curve_lim),
-            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), out]),
-        }
-        return next_state, outputs
-
-    flags = (
-        Flag("INPUT_INVALID", "the input was NaN or outside its range; the last one counts", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-        Flag("CLIPPED", "the fit was clipped at its range", True, ("tau_h_fit_Nm",), tau_lim),
-    )
+    law = _Parabola(device)
     t, c0, c1, c2 = sp.symbols("t c_0 c_1 c_2")
     return Block.define(
         "parabola",
         "Torque of the person ahead: parabola through its past",
-        period_s=h,
+        period_s=law.h,
         state=(
             Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
-            Port("last_Nm", -tau_lim, tau_lim, "value of the last step"),
-            Port("past_Nm", -tau_lim, tau_lim, "values before it, newest first", count - 2),
+            around("last_Nm", law.tau_lim, "value of the last step"),
+            around("past_Nm", law.tau_lim, "values before it, newest first", law.count - 2),
         ),
-        inputs=(
-            Port(
+        inputs=law.inputs(),
+        outputs=law.outputs(),
+        equations=(
+            equation("[parabola]", "tau_h", c0 + c1 * t + c2 * t**2, "least squares, 11 values"),
+        ),
+        step=law.step,
+    )
+
+
+class _Parabola:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData) -> None:
+        drive = drive_of(device)
+        self.h = drive.control_period_s
+        self.every = round(SPACING_S / self.h)
+        self.count = (VALUES - 1) * self.every + 1
+        if self.every < 1 or abs(self.every * self.h - SPACING_S) > 1e-9 or self.count > MOST_KEPT:
+            raise UserError(
+                f"{device.origin}: timing.control_rate_Hz = {1 / self.h:g} Hz does not suit the "
+                f"parabola through values {SPACING_S:g} s apart: it takes a multiple of "
+                f"{1 / SPACING_S:g} Hz up to {(MOST_KEPT - 1) / (VALUES - 1) / SPACING_S:g} Hz.",
+                'Change the rate, or write person = "extended_state" in [predictive].',
+            )
+        self.weights = parabola_weights()
+        self.tau_lim = drive.tau_h_Nm
+        # The farthest that any past within its range can give.
+        reach = self.tau_lim * np.sum(np.abs(self.weights), axis=1)
+        self.rate_lim, self.curve_lim = threshold(1.01 * reach[1]), threshold(2.02 * reach[2])
+
+    def step(
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        ok = guard.inputs_ok
+        primed = ca.logic_or(s.primed, ok)
+        past = [ca.if_else(s.primed, x, u.tau_h_Nm) for x in (s.last_Nm, *ca.vertsplit(s.past_Nm))]
+        kept = [u.tau_h_Nm, *past][: self.count]
+        fit = [
+            sum((float(w) * kept[i * self.every] for i, w in enumerate(row)), ca.SX(0))
+            for row in self.weights
+        ]
+        value = label("fit_Nm", fit[0], "least squares through 11 values, now")
+        out = ca.fabs(value) > self.tau_lim
+        next_state = {"primed": primed, "last_Nm": kept[0], "past_Nm": kept[1 : self.count - 1]}
+        outputs = {
+            "tau_h_fit_Nm": clip(value, -self.tau_lim, self.tau_lim),
+            "tau_h_rate_Nm_s": clip(fit[1], -self.rate_lim, self.rate_lim),
+            "tau_h_curve_Nm_s2": clip(2 * fit[2], -self.curve_lim, self.curve_lim),
+            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), out]),
+        }
+        return next_state, outputs
+
+    def inputs(self) -> tuple[Port, ...]:
+        return (
+            around(
                 "tau_h_Nm",
-                -tau_lim,
-                tau_lim,
+                self.tau_lim,
                 "estimated torque of the person",
                 1,
                 "(5.10)",
                 on_invalid="last_Nm",
             ),
-        ),
-        outputs=(
-            Port("tau_h_fit_Nm", -tau_lim, tau_lim, "the parabola's value now"),
-            Port("tau_h_rate_Nm_s", -rate_lim, rate_lim, "its slope now"),
-            Port("tau_h_curve_Nm_s2", -curve_lim, curve_lim, "its second derivative"),
-            Port("status", 0, 7, "what is known of it", flags=flags),
-        ),
-        equations=(
-            equation("[parabola]", "tau_h", c0 + c1 * t + c2 * t**2, "least squares, 11 values"),
-        ),
-        step=step,
-    )
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        return (
+            around("tau_h_fit_Nm", self.tau_lim, "the parabola's value now"),
+            around("tau_h_rate_Nm_s", self.rate_lim, "its slope now"),
+            around("tau_h_curve_Nm_s2", self.curve_lim, "its second derivative"),
+            Port("status", 0, 7, "what is known of it", flags=self.flags()),
+        )
+
+    def flags(self) -> tuple[Flag, ...]:
+        return (
+            Flag(
+                "INPUT_INVALID", "the input was NaN or outside its range; the last one counts", True
+            ),
+            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
+            Flag(
+                "CLIPPED", "the fit was clipped at its range", True, ("tau_h_fit_Nm",), self.tau_lim
+            ),
+        )
 
 
 __all__ = ["SPACING_S", "VALUES", "parabola", "parabola_weights"]

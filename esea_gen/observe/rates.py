@@ -19,7 +19,16 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word, threshold
+from esea_gen.language.ports import (
+    Equation,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -139,46 +148,73 @@ def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
     ----------
     .. [1] V. Zavalishin, "The Art of VA Filter Design", 2012 (trapezoidal state-variable filter).
     """
-    drive = drive_of(device)
-    h = device.period_s
-    low, high = cutoff_range(device, cutoff)
-    limit = drive.omega_rad_s
-    # A twentieth of the range within a period is no motion, whatever the encoder's resolution.
-    # A narrower clip would take counts away from the rate's integral, and would act on states that
-    # the error analysis has to take as linear.
-    reach = threshold(0.05 * (drive.theta_high_rad - drive.theta_low_rad) / h)
-    room = STATE_ROOM * reach
+    law = _Butterworth(device, name, cutoff)
+    return Block.define(
+        name,
+        "Angular rate: difference behind a fourth-order Butterworth filter",
+        period_s=law.h,
+        constants=device.constants("timing"),
+        tunables=law.tunables(),
+        coefficients=tuple(Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)),
+        prepare=law.prepare,
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=(
+            around("omega_rad_s", law.limit, "filtered rate of the angle"),
+            Port("status", 0, 15, "what is known of this sample", flags=law.flags()),
+        ),
+        equations=law.equations(),
+        step=law.step,
+    )
 
-    def prepare(t: SimpleNamespace) -> dict[str, Any]:
-        g = tangent(math.pi * h * t.cutoff_Hz)
+
+class _Butterworth:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData, name: str, cutoff: Quantity) -> None:
+        self.cutoff = cutoff
+        self.drive = drive_of(device)
+        self.h = device.period_s
+        self.low, self.high = cutoff_range(device, cutoff)
+        self.limit = self.drive.omega_rad_s
+        # A twentieth of the range within a period is no motion, whatever the encoder's resolution.
+        # A narrower clip would take counts away from the rate's integral, and would act on states
+        # that the error analysis has to take as linear.
+        self.reach = threshold(
+            0.05 * (self.drive.theta_high_rad - self.drive.theta_low_rad) / self.h
+        )
+        self.room = STATE_ROOM * self.reach
+
+    def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
+        g = tangent(math.pi * self.h * t.cutoff_Hz)
         out = {}
         for i, k in enumerate(DAMPING, 1):
             first = 1 / (1 + g * (g + k))
             out[f"gain_{i}"] = [first, g * first, g * g * first]
         return out
 
-    def section(gain: ca.SX, state: ca.SX, value: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+    def section(self, gain: ca.SX, state: ca.SX, value: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
         driven = value - state[1]
         band = gain[0] * state[0] + gain[1] * driven
         low_pass = state[1] + gain[1] * state[0] + gain[2] * driven
         return low_pass, [2 * band - state[0], 2 * low_pass - state[1]]
 
     def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         # After a gap, or at the start, there is no difference yet: the rate goes on as it was.
-        difference = (u.theta_rad - s.theta_last_rad) * (1 / h)
+        difference = (u.theta_rad - s.theta_last_rad) * (1 / self.h)
         raw = ca.if_else(s.primed, difference, s.omega_held_rad_s)
         label("raw_rad_s", raw, "difference of the angle over the period")
-        middle, first = section(c.gain_1, s.first_rad_s, clip(raw, -reach, reach))
-        filtered, second = section(c.gain_2, s.second_rad_s, middle)
+        middle, first = self.section(c.gain_1, s.first_rad_s, clip(raw, -self.reach, self.reach))
+        filtered, second = self.section(c.gain_2, s.second_rad_s, middle)
         ok = guard.inputs_ok
         held = label(
             "held_rad_s",
             ca.if_else(ok, filtered, s.omega_held_rad_s),
             "filtered rate; held while the input is invalid",
         )
-        omega = clip(held, -limit, limit)
+        omega = clip(held, -self.limit, self.limit)
         next_state = {
             "primed": ok,
             "theta_last_rad": u.theta_rad,
@@ -192,70 +228,55 @@ def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
                 [
                     ca.logic_not(ok),
                     ca.logic_not(guard.state_ok),
-                    ca.logic_and(ok, ca.fabs(raw) > reach),
-                    ca.fabs(held) > limit,
+                    ca.logic_and(ok, ca.fabs(raw) > self.reach),
+                    ca.fabs(held) > self.limit,
                 ]
             ),
         }
         return next_state, outputs
 
-    flags = (
-        Flag("INPUT_INVALID", "the angle was NaN or outside its range; the rate is held", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the filter was started afresh", True),
-        Flag(
-            "STEP_CLIPPED",
-            "the angle jumped by more than a twentieth of its range; clipped",
-            True,
-        ),
-        Flag(
-            "RATE_CLIPPED",
-            "the filtered rate was clipped at its physical range",
-            True,
-            ("omega_rad_s",),
-            limit,
-        ),
-    )
-    s, wc, d, x = sp.symbols("s omega_c d x")
-    wide, narrow = sp.symbols("k_1 k_2")
-    return Block.define(
-        name,
-        "Angular rate: difference behind a fourth-order Butterworth filter",
-        period_s=h,
-        constants=device.constants("timing"),
-        tunables=(
+    def tunables(self) -> tuple[Tunable, ...]:
+        return (
             Tunable(
                 "cutoff_Hz",
-                cutoff.value,
-                low,
-                high,
+                self.cutoff.value,
+                self.low,
+                self.high,
                 "cut-off: higher follows faster and passes more noise",
-                cutoff.source,
-                cutoff.status,
+                self.cutoff.source,
+                self.cutoff.status,
             ),
-        ),
-        coefficients=tuple(Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)),
-        prepare=prepare,
-        state=(
+        )
+
+    def state(self) -> tuple[Port, ...]:
+        return (
             Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            Port("theta_last_rad", drive.theta_low_rad, drive.theta_high_rad, "angle, last step"),
-            Port("omega_held_rad_s", -room, room, "filtered rate of the last step"),
-            Port("first_rad_s", -room, room, "integrators of the first section", 2),
-            Port("second_rad_s", -room, room, "integrators of the second section", 2),
-        ),
-        inputs=(
+            Port(
+                "theta_last_rad",
+                self.drive.theta_low_rad,
+                self.drive.theta_high_rad,
+                "angle, last step",
+            ),
+            around("omega_held_rad_s", self.room, "filtered rate of the last step"),
+            around("first_rad_s", self.room, "integrators of the first section", 2),
+            around("second_rad_s", self.room, "integrators of the second section", 2),
+        )
+
+    def inputs(self) -> tuple[Port, ...]:
+        return (
             Port(
                 "theta_rad",
-                drive.theta_low_rad,
-                drive.theta_high_rad,
+                self.drive.theta_low_rad,
+                self.drive.theta_high_rad,
                 "joint angle",
                 on_invalid="theta_last_rad",
             ),
-        ),
-        outputs=(
-            Port("omega_rad_s", -limit, limit, "filtered rate of the angle"),
-            Port("status", 0, 15, "what is known of this sample", flags=flags),
-        ),
-        equations=(
+        )
+
+    def equations(self) -> tuple[Equation, ...]:
+        s, wc, d, x = sp.symbols("s omega_c d x")
+        wide, narrow = sp.symbols("k_1 k_2")
+        return (
             equation(
                 "[rate 1]",
                 "H",
@@ -276,9 +297,25 @@ def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
                 x / (1 - x**2 / (3 - x**2 / 5)),
                 "prewarping: Lambert's continued fraction, eight levels of which three are shown",
             ),
-        ),
-        step=step,
-    )
+        )
+
+    def flags(self) -> tuple[Flag, ...]:
+        return (
+            Flag("INPUT_INVALID", "the angle was NaN or outside its range; the rate is held", True),
+            Flag("STATE_REPAIRED", "the state was corrupt; the filter was started afresh", True),
+            Flag(
+                "STEP_CLIPPED",
+                "the angle jumped by more than a twentieth of its range; clipped",
+                True,
+            ),
+            Flag(
+                "RATE_CLIPPED",
+                "the filtered rate was clipped at its physical range",
+                True,
+                ("omega_rad_s",),
+                self.limit,
+            ),
+        )
 
 
 def motor_rate(device: DeviceData) -> Block:

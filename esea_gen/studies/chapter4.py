@@ -18,12 +18,8 @@ from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
-from esea_gen.model.inverse import (
-    KAPPA_ROUNDING_RAD,
-    exact_inverse,
-    inverse_system,
-    published_inverse,
-)
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.published_inverse import KAPPA_ROUNDING_RAD, published_inverse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

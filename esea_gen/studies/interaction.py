@@ -19,7 +19,7 @@ import numpy as np
 from esea_gen.analysis.monte_carlo import Configuration, Result, rooms_digest, run_cases
 from esea_gen.analysis.passivity import Bools, Hand, PassivityMap, energy_balance, hand_family
 from esea_gen.analysis.response import plain
-from esea_gen.control.limits import FAULT_TEXT, Fault
+from esea_gen.control.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError

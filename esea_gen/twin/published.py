@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib import resources
-from types import UnionType
-from typing import Any, get_args, get_type_hints
 
-from esea_gen.errors import UserError
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+
+from esea_gen.toml_file import checked, parse_toml
 
 FILE = "plants.toml"
 Interval = tuple[float, float]
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Nominal:
     """What the nominal plant has besides the device file.
 
@@ -27,7 +26,7 @@ class Nominal:
     coulomb_width_rad_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Real:
     """The reference plant with everything that the nominal one leaves out.
 
@@ -53,7 +52,7 @@ class Real:
     velocity_filter_Hz: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Disturbance:
     """Bands from which the wave numbers of the gear's disturbance are drawn.
 
@@ -63,7 +62,7 @@ class Disturbance:
     bands_1_rad: tuple[Interval, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Stops:
     """Mechanical stops of coupling and joint.
 
@@ -78,7 +77,7 @@ class Stops:
     joint_damping_Nms_rad: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Twist:
     """A way to lead the cable.
 
@@ -90,7 +89,7 @@ class Twist:
     cable_stiffness_Nm_rad: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Trip:
     """Thresholds at which the drive switches itself off.
 
@@ -102,7 +101,7 @@ class Trip:
     torque_window_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Person:
     """A person: limb, and how it is moved along the intended path.
 
@@ -132,7 +131,7 @@ class Person:
         return {k: float(v) for k, v in vars(self).items() if k != "load_velocity_filter_Hz"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Fixed:
     """Sinusoidal torque with the output fixed.
 
@@ -147,7 +146,7 @@ class Fixed:
     slow_cycles: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Backdriven:
     """Slow sinusoids from full extension.
 
@@ -160,7 +159,7 @@ class Backdriven:
     settle_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Bread:
     """Cutting bread: a rise, then slices.
 
@@ -178,7 +177,7 @@ class Bread:
     settle_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Reach:
     """Reaching there and back for impedance control.
 
@@ -193,7 +192,7 @@ class Reach:
     end_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Trajectories:
     """Numbers of the trajectories."""
 
@@ -203,7 +202,7 @@ class Trajectories:
     impedance: Reach
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Random:
     """Ends of the uniform distributions of a Monte-Carlo family.
 
@@ -228,7 +227,7 @@ class Random:
     torque_noise_Nm: Interval
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Unstable:
     """When a run counts as unstable.
 
@@ -239,7 +238,7 @@ class Unstable:
     max_gear_speed_rad_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Plants:
     """The whole file.
 
@@ -258,42 +257,9 @@ class Plants:
     unstable: Unstable
 
 
-def _built(kind: Any, value: Any, where: str) -> Any:
-    if dataclasses.is_dataclass(kind):
-        hints = get_type_hints(kind)
-        fields = {f.name: f for f in dataclasses.fields(kind)}
-        needed = {n for n, f in fields.items() if f.default is dataclasses.MISSING}
-        wrong = sorted(set(value) - set(fields)) or sorted(needed - set(value))
-        if wrong:
-            state = "unknown" if wrong[0] in value else "missing"
-            raise UserError(
-                f"{FILE}: key {where}{wrong[0]} is {state}.", f"Keys here: {', '.join(fields)}."
-            )
-        made = {k: _built(hints[k], v, f"{where}{k}.") for k, v in value.items()}
-        return kind(**made)  # type: ignore[operator]
-    if isinstance(kind, UnionType):
-        kind = get_args(kind)[0]
-    inner = get_args(kind)
-    if isinstance(value, dict):
-        return {k: _built(inner[1], v, f"{where}{k}.") for k, v in value.items()}
-    if isinstance(value, list):
-        return tuple(_built(inner[0], v, where) for v in value)
-    bad = isinstance(value, bool) != (kind is bool) or not isinstance(value, (int, float))
-    if bad or (kind is int and not isinstance(value, int)) or not math.isfinite(value):
-        raise UserError(
-            f"{FILE}: {where.rstrip('.')} = {value!r} is not a {kind.__name__}.", "Give one."
-        )
-    return kind(value)
-
-
 def parse_plants(text: str) -> Plants:
     """Read the text of a ``plants.toml``."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{FILE}: not valid TOML ({error}).", "Correct that line.") from None
-    plants: Plants = _built(Plants, document, "")
-    return plants
+    return checked(Plants, parse_toml(text, FILE, "the shipped one"), FILE, lambda _: None)
 
 
 PLANTS = parse_plants((resources.files("esea_gen") / "twin" / FILE).read_text(encoding="utf-8"))

@@ -18,7 +18,7 @@ import numpy as np
 
 from esea_gen.emit.elementary import exponent_q27, source_paths
 from esea_gen.emit.formats import FORMATS, Format
-from esea_gen.emit.walker import Kernel, Node, prune, walk
+from esea_gen.emit.walker import Kernel, Node, labelled_kernel, walk
 from esea_gen.hostlib.codec import Array
 from esea_gen.hostlib.compiler import compile_sources, declarations
 from esea_gen.hostlib.library import HostLibrary
@@ -50,20 +50,8 @@ def emitted_kernel(block: Block, fmt: Format) -> tuple[Kernel, dict[int, tuple[s
 
     return: after the format's passes; node ``i`` without a name is printed as ``v<i>``.
     """
-    labelled = fmt.passes(walk(block.labelled_step))
-    count = block.step.n_out()
-    bare = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
-    needed = {i for r in bare.results for i in r}
-    for i in range(len(bare.nodes) - 1, -1, -1):
-        if i in needed:
-            needed.update(bare.nodes[i].args)
-    position = {old: new for new, old in enumerate(sorted(needed))}
-    names = {
-        position[r[0]]: label
-        for r, label in zip(labelled.results[count:], block.labels, strict=True)
-        if r[0] in needed and bare.nodes[r[0]].op not in ("input", "const")
-    }
-    return prune(bare), names
+    kernel, labels = labelled_kernel(block, fmt.passes)
+    return kernel, {node: (name, comment) for node, name, comment in labels}
 
 
 def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.lowering import lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
-from esea_gen.emit.walker import Kernel, fuse_selects, prune, walk
+from esea_gen.emit.walker import Kernel, fuse_selects, labelled_kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
 
@@ -246,21 +246,9 @@ class Planner:
 
 def _labelled(block: Block) -> tuple[Kernel, dict[int, Any], dict[int, Any]]:
     # The fused step with the facts and names of its nodes.
-    labelled = fuse_selects(walk(block.labelled_step))
-    count = block.step.n_out()
-    bare = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
-    needed = {i for r in bare.results for i in r}
-    for i in range(len(bare.nodes) - 1, -1, -1):
-        if i in needed:
-            needed.update(bare.nodes[i].args)
-    position = {old: new for new, old in enumerate(sorted(needed))}
-    facts, names = {}, {}
-    for (name, comment), r in zip(block.labels, labelled.results[count:], strict=True):
-        if r[0] in needed and bare.nodes[r[0]].op not in ("input", "const"):
-            names[position[r[0]]] = (name, comment)
-            if name in block.facts:
-                facts[position[r[0]]] = block.facts[name]
-    return prune(bare), facts, names
+    kernel, labels = labelled_kernel(block, fuse_selects)
+    names = {node: (name, comment) for node, name, comment in labels}
+    return kernel, {node: block.facts[n] for node, n, _ in labels if n in block.facts}, names
 
 
 def _rewritten(

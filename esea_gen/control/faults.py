@@ -1,0 +1,85 @@
+"""Reasons of the latch before the motor, and the bits of its status word."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from esea_gen.language.ports import Flag
+
+
+class Fault(IntEnum):
+    """Reason of the latch; where several causes meet in one step, the smallest number is kept."""
+
+    NONE = 0
+    NOT_ARMED = 1
+    STATE_CORRUPT = 2
+    TUNABLE_INVALID = 3
+    STOP = 4
+    INPUT_INVALID = 5
+    SENSING = 6
+    CONTROL_STALE = 7
+    DEFLECTION = 8
+    TORQUE = 9
+    SPEED = 10
+    RANGE_OF_MOTION = 11
+    ENERGY = 12
+
+
+FAULT_TEXT = {
+    Fault.NONE: "released",
+    Fault.NOT_ARMED: "not armed since power-up or reset",
+    Fault.STATE_CORRUPT: "the memory of the limits was corrupt",
+    Fault.TUNABLE_INVALID: "a limit was not within its compiled bounds, or the range of motion "
+    "was turned round",
+    Fault.STOP: "stop was requested",
+    Fault.INPUT_INVALID: "an input was NaN, outside its physical range or not a whole number, or "
+    "what was wanted was",
+    Fault.SENSING: "the sensing task could not vouch for its measurements",
+    Fault.CONTROL_STALE: "the control task delivered no new command",
+    Fault.DEFLECTION: "the coupling was deflected too far",
+    Fault.TORQUE: "the interaction torque was too large",
+    Fault.SPEED: "joint or drive were too fast",
+    Fault.RANGE_OF_MOTION: "the joint was beyond its range of motion and the margin",
+    Fault.ENERGY: "too much energy was given to the limb within the window",
+}
+
+
+def limit_flags(energy_max: float) -> tuple[Flag, ...]:
+    """Bits of the status word of the limits.
+
+    Parameters
+    ----------
+    energy_max : float
+        Energy within the window that trips, in J.
+
+    Returns
+    -------
+    tuple of Flag
+        Least significant first.
+    """
+    return (
+        Flag("INPUT_INVALID", FAULT_TEXT[Fault.INPUT_INVALID], True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the latch was closed afresh", True),
+        Flag("TUNABLE_INVALID", FAULT_TEXT[Fault.TUNABLE_INVALID]),
+        Flag("STOPPED", "stop is requested now"),
+        Flag("SENSING_LOST", FAULT_TEXT[Fault.SENSING], True),
+        Flag("CONTROL_STALE", "the control task has delivered no new command for too long"),
+        Flag("DEFLECTION", "the deflection is beyond its limit"),
+        Flag("INTERACTION_TORQUE", "the interaction torque is beyond its limit"),
+        Flag("SPEED", "joint or drive are faster than their limit"),
+        Flag("RANGE_OF_MOTION", "the joint is beyond its range of motion and the margin"),
+        Flag(
+            "ENERGY",
+            "the energy given to the limb within the window is beyond its limit",
+            False,
+            ("energy_J",),
+            energy_max,
+        ),
+        Flag("TORQUE_CLIPPED", "the command was clipped at the largest motor torque", True),
+        Flag("RATE_LIMITED", "the command changed faster than allowed", True, ("u_lag_Nm",)),
+        Flag("ROM_LOW", "pushing towards the lower end was held back", True, ("u_cut_Nm",)),
+        Flag("ROM_HIGH", "pushing towards the upper end was held back", True, ("u_cut_Nm",)),
+        Flag("SPEED_LIMITED", "pushing on at high speed was held back", True, ("u_cut_Nm",)),
+        Flag("REARM_REFUSED", "a rearm request came, but not all its conditions were met", True),
+        Flag("FAULT_LATCHED", "the motor command is held at zero; fault tells the first reason"),
+    )

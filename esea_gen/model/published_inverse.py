@@ -1,0 +1,363 @@
+"""The generalised play operator of the thesis with its disturbance observer (chapter 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import casadi as ca
+import numpy as np
+import sympy as sp
+
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import (
+    Constant,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
+from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
+from esea_gen.model.forward import Forward, rate_facts, rate_split, request_port
+from esea_gen.model.symbolic import equation, to_casadi
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+
+FilterName = Literal["a", "a_normalised", "b", "b_normalised", "b_rounding"]
+
+PLAYS = 10
+
+PLAY_DEFAULTS = {"kappa_rad": 0.106, "phi_1_rad": 4.84, "chi_rad": 0.00233}  # table 4.2
+
+FILTER_B = (0.024, 0.12, 0.23, 0.20, 0.0, -0.12, 0.0, 0.20, 0.23, 0.12, 0.024)
+
+# Inside the rounding of the printed digits, and what reproduces the published tables.
+KAPPA_ROUNDING_RAD, FILTER_B_ROUNDING_GAIN = 0.10635, 1.0165
+
+KAPPA, PHI, CHI, PLAY_R, PLAY_J = sp.symbols("kappa phi chi r j", positive=True)
+
+PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
+
+
+def filter_taps(name: FilterName) -> tuple[float, ...]:
+    """Coefficients of the disturbance observer's low-pass, newest sample first.
+
+    Parameters
+    ----------
+    name : str
+        ``a``: order 30, 10 Hz at 1 kHz, rectangular window, unscaled, as it was used (gain 0.588 at
+        rest).  ``b``: the eleven printed numbers.  ``..._normalised``: scaled to gain 1 at rest.
+        ``b_rounding``: scaled to 1.0165, inside the rounding of the printed digits.
+
+    Returns
+    -------
+    tuple of float
+        The coefficients.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    if name not in get_args(FilterName):
+        raise ValueError(f"filter must be one of {get_args(FilterName)}, got {name!r}")
+    if name.startswith("a"):
+        # Ideal low-pass, cut off after 31 taps: sin(2 pi f n h) / (pi n).
+        taps = 2 * 10.0 / 1000.0 * np.sinc(2 * 10.0 / 1000.0 * np.arange(-15, 16))
+    else:
+        taps = np.array(FILTER_B)
+    gain = {"a_normalised": 1.0, "b_normalised": 1.0, "b_rounding": FILTER_B_ROUNDING_GAIN}
+    if name in gain:
+        taps = taps * (gain[name] / taps.sum())
+    return tuple(float(t) for t in taps)
+
+
+def play_parameters(device: DeviceData) -> tuple[Constant, ...]:
+    """Parameters of the play operators: the device file's, table 4.2 where it has none.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Its section ``[inverse]`` may hold ``kappa_rad``, ``phi_1_rad`` and ``chi_rad``.
+
+    Returns
+    -------
+    tuple of Constant
+        These three, in this order, with source and status.
+    """
+    given = device.file.inverse
+    out = []
+    for name, value in PLAY_DEFAULTS.items():
+        q = getattr(given, name) if given is not None else None
+        if q is None:
+            out.append(Constant(name, value, "thesis table 4.2", "published"))
+        else:
+            out.append(Constant(name, q.value, q.source, q.status))
+    return tuple(out)
+
+
+def _play_constants(device: DeviceData, arguments: Mapping[str, float | None]) -> list[Constant]:
+    return [
+        c if (v := arguments[c.name]) is None else Constant(c.name, v, "argument", "assumed")
+        for c in play_parameters(device)
+    ]
+
+
+def _play_tunable(c: Constant) -> Tunable:
+    from esea_gen.devices.fields import field_facts
+
+    f = field_facts(f"inverse.{c.name}")
+    return Tunable(c.name, c.value, f["low"], f["high"], f["text"], c.source, c.status)
+
+
+def _play_grid(kappa: Any, phi: Any, chi: Any) -> tuple[list[Any], list[Any]]:
+    # Thresholds (4.9) and weights (4.8) of the play operators: numbers or symbols.
+    r = [chi * j for j in range(1, PLAYS + 1)]
+    return r, [to_casadi(PLAY_WEIGHT, {KAPPA: kappa, PHI: phi, PLAY_R: x}) for x in r]
+
+
+def _tunable_plays(plays: Sequence[Constant]) -> dict[str, Any]:
+    """The play operators' parameters as tunables: what identification runs."""
+    tunables = tuple(_play_tunable(c) for c in plays)
+    high = {t.name: t.high for t in tunables}
+    far, heavy = PLAYS * high["chi_rad"], high["kappa_rad"]
+    coefficients = (
+        Port("r_rad", 0.0, far, "thresholds of the play operators", PLAYS, "(4.9)"),
+        Port("p_rad", 0.0, heavy, "weights of the play operators", PLAYS, "(4.8)"),
+    )
+
+    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+        grid = _play_grid(t.kappa_rad, t.phi_1_rad, t.chi_rad)
+        return dict(zip(("r_rad", "p_rad"), grid, strict=True))
+
+    return {"tunables": tunables, "coefficients": coefficients, "prepare": prepare}
+
+
+def published_inverse(
+    device: DeviceData,
+    filter: FilterName | None = None,
+    *,
+    kappa: float | None = None,
+    phi: float | None = None,
+    chi: float | None = None,
+    tunable: bool = False,
+) -> Block:
+    """The thesis' partial inverse, with or without its disturbance observer, as a Block.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Parameters of the forward model, limits and rate.
+    filter : str, optional
+        Low-pass of the disturbance observer (:func:`filter_taps`); none leaves the observer out.
+    kappa, phi, chi : float, optional
+        Weight (rad), decay (1/rad) and spacing (rad) of the play operators in place of the device
+        file's (:func:`play_parameters`).
+    tunable : bool
+        Make these three tunables instead of constants: what identification runs.
+
+    Returns
+    -------
+    Block
+        Input ``tau_Nm``; outputs the set-point ``theta_rad``, the corrected request ``u_Nm`` and a
+        status word.
+
+    Raises
+    ------
+    UserError
+        When the device's linear stiffness is 0: the envelope's slope at zero torque is then
+        infinite.
+
+    Notes
+    -----
+    The observer closes a loop inside one step: request less the filtered disturbance of the last
+    samples, play operators, forward model driven by the set-point, new disturbance.  The forward
+    model's viscosity takes the set-point's difference over this step as its rate.
+    """
+    inverse = _Published(device, filter, kappa, phi, chi, tunable)
+    facts, split = inverse.known(device)
+    return Block.define(
+        "inverse" + (f"_{filter}" if filter else "_plays"),
+        "Published inverse: play operators"
+        + (f", disturbance observer with filter {filter}" if filter else ""),
+        period_s=inverse.h,
+        constants=(() if tunable else tuple(inverse.plays)) + device.constants("elastomer"),
+        **(_tunable_plays(inverse.plays) if tunable else {}),
+        state=inverse.state(),
+        inputs=(request_port(inverse.tau_lim),),
+        outputs=(
+            around("theta_rad", inverse.theta_high, "deflection set-point", equation="(4.7)"),
+            around("u_Nm", inverse.tau_lim, "request corrected by the observed disturbance"),
+            Port("status", 0, 15, "what is known of this set-point", flags=inverse.flags),
+        ),
+        equations=_published_equations(bool(inverse.taps)),
+        facts=facts,
+        split=split,
+        step=inverse.step,
+    )
+
+
+class _Published:
+    """Numbers and step of the play operators with their disturbance observer."""
+
+    def __init__(
+        self,
+        device: DeviceData,
+        filter: FilterName | None = None,
+        kappa: float | None = None,
+        phi: float | None = None,
+        chi: float | None = None,
+        tunable: bool = False,
+    ) -> None:
+        self.tunable = tunable
+        self.file = device.file
+        self.h = device.period_s
+        self.forward = Forward(device)
+        e = self.file.elastomer
+        self.k1, self.k3 = e.k1_Nm_rad.value, e.k3_Nm_rad3.value
+        if self.k1 <= 0:
+            raise UserError(
+                f"{device.origin}: elastomer.k1_Nm_rad = 0: the published inverse's envelope has "
+                "no slope at zero torque.",
+                "Give a positive linear stiffness.",
+            )
+        self.taps = filter_taps(filter) if filter else ()
+        self.theta_high = self.forward.block.inputs[0].high
+        self.omega_high = threshold(self.file.limits.omega_rad_s.value)
+        self.tau_lim = self.tau_high = threshold(self.file.limits.tau_Nm.value)
+        self.plays = _play_constants(device, {"kappa_rad": kappa, "phi_1_rad": phi, "chi_rad": chi})
+        self.fixed_r, self.fixed_p = (
+            list(map(float, x)) for x in _play_grid(*(c.value for c in self.plays))
+        )
+        # The envelope of the largest corrected request bounds every play state.
+        self.reach = max(2 * self.theta_high, 4 * self.tau_lim / self.k1)
+        self.flags = (
+            Flag("INPUT_INVALID", "an input was NaN or outside its range; taken as zero", True),
+            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
+            Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
+            Flag(
+                "REQUEST_CLAMPED",
+                "the corrected request or the set-point was clamped",
+                True,
+                ("u_Nm", "theta_rad"),
+                self.theta_high,
+            ),
+        )
+
+    def step(
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        disturbance = ca.SX(0)
+        for i, q in enumerate(self.taps):
+            disturbance = disturbance + q * s.difference_Nm[i]
+        label("disturbance_Nm", disturbance, "low-pass of the past differences")
+        wanted = u.tau_Nm - disturbance
+        corrected = label(
+            "corrected_Nm", clip(wanted, -self.tau_high, self.tau_high), "corrected request"
+        )
+        envelope = label(
+            "envelope_rad", cubic_root(self.k3, self.k1, corrected, label), "(4.13) gamma"
+        )
+        r: list[Any] = ca.vertsplit(c.r_rad) if self.tunable else self.fixed_r
+        p: list[Any] = ca.vertsplit(c.p_rad) if self.tunable else self.fixed_p
+        held, total = [], ca.SX(0)
+        for j in range(PLAYS):
+            f = ca.fmax(envelope - r[j], ca.fmin(envelope + r[j], s.inverse_play_rad[j]))
+            held.append(label(f"inverse_play_{j + 1}_rad", f, f"(4.10, 4.11) play {j + 1}"))
+            total = total + p[j] * f
+        label("unclamped_rad", total, "(4.7), as meant")
+        theta = label("set_point_rad", clip(total, -self.theta_high, self.theta_high))
+        outputs = {
+            "theta_rad": theta,
+            "u_Nm": corrected,
+            "status": flag_word(
+                [
+                    ca.logic_not(guard.inputs_ok),
+                    ca.logic_not(guard.state_ok),
+                    ca.fabs(u.tau_Nm) > threshold(self.file.domain.tau_full_scale_Nm.value),
+                    ca.logic_or(ca.fabs(wanted) > self.tau_high, ca.fabs(total) > self.theta_high),
+                ]
+            ),
+        }
+        next_state: dict[str, Any] = {"inverse_play_rad": held}
+        if self.taps:
+            state = self.forward.of(s) | {"primed": ca.logic_and(s.primed, guard.state_ok)}
+            last = self.forward.step(state, theta, 0)["label_theta_last_rad"]
+            omega = label(
+                "omega_rad_s",
+                clip((theta - last) / self.h, -self.omega_high, self.omega_high),
+                "rate of the step",
+            )
+            model = self.forward.step(state, theta, omega)
+            if self.forward.has_rate:
+                label("rate_share", self.forward.share(model), "(1 - exp(-x))/x, third order")
+            difference = clip(
+                model["label_tau_Nm"] - corrected, -2 * self.tau_high, 2 * self.tau_high
+            )
+            line = [difference, *ca.vertsplit(s.difference_Nm)[: len(self.taps) - 1]]
+            next_state |= {q.name: model[f"next_{q.name}"] for q in self.forward.state}
+            next_state["difference_Nm"] = line
+        return next_state, outputs
+
+    def known(
+        self, device: DeviceData
+    ) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, ...]]]:
+        """Facts, and where the error analysis cuts."""
+        facts = root_facts(self.k3, (self.k1, self.k1), self.tau_high)
+        if not self.taps:
+            return facts, {}
+        # The request less the disturbance is rounded: its sign is open near zero, where the root
+        # is small; and the root turns from linear to cubic where b^2 passes a^3.
+        high = self.tau_high
+        bend = 2 * self.k3 * (self.k1 / (3 * self.k3)) ** 1.5 if self.k3 > 0 else high
+        facts["corrected_Nm"] = (-high, high)
+        split: dict[str, tuple[float, ...]]
+        split = {"corrected_Nm": (1e-6 * high, 0.1 * bend, bend, 4 * bend)}
+        split |= rate_split(self.forward, "omega_rad_s")
+        if self.forward.has_rate:
+            values = {c.name: c.value for c in device.constants("elastomer")}
+            facts |= rate_facts(device, values, "omega_rad_s")
+        return facts, split
+
+    def state(self) -> tuple[Port, ...]:
+        plays = around("inverse_play_rad", self.reach, "play states", PLAYS, "(4.10, 4.11)")
+        if not self.taps:
+            return (plays,)
+        what = "model torque less corrected request, newest first"
+        past = around("difference_Nm", 2 * self.tau_lim, what, len(self.taps))
+        return (plays, past, *self.forward.state)
+
+
+def _published_equations(observer: bool) -> tuple[Any, ...]:
+    f_j, gamma, p_j, r_j = sp.symbols("F_j gamma p_j r_j")
+    f_p = sp.Symbol("F_j,k-1")
+    j, n = sp.Symbol("j"), sp.Symbol("N")
+    out = (
+        equation("(4.7), as meant", "theta_d", sp.Sum(p_j * f_j, (j, 1, n)), "set-point"),
+        equation("(4.8)", "p_j", PLAY_WEIGHT.subs(PLAY_R, r_j), "weight of a play operator"),
+        equation("(4.9)", "r_j", CHI * PLAY_J, "threshold of a play operator"),
+        equation(
+            "(4.10, 4.11)",
+            "F_j",
+            sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p)),
+            "play operator round the envelope",
+        ),
+        equation("(4.13), stable form", "|gamma|", ROOT_WHOLE, "envelope: inverse of the cubic"),
+    )
+    if not observer:
+        return out
+    d, q_i, e_i = sp.symbols("d q_i e_k-1-i")
+    i = sp.Symbol("i")
+    return (
+        *out,
+        equation("[DOB 1]", "u", sp.Symbol("tau_d") - d, "corrected request"),
+        equation("[DOB 2]", "d", sp.Sum(q_i * e_i, (i, 0, n)), "low-pass of past differences"),
+        equation("[DOB 3]", "e", sp.Symbol("tau_act") - sp.Symbol("u"), "new difference"),
+    )
