@@ -42,7 +42,7 @@ def counted(folder):
 
 
 def test_any_number_of_workers_gives_the_same(tmp_path):
-    cases = seeded(40, root=3, gain=2.0)
+    cases = seeded(60, root=1, gain=2.0)
     one = run_cases(draw, cases, configuration=CONFIG)
     two = run_cases(draw, cases, configuration=CONFIG, workers=2, folder=tmp_path)
     assert one.to_dict() == two.to_dict()
@@ -373,9 +373,8 @@ def empty(tmp_path_factory):
 def test_a_cluster_gives_the_same_bits(dask, tmp_path):
     cases, there = seeded(60, root=1, gain=2.0), Workers(cluster=dask.address)
     one = run_cases(draw, cases, configuration=CONFIG)
-    two = run_cases(draw, cases, configuration=CONFIG, workers=2)
     far = run_cases(draw, cases, configuration=CONFIG, workers=there, folder=tmp_path)
-    assert far.to_dict() == two.to_dict() == one.to_dict()
+    assert far.to_dict() == one.to_dict()
     assert {r.failure for r in far.failures} == {"RuntimeError: tripped at 2.0", "odd is inf"}
     # Cases may be written where they are needed: nothing of this test's text is on the workers.
     local = run_cases(lambda seed: {"x": seed % 7 / 3}, seeded(3), configuration=CONFIG)
@@ -469,7 +468,8 @@ def test_workers_that_would_give_other_numbers_are_refused(monkeypatch, capsys, 
     empty.worker("--nthreads", 2)
     mine = code_digest()[:12]
     assert re.search(rf"code of esea_gen [0-9a-f]{{12}} \(here {mine}\)", text := refusal())
-    assert "cannot load this esea_gen (No module named 'esea_gen.analysis')" in text
+    assert "cannot load this esea_gen" in text
+    assert "No module named 'esea_gen.analysis'" in text
     assert "2 threads (1 is needed" in text
     assert "Start every worker from the same installation" in text
 
@@ -497,7 +497,7 @@ def test_a_worker_that_joins_late_is_looked_at_too(empty, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_is_told(empty, tmp_path):
+def test_a_scheduler_that_goes_is_told(empty, tmp_path, caplog):
     empty.worker()
     folder = tmp_path / "begun"
     folder.mkdir()
@@ -517,6 +517,7 @@ def test_a_scheduler_that_goes_is_told(empty, tmp_path):
             progress=progress,
         )
     assert time.monotonic() - begun < 30
+    assert not caplog.text
 
 
 def test_a_worker_is_killed_in_the_middle(dask, tmp_path):

@@ -81,7 +81,7 @@ def _probe(address: str) -> None:
 
     async def ask() -> Any:
         async with rpc(address, timeout=CONNECT_S) as server:  # type: ignore[no-untyped-call]
-            return await server.identity(n_workers=0)
+            return await server.identity()
 
     async def bounded() -> Any:
         return await asyncio.wait_for(ask(), CONNECT_S)
@@ -131,8 +131,8 @@ def connected(address: str) -> Iterator[Any]:
             "Install it here and on the workers: pip install 'esea-gen[cluster]'",
         ) from None
     _probe(address)
-    # Dask tells on stderr what is told here in one paragraph.
-    log = logging.getLogger("distributed")
+    # Dask logs on stderr what is told here in one paragraph.
+    log = logging.getLogger("distributed.client")
     level = log.level
     log.setLevel(logging.CRITICAL)
     try:
@@ -169,7 +169,11 @@ def run_on(
     from joblib._dask import DaskDistributedBackend
 
     class Backend(DaskDistributedBackend):  # type: ignore[misc]
-        """joblib's own does not hand on the error of a task: it would be waited for for ever."""
+        """joblib's own, which would wait for ever for a task that ends in an error."""
+
+        def effective_n_jobs(self, n_jobs: int) -> Any:
+            # With one worker joblib would run the cases in this process.
+            return max(2, super().effective_n_jobs(n_jobs))
 
         def submit(self, func: Any, callback: Any = None) -> Any:
             future = super().submit(func, lambda _: None)
@@ -191,8 +195,9 @@ def run_on(
         batch_size=1,
         pre_dispatch="all",  # workers that join later find work
     )
+    results = pool(joblib.delayed(_fit)(work, case, machine()) for case in cases)
     try:
-        for result in pool(joblib.delayed(_fit)(work, case, machine()) for case in cases):
+        for result in results:
             if isinstance(result, tuple):
                 raise _refused(address, dict([result]))
             if result is not None:
@@ -200,6 +205,8 @@ def run_on(
     except UserError:
         raise
     except Exception as error:
-        raise UserError(
-            f"The cluster at {address} gave up ({type(error).__name__}: {error}).", CARRY_ON
-        ) from None
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        raise UserError(f"The cluster at {address} gave up ({told}).", CARRY_ON) from None
+    finally:
+        with warnings.catch_warnings(action="ignore"):  # of what is not waited for
+            results.close()
