@@ -195,18 +195,19 @@ def run_on(
         batch_size=1,
         pre_dispatch="all",  # workers that join later find work
     )
-    results = pool(joblib.delayed(_fit)(work, case, machine()) for case in cases)
     try:
-        for result in results:
-            if isinstance(result, tuple):
-                raise _refused(address, dict([result]))
-            if result is not None:
-                yield result
+        results = pool(joblib.delayed(_fit)(work, case, machine()) for case in cases)
+        try:
+            for result in results:
+                if isinstance(result, tuple):
+                    raise _refused(address, dict([result]))
+                if result is not None:
+                    yield result
+        finally:
+            with warnings.catch_warnings(action="ignore"):  # of what is not waited for
+                results.close()
     except UserError:
         raise
     except Exception as error:
         told = " ".join(f"{type(error).__name__}: {error}".split())
         raise UserError(f"The cluster at {address} gave up ({told}).", CARRY_ON) from None
-    finally:
-        with warnings.catch_warnings(action="ignore"):  # of what is not waited for
-            results.close()
