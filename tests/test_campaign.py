@@ -51,6 +51,44 @@ def test_any_number_of_workers_gives_the_same(tmp_path):
     assert again.to_dict() == one.to_dict()
 
 
+def started(folder: Path) -> list[str]:
+    """Seeds of the cases that were begun, once for each time."""
+    return [p.name.split("-")[0] for p in folder.iterdir()]
+
+
+def deadly_cases(folder, *deadly):
+    folder.mkdir()
+    return [
+        {"seed": k, "folder": str(folder), "wait_s": 0.02, "deadly": list(deadly)} for k in range(3)
+    ]
+
+
+def judge_deadly(result, deadly):
+    for r in result.results:
+        if r.case["seed"] in deadly:
+            assert r.values is None
+            assert "its worker died" in r.failure
+        else:
+            assert r.values == {"x": float(np.random.default_rng(r.case["seed"]).normal())}
+
+
+def test_a_case_that_kills_its_worker_is_the_only_one_that_failed(tmp_path):
+    seen, cases = [], deadly_cases(tmp_path / "begun", 1)
+    result = run_cases(
+        noted,
+        cases,
+        configuration=CONFIG,
+        folder=tmp_path,
+        workers=2,
+        progress=lambda *a: seen.append(a),
+    )
+    judge_deadly(result, {1})
+    assert seen[-1] == (3, 3, 1)
+    assert max(Counter(started(tmp_path / "begun")).values()) <= 4
+    again = run_cases(noted, cases, configuration=CONFIG, folder=tmp_path)  # would die here
+    assert again.to_dict() == result.to_dict()
+
+
 def test_failures_are_counted_and_told(tmp_path):
     result = run_cases(draw, seeded(60, root=1), configuration=CONFIG, folder=tmp_path)
     normal = {s["seed"]: np.random.default_rng(s["seed"]).normal() for s in seeded(60, root=1)}
@@ -178,11 +216,6 @@ def until(condition, limit_s=60.0):
     return found
 
 
-def started(folder: Path) -> list[str]:
-    """Seeds of the cases that were begun, once for each time."""
-    return [p.name.split("-")[0] for p in folder.iterdir()]
-
-
 def killed_and_resumed(tmp_path, jobs=1, cluster=None):
     """Kill -9 the process that asked, then go on: only what was running runs twice."""
     folder, script = tmp_path / "started", tmp_path / "script.py"
@@ -232,39 +265,6 @@ def alone(journal: Path) -> bool:
 
 def test_kill_9_loses_only_what_is_running(tmp_path):
     killed_and_resumed(tmp_path, jobs=2)
-
-
-def deadly_cases(folder, *deadly):
-    folder.mkdir()
-    return [
-        {"seed": k, "folder": str(folder), "wait_s": 0.02, "deadly": list(deadly)} for k in range(3)
-    ]
-
-
-def judge_deadly(result, deadly):
-    for r in result.results:
-        if r.case["seed"] in deadly:
-            assert r.values is None
-            assert "its worker died" in r.failure
-        else:
-            assert r.values == {"x": float(np.random.default_rng(r.case["seed"]).normal())}
-
-
-def test_a_case_that_kills_its_worker_is_the_only_one_that_failed(tmp_path):
-    seen, cases = [], deadly_cases(tmp_path / "begun", 1)
-    result = run_cases(
-        noted,
-        cases,
-        configuration=CONFIG,
-        folder=tmp_path,
-        workers=2,
-        progress=lambda *a: seen.append(a),
-    )
-    judge_deadly(result, {1})
-    assert seen[-1] == (3, 3, 1)
-    assert max(Counter(started(tmp_path / "begun")).values()) <= 4
-    again = run_cases(noted, cases, configuration=CONFIG, folder=tmp_path)  # would die here
-    assert again.to_dict() == result.to_dict()
 
 
 # -- a cluster ------------------------------------------------------------------------------------
@@ -426,7 +426,7 @@ def test_a_wrong_address_is_told_before_anything_is_computed(monkeypatch, capsys
     assert "No Dask scheduler at 'nowhere'" in text
     assert "missing port number" in text
     assert "tcp://10.0.0.5:8786" in text
-    assert took_s < 8
+    assert took_s < 15
 
 
 def test_nobody_or_somebody_else_answers(monkeypatch, capsys, dask):
@@ -434,10 +434,10 @@ def test_nobody_or_somebody_else_answers(monkeypatch, capsys, dask):
         silent = f"127.0.0.1:{other.getsockname()[1]}"
         text, took_s = command(monkeypatch, capsys, "tune", "--cluster", silent)
         assert f"No Dask scheduler at '{silent}' (no answer within 5 s)" in text
-        assert took_s < 8
+        assert took_s < 15
     text, took_s = command(monkeypatch, capsys, "tune", "--cluster", silent)
     assert f"No Dask scheduler at '{silent}'" in text
-    assert took_s < 8
+    assert took_s < 15
     worker = next(iter(dask.workers()))
     text, _ = command(monkeypatch, capsys, "tune", "--cluster", worker)
     assert "a worker answers there" in text
