@@ -452,7 +452,7 @@ def test_dask_is_not_installed(monkeypatch, capsys):
 def test_workers_that_would_give_other_numbers_are_refused(monkeypatch, capsys, empty, tmp_path):
     def refusal():
         text, took_s = command(monkeypatch, capsys, "tune", "--cluster", empty.address)
-        assert took_s < 30
+        assert took_s < 60
         return text
 
     assert "has no worker" in (text := refusal())
