@@ -57,10 +57,10 @@ def started(folder: Path) -> list[str]:
 
 
 def deadly_cases(folder, *deadly):
+    """Three cases; a deadly one ends its process while its neighbour runs."""
     folder.mkdir()
-    return [
-        {"seed": k, "folder": str(folder), "wait_s": 0.02, "deadly": list(deadly)} for k in range(3)
-    ]
+    shared = {"folder": str(folder), "deadly": list(deadly)}
+    return [{"seed": k, "wait_s": 0.0 if k in deadly else 0.4, **shared} for k in range(3)]
 
 
 def judge_deadly(result, deadly):
