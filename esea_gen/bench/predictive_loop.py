@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from esea_gen.analysis.campaign import Workers
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import Signal, System
@@ -51,7 +52,7 @@ def compared(
     runs: int,
     folder: Path | None,
     say: Callable[[str], None],
-    workers: int = -1,
+    workers: int | Workers = -1,
 ) -> list[str]:
     """Experiments with one controller after the other on the same plants.
 
@@ -139,17 +140,19 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--controllers", nargs="+", default=list(CONTROLLERS))
     parser.add_argument("--resume", type=Path, help="journal: go on where a run was cut off")
     parser.add_argument("--jobs", type=int, default=-1, help="processes; -1 for one a core")
+    parser.add_argument("--cluster", help="address of a Dask scheduler, instead of processes here")
     chosen = parser.parse_args(arguments)
 
     def say(text: str) -> None:
         print(text, flush=True)
 
-    names, folder, jobs = chosen.controllers, chosen.resume, chosen.jobs
+    names, folder = chosen.controllers, chosen.resume
     try:
+        workers = Workers(chosen.jobs, chosen.cluster)
         if chosen.seeds:
-            compared(EXPERIMENTS, names, "real", chosen.seeds, folder, say, jobs)
+            compared(EXPERIMENTS, names, "real", chosen.seeds, folder, say, workers)
         if chosen.random:
-            compared(RANDOM, names, "random", chosen.random, folder, say, jobs)
+            compared(RANDOM, names, "random", chosen.random, folder, say, workers)
     except UserError as error:
         print(f"esea-gen: {error}")
         return 2

@@ -8,7 +8,14 @@ from typing import Annotated
 import typer
 
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import FigureOption, JobsOption, JsonOption, chosen_formats, writable
+from esea_gen.cli.options import (
+    ClusterOption,
+    FigureOption,
+    JobsOption,
+    JsonOption,
+    chosen_formats,
+    writable,
+)
 from esea_gen.cli.output import counted, picture, progress_line, show, write_json, write_text
 from esea_gen.errors import UserError
 
@@ -107,6 +114,7 @@ def simulate(
         str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
     ] = "f32",
     jobs: JobsOption = -1,
+    cluster: ClusterOption = None,
     resume: Annotated[
         Path | None,
         typer.Option("--resume", metavar="DIR", help="Journal: go on where a run was cut off."),
@@ -119,6 +127,7 @@ def simulate(
     figure: FigureOption = None,
 ) -> None:
     """Run an experiment of the thesis: a controller's C against the virtual exoskeleton."""
+    from esea_gen.analysis.campaign import Workers
     from esea_gen.emit.formats import ALL_FORMATS
     from esea_gen.studies.experiments import EXPERIMENTS, Setting, default_person
     from esea_gen.studies.experiments import simulate as run
@@ -129,14 +138,15 @@ def simulate(
         )
     (real,) = chosen_formats([real], ALL_FORMATS)
     who = person or default_person(experiment, plant)
+    # A run takes half a second: a few are done before other processes have started.
+    many = runs * len(EXPERIMENTS[experiment].cases()) > 20
     with counted(f"{experiment}, {controller}") as tell:
         result = run(
             experiment,
             Setting(controller, plant, who, real),
             seed=seed,
             runs=runs,
-            # A run takes half a second: a few are done before other processes have started.
-            workers=jobs if runs * len(EXPERIMENTS[experiment].cases()) > 20 else 1,
+            workers=Workers(jobs if many else 1, cluster),
             folder=resume,
             progress=tell,
         )
@@ -172,10 +182,12 @@ def passivity(
         bool, typer.Option("--sliding/--no-sliding", help="Also the sliding condition.")
     ] = True,
     jobs: JobsOption = -1,
+    cluster: ClusterOption = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
     """Passivity of the rendered impedance over its gains, with pushed hands; sliding condition."""
+    from esea_gen.analysis.campaign import Workers
     from esea_gen.studies.interaction import study_interaction
 
     with counted(f"passivity, {controller}") as tell:
@@ -186,7 +198,7 @@ def passivity(
             push_rad_s=push,
             seed=seed,
             sliding=sliding,
-            workers=jobs,
+            workers=Workers(jobs, cluster),
             progress=tell,
         )
     show(result, json_file)
@@ -216,10 +228,12 @@ def tune(
     ] = "",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
     jobs: JobsOption = 1,
+    cluster: ClusterOption = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
     """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
+    from esea_gen.analysis.campaign import Workers
     from esea_gen.studies.tune import tune as run
 
     try:
@@ -235,7 +249,7 @@ def tune(
             parameter=parameter,
             values=row,
             seed=seed,
-            workers=jobs,
+            workers=Workers(jobs, cluster),
             progress=tell,
         )
     show(result, json_file)

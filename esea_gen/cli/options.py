@@ -107,6 +107,27 @@ JobsOption = Annotated[
 ]
 
 
+def _cluster(address: str | None) -> str | None:
+    # Before anything is computed: a cluster that will not do is told at once.
+    if address is not None:
+        from esea_gen.analysis.cluster import connected
+
+        with connected(address):
+            pass
+    return address
+
+
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        metavar="ADDRESS",
+        callback=_cluster,
+        help="Dask scheduler whose workers run the cases, instead of processes here.",
+    ),
+]
+
+
 def _picture_file(figure: Path | None) -> Path | None:
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")

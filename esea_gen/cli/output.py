@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -10,7 +11,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 from esea_gen.cli.app import err, out
 from esea_gen.errors import UserError
@@ -59,16 +67,21 @@ def progress_bar() -> Progress:
 
 @contextmanager
 def counted(text: str) -> Iterator[Callable[[int, int, int], None]]:
-    """A bar that counts runs: done, of how many, failed."""
+    """A bar that counts cases: done, of how many, failed, and the time left at their mean rate."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
-    with Progress(*columns, console=err, transient=True) as p:
+    left = TimeRemainingColumn(), TextColumn("left")
+    with Progress(
+        *columns, *left, console=err, transient=True, speed_estimate_period=math.inf
+    ) as p:
         task = p.add_task(text, total=None)
-        yield lambda done, total, failed: p.update(
-            task,
-            completed=done,
-            total=total,
-            description=f"{text}, {failed} failed" if failed else text,
-        )
+
+        def tell(done: int, total: int, failed: int) -> None:
+            if done < p.tasks[0].completed:  # the next campaign of the same command
+                p.reset(task)
+            told = f"{text}, {failed} failed" if failed else text
+            p.update(task, completed=done, total=total, description=told)
+
+        yield tell
 
 
 def show(result: Any, json_file: Path | None) -> None:

@@ -18,14 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from esea_gen import devices
+from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.monte_carlo import (
-    Configuration,
-    MonteCarlo,
-    files_digest,
-    rooms_digest,
-    run_cases,
-)
+from esea_gen.analysis.journal import Configuration, files_digest, rooms_digest
+from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.analysis.response import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Impedance, Sweep, impedance, sweep_response
 from esea_gen.control.horizon import Horizon
@@ -655,7 +651,7 @@ def simulate(
     *,
     seed: int = 0,
     runs: int = 1,
-    workers: int = 1,
+    workers: int | Workers = 1,
     folder: Path | None = None,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Simulation:

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.analysis.monte_carlo import Configuration, Result, rooms_digest, run_cases
+from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.passivity import Bools, Hand, PassivityMap, energy_balance, hand_family
 from esea_gen.analysis.response import plain
 from esea_gen.control.faults import FAULT_TEXT, Fault
@@ -433,7 +434,7 @@ def study_interaction(
     push_rad_s: float = PUSH_RAD_S,
     seed: int = 0,
     sliding: bool = True,
-    workers: int = 1,
+    workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> InteractionStudy:
     """Passivity of the rendered impedance over its gains, by runs of the compiled controller.

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.analysis.monte_carlo import Configuration, Result, rooms_digest, run_cases
+from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
@@ -405,7 +406,7 @@ def tune(
     parameter: str | None = None,
     values: Sequence[float] = (),
     seed: int = 0,
-    workers: int = 1,
+    workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Tuning:
     """Sweep parameters against the virtual exoskeleton and choose.
