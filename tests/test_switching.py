@@ -8,8 +8,8 @@ import pytest
 import esea_gen
 from esea_gen.control.limits import Fault
 from esea_gen.control.predictive_system import device_horizon
-from esea_gen.studies.experiments import controller_device
 from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.people import PEOPLE, real_plant
 
 from .conftest import require_tool

@@ -34,7 +34,9 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, find_compiler
 from esea_gen.language.block import Array
 from esea_gen.language.program import Program
-from esea_gen.studies.experiments import EXPERIMENTS, controller_device
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy
+from esea_gen.twin.controllers import controller_device
 
 CORES = {
     "Cortex-M4F": ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
@@ -361,7 +363,7 @@ def run_benchmarks(
             worst, _ = seen_on_m4f(program, stress_rows(program, 400))
             usual = []
             for experiment in ("tuning", "backdriven", "bread"):
-                case = EXPERIMENTS[experiment].cases()[0]
+                case = load_study(experiment, ClosedLoopStudy).cases()[0]
                 rows = recorded_rows("mpc", case, 250)
                 free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
                 usual.append(seen_on_m4f(program, rows, free)[0])

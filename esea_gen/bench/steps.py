@@ -17,7 +17,7 @@ import numpy as np
 
 from esea_gen.bench.boards import BOARDS, checksum, count_step
 from esea_gen.bench.peers import CompiledPeer, Sources, peer_sources
-from esea_gen.bench.recorded import RecordedDrive, block_streams, record_drive, task_rows
+from esea_gen.bench.recorded import block_streams, task_rows
 from esea_gen.bench.row import Row, compare
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
@@ -26,6 +26,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.block import Array, Block, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import FilterName, exact_inverse, inverse_system, published_inverse
+from esea_gen.twin.recorded import RecordedDrive, record_drive
 from esea_gen.verify.equivalence import domain_chirp, recorded_stream
 from esea_gen.verify.streams import Stream, single
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.bench.recorded import record_drive
 from esea_gen.device import Device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
@@ -29,14 +28,10 @@ from esea_gen.report.contents import (
     verification_problems,
 )
 from esea_gen.report.page import finite, render
-from esea_gen.studies.experiments import (
-    CONTROLLERS,
-    EXPERIMENTS,
-    Setting,
-    Simulation,
-    default_person,
-    simulate,
-)
+from esea_gen.studies.simulation import Simulation, default_person, simulate
+from esea_gen.twin.case import Setting
+from esea_gen.twin.controllers import CONTROLLERS
+from esea_gen.twin.recorded import record_drive
 from esea_gen.verify.emulator import EmulatorResult, run_tasks_in_emulator
 from esea_gen.verify.equivalence import Comparison, Verification, verify
 from esea_gen.verify.firmware import FirmwareImage
@@ -83,7 +78,7 @@ class DriveFindings:
         found = [*verification_problems(self.verification), *board_problems(self.board)]
         for name, simulation in self.simulations.items():
             for case in simulation.cases():
-                words = [k for k in ("unstable", "tripped", "fault") if case.get(k)]
+                words = [k for k in ("unstable", "tripped", "fault", "failure") if case.get(k)]
                 if words:
                     found.append(f"{name}, {case['name']}: {', '.join(words)}")
         return found
@@ -293,9 +288,7 @@ class DriveFindings:
     def html(self) -> str:
         """The page, one self-contained file."""
         content = self.to_dict()
-        captions = {
-            name: EXPERIMENTS[name].title for name in (*COMPARED, *ALONE) if name in EXPERIMENTS
-        }
+        captions = {name: self.simulations[name].study.title for name in (*COMPARED, *ALONE)}
         return render(
             "report/drive.html.j2",
             title=self.device.title,
