@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from esea_gen.analysis.frequency import FrequencyResponse
+from esea_gen.analysis.impedance import impedance
 from esea_gen.analysis.plots import (
     bode,
     rms_by_case,
@@ -20,10 +21,10 @@ from esea_gen.analysis.plots import (
     torque_cases,
     torque_tracking,
 )
-from esea_gen.analysis.response import resample, step_metrics
+from esea_gen.analysis.response import resample
+from esea_gen.analysis.step import step_metrics
 from esea_gen.analysis.sweeps import (
     Sweep,
-    impedance,
     periodic_response,
     sweep_response,
     welch_response,

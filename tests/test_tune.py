@@ -319,7 +319,7 @@ def test_the_fixes_that_are_named_are_accepted():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nothing"], ["Unknown experiment 'nothing'", "tuning, grid"]),
+        (["nothing"], ["Unknown study 'nothing'", "step, tuning"]),
         (["tuning", "--controller", "nothing"], ["Unknown controller 'nothing'", "smc"]),
         (["tuning", "--controller", "gone.toml"], ["no device 'gone.toml'"]),
         (["tuning", "--jobs", "0"], ["--jobs 0", "Give 1 or more, or -1"]),
@@ -361,7 +361,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_run(
     (tmp_path / "a-file").write_text("precious")
     (tmp_path / "folder.png").mkdir()
     options = ["--json"]
-    if not {"verify", "torque-check", "report", "discretisation"} & set(run):
+    if not {"verify", "torque-check", "report"} & set(run):
         options += ["--figure"]
     if run[0] == "simulate":
         options += ["--csv"]

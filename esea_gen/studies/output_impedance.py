@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.sweeps import Impedance, ImpedanceFit, Sweep, impedance, sweep_response
+from esea_gen.analysis.impedance import Impedance, ImpedanceFit, impedance
+from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.language.block import Array
 from esea_gen.studies import torque_errors
 from esea_gen.studies.simulation import ClosedLoopStudy, Simulation

@@ -19,12 +19,11 @@ import numpy as np
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
 from esea_gen.analysis.response import (
     Array,
-    StepMetrics,
     checked,
     checked_time,
     resample,
-    step_metrics,
 )
+from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError
 from esea_gen.studies.reproduction import Reproduction

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.analysis.response import StepMetrics, step_metrics
+from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.studies import torque_errors
 from esea_gen.studies.simulation import ClosedLoopStudy, Simulation
 from esea_gen.twin.case import Case
