@@ -54,6 +54,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             *(f"identify.{m}" for m in ("mapping", "recording", "replay", "identification")),
             *(f"twin.{m}" for m in ("people", "closed_loop")),
+            *(f"analysis.{m}" for m in ("step", "impedance", "linear_loop")),
             *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),
             *(f"analysis.{m}" for m in ("gain_region", "campaign", "journal", "monte_carlo")),
             "studies.torque_check.check",

@@ -53,6 +53,7 @@ class Device(DeviceData):
         super().__init__(file, origin)
         self._laws = laws
         self.controller = controller
+        self.given = origin  # as it was asked for: name or path
 
     @cached_property
     def sensor(self) -> Block:
@@ -114,6 +115,12 @@ def load_device(name_or_path: str | Path, controller: str | None = None) -> Devi
         wrong; the message names file, key, value, limit and fix.
     """
     text, origin = read_file(name_or_path)
+    device = _device(text, origin, controller)
+    device.given = str(name_or_path)
+    return device
+
+
+def _device(text: str, origin: str, controller: str | None) -> Device:
     if controller is None:
         return parse_device(text, origin)
     names = [n.strip() for n in controller.split(",")]

@@ -22,7 +22,7 @@ from esea_gen.bench.peers import (
     count_board_instructions,
     peer_sources,
 )
-from esea_gen.bench.recorded import block_streams, record_drive, task_rows
+from esea_gen.bench.recorded import block_streams, task_rows
 from esea_gen.bench.row import Row
 from esea_gen.bench.steps import (
     AIMS,
@@ -41,8 +41,9 @@ from esea_gen.bench.twin_peers import PlantEquations
 from esea_gen.device import load_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
-from esea_gen.studies.experiments import plant_variant
 from esea_gen.twin.parameters import plant_tunables
+from esea_gen.twin.recorded import record_drive
+from esea_gen.twin.run import plant_variant
 
 from .conftest import require_tool
 from .test_plant import slopes, torque_of

@@ -198,4 +198,7 @@ def test_tables_can_be_written_and_shown(tables):
     content = json.loads(json.dumps(tables.to_dict(), allow_nan=False))
     assert set(content["ideal"][OURS]["rms_pct"]) == {"1000", "500"}
     assert any("trapezoidal" in x for x in tables.table())
+    ideal, real = tables.figure().axes
+    assert len(ideal.lines) == len(tables.ideal)
+    assert list(real.lines[0].get_ydata()) == list(tables.real[0].rms_pct.values())
     assert all(math.isfinite(v) for r in content["real"].values() for v in r["rms_pct"].values())

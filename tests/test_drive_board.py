@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 import esea_gen
-from esea_gen.bench.recorded import record_drive
 from esea_gen.cli import app
 from esea_gen.errors import UserError
+from esea_gen.twin.recorded import record_drive
 from esea_gen.verify import emulator
 from esea_gen.verify.emulator import (
     RunningBoard,
@@ -144,7 +144,7 @@ def test_the_command_runs_both_tasks(native, monkeypatch, tmp_path):
 
 def test_the_command_fails_on_a_difference(native, drive, monkeypatch):
     host = emulator._host_outputs
-    monkeypatch.setattr("esea_gen.bench.recorded.record_drive", lambda *_: drive)
+    monkeypatch.setattr("esea_gen.twin.recorded.record_drive", lambda *_: drive)
 
     def other(*arguments):
         found = host(*arguments)

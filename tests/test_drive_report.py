@@ -16,7 +16,8 @@ from esea_gen.cli import app
 from esea_gen.report import drive as room
 from esea_gen.report.contents import BoardRun
 from esea_gen.report.drive import run_tasks_on_board
-from esea_gen.studies.experiments import Setting, simulate
+from esea_gen.studies.simulation import simulate
+from esea_gen.twin.case import Setting
 from esea_gen.verify.emulator import Difference
 
 from .conftest import ROOT, require_tool

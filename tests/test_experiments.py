@@ -13,20 +13,17 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.studies import experiments as room
-from esea_gen.studies.experiments import (
-    EXPERIMENTS,
-    IMPEDANCE,
-    Case,
-    Setting,
-    controller_device,
-    default_person,
-    desired_torque,
-    judge,
-    plant_variant,
-    run_case,
-    simulate,
-)
+from esea_gen.studies import simulation as room
+from esea_gen.studies.impedance import Impedance
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
+from esea_gen.studies.step import Step
+from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.twists import Twists
+from esea_gen.twin.case import IMPEDANCE, Case, Setting
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.judge import desired_torque, judge
+from esea_gen.twin.run import plant_variant, run_case
 
 from .conftest import require_tool
 
@@ -46,9 +43,9 @@ def shorter(case: Case, seconds: float) -> Case:
     return dataclasses.replace(case, trajectory=dataclasses.replace(t, end=n, **cut))
 
 
-def rms(experiment: str, controller: str, plant: str = "real", case: int = 0) -> float:
-    person = default_person(experiment, plant)
-    found = EXPERIMENTS[experiment].cases()[case]
+def rms(study: str, controller: str, plant: str = "real", case: int = 0) -> float:
+    person = default_person(study, plant)
+    found = load_study(study, ClosedLoopStudy).cases()[case]
     if len(found.trajectory.tau_desired_Nm) > 25000:
         found = shorter(found, 25)
     run = run_case(found, Setting(controller, plant, person), seed=1)
@@ -171,7 +168,7 @@ def test_another_sensing_rate_is_refused(tmp_path):
 
 
 def test_the_figures_are_what_they_say():
-    case = shorter(EXPERIMENTS["tuning"].cases()[0], 20)
+    case = shorter(TuningCase().cases()[0], 20)
     run = run_case(case, Setting(), seed=0)
     figures = judge(case, run, 0.221)
     w = case.trajectory.window
@@ -189,7 +186,7 @@ def test_the_figures_are_what_they_say():
 
 def test_a_wrong_model_shows_in_the_true_torque_only():
     # The elastomer 10 % stiffer than the device file says: the sensor cannot see that.
-    case = shorter(EXPERIMENTS["tuning"].cases()[0], 20)
+    case = shorter(TuningCase().cases()[0], 20)
     stiff = dataclasses.replace(case, plant={"elastomer_scale": 1.1})
     plain, wrong = (judge(c, run_case(c, Setting(), 0), 0.221) for c in (case, stiff))
     assert wrong["rms_true_Nm"] > plain["rms_true_Nm"] + 0.03
@@ -197,7 +194,7 @@ def test_a_wrong_model_shows_in_the_true_torque_only():
 
 
 def test_impedance_asks_for_spring_and_damper():
-    case = shorter(EXPERIMENTS["impedance"].cases()[2], 6)
+    case = shorter(Impedance().cases()[2], 6)
     assert case.mode == IMPEDANCE
     case = dataclasses.replace(case, trajectory=dataclasses.replace(case.trajectory, start=3000))
     run = run_case(case, Setting(person="uncertain"), 0)
@@ -215,26 +212,24 @@ def test_impedance_asks_for_spring_and_damper():
 
 
 def test_step_frequency_and_output_impedance():
-    step = simulate("step", Setting("smc", "ideal"))
+    steps = Step().metrics(simulate("step", Setting("smc", "ideal")))
     for name in ("1 Nm", "2 Nm"):
-        assert step.steps[name].stable, name
-        assert abs(step.steps[name].steady_error_percent) < 5
+        assert steps[name].stable, name
+        assert abs(steps[name].steady_error_percent) < 5
     # At rest it hunts by less than what one count of an encoder is worth (1.5 mrad, 14 mNm).
-    assert all(m.tail_rms < 0.02 for m in step.steps.values())
-    response = simulate("frequency", Setting("smc", "ideal")).response
-    assert response is not None
+    assert all(m.tail_rms < 0.02 for m in steps.values())
+    (response,) = simulate("frequency", Setting("smc", "ideal")).kept.values()
     band = response.bandwidth()
     assert 3 < band.bandwidth_Hz < 8
     assert response.gain[0] == pytest.approx(1, abs=0.07)
-    port = simulate("output-impedance", Setting("smc", "ideal", "ideal")).port
-    assert port is not None
+    (port,) = simulate("output-impedance", Setting("smc", "ideal", "ideal")).kept.values()
     # Transparent: far below the drive's own inertia where it follows, and rising with frequency.
     inertia = np.abs(port.per_angle) / (2 * np.pi * port.frequency_Hz) ** 2
     assert inertia[port.frequency_Hz < 2].max() < 0.2 * 0.663
 
 
 def test_twists_change_the_cable():
-    cases = EXPERIMENTS["twists"].cases()
+    cases = Twists().cases()
     assert len(cases) == 36
     assert len({tuple(sorted(c.plant.items())) for c in cases}) == 3
     assert len({c.name for c in cases}) == 36
@@ -251,7 +246,7 @@ def test_random_plants_differ_and_are_kept_by_their_seed():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["flying"], "Unknown experiment 'flying'. Choose from tuning, grid"),
+        (["flying"], "Unknown study 'flying'. Choose from backdriven, bread"),
         (["tuning", "--controller", "pid"], "Unknown controller 'pid'"),
         (["tuning", "--plant", "bad"], "Unknown plant 'bad'. Choose from ideal, real, random"),
         (["bread", "--person", "me"], "Unknown person 'me'"),

@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 import esea_gen
 from esea_gen.bench.fixed import PROGRAMS, run_filter
-from esea_gen.bench.recorded import record_drive
 from esea_gen.cli import app
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import any_bound, block_bound
@@ -28,7 +27,11 @@ from esea_gen.identify import recorded_deflections
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip
 from esea_gen.language.system import System, Task
-from esea_gen.studies.experiments import EXPERIMENTS, Setting, controller_device, run_case
+from esea_gen.studies.tuning import TuningCase
+from esea_gen.twin.case import Setting
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.recorded import record_drive
+from esea_gen.twin.run import run_case
 from esea_gen.verify.bare import run_bare_system
 from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
 from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_motions
@@ -197,7 +200,7 @@ def test_what_does_not_forget_has_a_bound_of_one_step(drive):
 def test_the_closed_loop_in_the_virtual_exoskeleton():
     """The tuning case of the thesis, the controller in q31 against the one in f64."""
     require_tool("gcc")
-    (case,) = EXPERIMENTS["tuning"].cases()
+    (case,) = TuningCase().cases()
     runs = {
         real: run_case(case, Setting("smc", "real", "none", real), 0)
         for real in ("f64", "f32", "q31")

@@ -14,25 +14,15 @@ from hypothesis.extra import numpy as hnp
 
 from esea_gen.analysis.passivity import Hand
 from esea_gen.errors import UserError
-from esea_gen.studies.experiments import (
-    EXPERIMENTS,
-    OFF,
-    Setting,
-    controller_device,
-    plant_variant,
-    run_case,
-)
-from esea_gen.studies.interaction import (
-    HANDS,
-    HandRun,
-    gain_axis,
-    judge_push,
-    push_case,
-    push_map,
-    run_push,
-    study_interaction,
-)
-from esea_gen.studies.sliding import SlidingCheck, check_sliding, sliding_condition
+from esea_gen.studies.grid import Grid
+from esea_gen.studies.passivity.push import HandRun, judge_push, push_case, run_push
+from esea_gen.studies.passivity.region import push_map
+from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding, sliding_condition
+from esea_gen.studies.passivity.study import HANDS, gain_axis, study_interaction
+from esea_gen.twin.case import OFF, Setting
+from esea_gen.twin.closed_loop import RanAwayError
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.run import plant_variant, run_case
 
 from .conftest import require_tool
 from .test_tune import command
@@ -231,7 +221,7 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag():
     cases = (("grid", "3 Nm 1 Hz"),)
     wide, narrow = check_sliding("smc", ("ideal",), cases)
     assert (wide.phi_rad_s, narrow.phi_rad_s) == (1.5, pytest.approx(0.15))
-    (case,) = (c for c in EXPERIMENTS["grid"].cases() if c.name == "3 Nm 1 Hz")
+    case = Grid().case("3 Nm 1 Hz")
     run = run_case(case, Setting("smc", "ideal", "none"), 0)
     smc = controller_device("smc").system.blocks["smc"]
     bit = [f.name for f in smc.status_port.flags].index("LAYER_LEFT")
@@ -278,10 +268,10 @@ def test_a_hand_that_is_not_passive_is_refused():
 
 def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
     def leave(*_):
-        raise RuntimeError("the plant left its ranges before 1 s and was started afresh")
+        raise RanAwayError("the plant left its ranges before 1 s and was started afresh")
 
     hand = dataclasses.asdict(HANDS[0])
-    monkeypatch.setattr("esea_gen.studies.interaction.run_case", leave)
+    monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", leave)
     found = HandRun(**run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0))
     assert found.ran_away == 1
     assert found.swings_up(1.0)
@@ -289,7 +279,7 @@ def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
     def break_(*_):
         raise RuntimeError("anything else")
 
-    monkeypatch.setattr("esea_gen.studies.interaction.run_case", break_)
+    monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", break_)
     with pytest.raises(RuntimeError, match="anything else"):
         run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import esea_gen
+from esea_gen.bench.predictive_loop import EXPERIMENTS
 from esea_gen.cli import main
 from esea_gen.control.law import Law, Parts
 from esea_gen.control.law_switch import law_switch
@@ -20,10 +21,11 @@ from esea_gen.devices.file import shipped_controllers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.observe.human import lag_observer
-from esea_gen.studies.experiments import EXPERIMENTS, Setting, run_case, run_on
+from esea_gen.twin.case import Setting
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import real_plant
 from esea_gen.twin.published import PEOPLE
+from esea_gen.twin.run import run_case, run_on
 
 from .conftest import ROOT, require_tool
 

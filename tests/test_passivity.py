@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from esea_gen.analysis.gain_region import (
-    Controller,
-    Plant,
-    close_loop,
-    gain_region,
-    linearise,
-    required_damping,
-)
+from esea_gen.analysis.gain_region import gain_region, required_damping
+from esea_gen.analysis.linear_loop import Controller, Plant, close_loop, linearise
 from esea_gen.analysis.passivity import (
     Hand,
     PortRun,

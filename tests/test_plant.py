@@ -18,8 +18,9 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.twin.encoders import ENCODERS, encoder_block, sine_of_turns, whole_below
+from esea_gen.twin.mechanics import WORKS
 from esea_gen.twin.people import STEP_S, PlantVariant, ideal_plant, random_plant, real_plant
-from esea_gen.twin.plant import WORKS, plant_block, plant_system, start_state
+from esea_gen.twin.plant import plant_block, plant_system, start_state
 from esea_gen.twin.published import PEOPLE, PLANTS, parse_plants
 
 from .conftest import require_tool

@@ -26,13 +26,12 @@ from esea_gen.control.shown import with_state_as_output
 from esea_gen.device import load_device
 from esea_gen.emit.program_c import render_program
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.studies.experiments import (
-    EXPERIMENTS,
-    Setting,
-    controller_device,
-    judge,
-    run_case,
-)
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy
+from esea_gen.twin.case import Setting
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.judge import judge
+from esea_gen.twin.run import run_case
 
 from .conftest import require_tool
 
@@ -49,7 +48,7 @@ def program():
 
 
 def rms(experiment: str, controller: str, case: int = 0, seed: int = 1) -> float:
-    found = EXPERIMENTS[experiment].cases()[case]
+    found = load_study(experiment, ClosedLoopStudy).cases()[case]
     figures = judge(found, run_case(found, Setting(controller, "real", "uncertain"), seed), 0.221)
     assert not figures["unstable"]
     assert not figures["fault"]
@@ -83,7 +82,7 @@ def test_a_typical_step_meets_its_aim(program):
     require_tool("qemu-system-arm")
     seen = []
     for experiment in ("tuning", "backdriven", "bread"):
-        case = EXPERIMENTS[experiment].cases()[0]
+        case = load_study(experiment, ClosedLoopStudy).cases()[0]
         free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
         seen.append(seen_on_m4f(program, recorded_rows("mpc", case, 60), free)[0])
     assert np.median(seen) <= AIM_TYPICAL

@@ -21,17 +21,13 @@ from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.program import Program
 from esea_gen.language.statements import ProgramError
 from esea_gen.observe.extrapolation import parabola, parabola_weights
-from esea_gen.studies.experiments import (
-    EXPERIMENTS,
-    Case,
-    Setting,
-    _loop,
-    controller_device,
-    judge,
-    plant_variant,
-    previews,
-    run_case,
-)
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy
+from esea_gen.studies.step import Step
+from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.judge import judge
+from esea_gen.twin.run import compiled_loop, plant_variant, previews, run_case
 from esea_gen.twin.trajectories import Trajectory
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.gates import TARGETS, check_objects
@@ -196,7 +192,7 @@ def test_switching_on_is_bumpless_though_the_future_is_known(monkeypatch):
     # 2 Nm are wanted all along; switched on at 0.5 s, the torque rises as the offset fades, by the
     # reference's time constant of 0.2 s.
     require_tool("gcc")
-    monkeypatch.setattr("esea_gen.studies.experiments.ON_S", 0.5)
+    monkeypatch.setattr("esea_gen.twin.run.ON_S", 0.5)
     n = 1500
     rest = np.zeros(n)
     path = Trajectory("on", rest, rest, rest, rest + 2.0, 1000, n, True)
@@ -220,7 +216,7 @@ def held_torque(controller: str, kp: float, offset_rad: float) -> float:
     n = 3000
     t = np.arange(n) / 1000
     rest = np.zeros(n)
-    path = EXPERIMENTS["step"].cases()[0].trajectory
+    path = Step().cases()[0].trajectory
     signals = {
         **dict.fromkeys(("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2"), rest),
         **dict.fromkeys(("tau_desired_Nm", "omega_desired_rad_s", "stop"), rest),
@@ -235,7 +231,7 @@ def held_torque(controller: str, kp: float, offset_rad: float) -> float:
         "theta_preview_rad": np.full((n, ends), offset_rad),
         "omega_preview_rad_s": np.zeros((n, ends)),
     }
-    loop = _loop(found, variant.cable, "f32")
+    loop = compiled_loop(found, variant.cable, "f32")
     run = loop.run(
         {k: v for k, v in signals.items() if k in loop.signals or "_p_" in k},
         variant.values,
@@ -264,7 +260,7 @@ def test_a_stiffness_asks_for_no_more_than_the_torque_range():
 
 
 def rms(experiment: str, controller: str, case: int = 0, seed: int = 1) -> float:
-    found = EXPERIMENTS[experiment].cases()[case]
+    found = load_study(experiment, ClosedLoopStudy).cases()[case]
     figures = judge(found, run_case(found, Setting(controller, "real", "uncertain"), seed), 0.221)
     assert not figures["unstable"]
     assert not figures["fault"]

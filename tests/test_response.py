@@ -13,25 +13,26 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from esea_gen.analysis.frequency import FrequencyResponse
+from esea_gen.analysis.impedance import impedance
 from esea_gen.analysis.plots import (
     bode,
-    output_impedance,
     rms_by_case,
     save,
     torque_cases,
     torque_tracking,
-    tuning_trade,
 )
-from esea_gen.analysis.response import resample, step_metrics
+from esea_gen.analysis.response import resample
+from esea_gen.analysis.step import step_metrics
 from esea_gen.analysis.sweeps import (
     Sweep,
-    impedance,
     periodic_response,
     sweep_response,
     welch_response,
 )
 from esea_gen.errors import UserError
+from esea_gen.studies.output_impedance import impedance_figure
 from esea_gen.studies.spring_rig import author_bandwidth, check_on_data
+from esea_gen.studies.tuning_sweep.figure import tuning_trade
 
 H = 1e-3
 
@@ -522,7 +523,7 @@ def test_figures_say_what_the_numbers_are(tmp_path, swept):
     z = impedance(
         FrequencyResponse(r.frequency_Hz, 2 + 0.5j * r.frequency_Hz, None, None, ""), sign=1.0
     )
-    picture = output_impedance([("x", z)], [("x", z.fit())])
+    picture = impedance_figure([("x", z)], [("x", z.fit())])
     assert any("2 N·m/rad" in text for text in legend(picture))
     trade = tuning_trade(
         [1, 2, 4], [0.3, 0.2, np.nan], [0, 5, np.nan], [1, 2, np.nan], parameter="Q", chosen=2

@@ -8,8 +8,8 @@ import pytest
 import esea_gen
 from esea_gen.control.faults import Fault
 from esea_gen.control.laws.predictive import device_horizon
-from esea_gen.studies.experiments import controller_device
 from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.people import real_plant
 from esea_gen.twin.published import PEOPLE
 

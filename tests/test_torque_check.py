@@ -14,7 +14,7 @@ from esea_gen.cli import main
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.model.inverse import inverse_system
-from esea_gen.studies.torque_check.check import TorqueCheck, instructions
+from esea_gen.studies.torque_check.check import TorqueCheck
 from esea_gen.studies.torque_check.load import Reference
 from esea_gen.studies.torque_check.procedure import (
     LIMITS,
@@ -24,6 +24,7 @@ from esea_gen.studies.torque_check.procedure import (
     static_torque_Nm,
 )
 from esea_gen.studies.torque_check.recording import Recording, apply_recording, read_recording
+from esea_gen.studies.torque_check.study import instructions
 
 from .conftest import require_tool
 from .test_cli import refused, run

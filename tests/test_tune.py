@@ -18,8 +18,10 @@ from esea_gen.control.sliding_mode import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
 from esea_gen.device import parse_device
 from esea_gen.devices.fields import SlidingMode
 from esea_gen.errors import UserError
-from esea_gen.studies.experiments import EXPERIMENTS
-from esea_gen.studies.tune import Sweep, Trial, choose_error, choose_layer, extremes, tune
+from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tuning_sweep.choice import choose_error, choose_layer
+from esea_gen.studies.tuning_sweep.study import Sweep, tune
+from esea_gen.studies.tuning_sweep.trial import Trial, extremes
 
 from .conftest import require_tool
 
@@ -57,7 +59,7 @@ def trial(value: float, **figures) -> Trial:
     offset=st.floats(-0.2, 0.2),
 )
 def test_overshoot_is_what_a_sinusoid_of_known_gain_has(gain, lag_deg, offset):
-    (case,) = EXPERIMENTS["tuning"].cases()
+    (case,) = TuningCase().cases()
     t = np.arange(len(case.trajectory.tau_desired_Nm)) / 1000
     true = 1.7 * (gain * np.sin(2 * math.pi * 0.6 * t - math.radians(lag_deg)) + offset)
     over, reach = extremes(case, SimpleNamespace(plant={"tau_e_Nm": true}))
@@ -124,7 +126,7 @@ def half_run(value, **_) -> dict[str, float]:
 
 
 def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("esea_gen.studies.tune.run_trial", half_run)
+    monkeypatch.setattr("esea_gen.studies.tuning_sweep.study.run_trial", half_run)
     path, picture = tmp_path / "a.json", tmp_path / "a.png"
     lambdas = ["tune", "--parameter", "lambda_1_s", "--json", path, "--figure", picture, "--values"]
     code, shown, error = command(monkeypatch, capsys, *lambdas, "1,1.5,2,3")
@@ -317,7 +319,7 @@ def test_the_fixes_that_are_named_are_accepted():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nothing"], ["Unknown experiment 'nothing'", "tuning, grid"]),
+        (["nothing"], ["Unknown study 'nothing'", "step, tuning"]),
         (["tuning", "--controller", "nothing"], ["Unknown controller 'nothing'", "smc"]),
         (["tuning", "--controller", "gone.toml"], ["no device 'gone.toml'"]),
         (["tuning", "--jobs", "0"], ["--jobs 0", "Give 1 or more, or -1"]),
@@ -359,7 +361,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_run(
     (tmp_path / "a-file").write_text("precious")
     (tmp_path / "folder.png").mkdir()
     options = ["--json"]
-    if not {"verify", "torque-check", "report", "discretisation"} & set(run):
+    if not {"verify", "torque-check", "report"} & set(run):
         options += ["--figure"]
     if run[0] == "simulate":
         options += ["--csv"]
@@ -384,7 +386,7 @@ def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_
     def full(path, text):
         raise UserError(f"{path}: cannot be written (No space left on device).", "Give another.")
 
-    monkeypatch.setattr("esea_gen.studies.tune.run_trial", half_run)
+    monkeypatch.setattr("esea_gen.studies.tuning_sweep.study.run_trial", half_run)
     monkeypatch.setattr("esea_gen.cli.output.write_text", full)
     code, shown, error = command(
         *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
@@ -396,7 +398,7 @@ def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_
 
 
 def test_outputs_may_be_in_new_folders_and_a_picture_in_capitals(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("esea_gen.studies.tune.run_trial", half_run)
+    monkeypatch.setattr("esea_gen.studies.tuning_sweep.study.run_trial", half_run)
     path, picture = tmp_path / "new" / "a.json", tmp_path / "other" / "new" / "A.PNG"
     code, _, error = command(
         *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),

@@ -22,26 +22,24 @@ from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings
 from esea_gen.language.stream import Stream
 from esea_gen.model.elastomer import torque_sensor
-from esea_gen.studies import uncertainty as room
-from esea_gen.studies.uncertainty import (
+from esea_gen.studies.uncertainty import motions as room
+from esea_gen.studies.uncertainty.motions import Encoders, continuous_torque, motions
+from esea_gen.studies.uncertainty.spread import (
+    Spread,
+    assumed_spread,
+    elastomer_values,
+    identified_spread,
+)
+from esea_gen.studies.uncertainty.study import (
     NONLINEARITY,
     PARAMETERS,
     QUANTISATION,
     RATE,
-    RATES,
     SOURCES,
     TOGETHER,
-    TORQUES,
-    Spread,
-    _continuous,
-    _Encoders,
-    _Tally,
-    assumed_spread,
-    elastomer_values,
-    identified_spread,
-    motions,
     torque_uncertainty,
 )
+from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Tally
 
 from .conftest import require_tool
 
@@ -190,7 +188,7 @@ def test_standard_errors_shrink_and_the_same_seed_repeats(elbow, found):
 
 def test_tally_knows_a_normal_distribution():
     rng = np.random.default_rng(5)
-    tally = _Tally(4.0)
+    tally = Tally(4.0)
     cell = np.zeros(20_000, dtype=int)
     for _ in range(20):
         tally.add(0.01 + 0.05 * rng.standard_normal(20_000), cell)
@@ -206,7 +204,7 @@ def test_tally_knows_a_normal_distribution():
 def test_encoders_count_and_bend(elbow):
     theta = np.linspace(-0.1, 0.1, 3000)
     for k in range(5):
-        e = _Encoders(elbow, 0.1, np.random.default_rng(k))
+        e = Encoders(elbow, 0.1, np.random.default_rng(k))
         count = 2 * np.pi / 4096
         read = e.read(theta, counts=True, nonlinear=False)
         assert np.max(np.abs(read - theta)) <= count
@@ -231,7 +229,7 @@ def test_the_continuous_reference_has_converged(elbow):
     torque = {}
     for dense in (10, 40):
         fine = compile_device(at_rate(elbow, dense * 1000.0), "f64").block("sensor")
-        torque[dense] = _continuous(fine, path, len(t), dense, 1e-3)
+        torque[dense] = continuous_torque(fine, path, len(t), dense, 1e-3)
     # 0.0002 % of full scale: far below what it is compared with.
     assert np.max(np.abs(torque[10] - torque[40])) < 1e-5
 

@@ -24,11 +24,9 @@ from esea_gen.analysis.gain_region import GainRegion
 from esea_gen.analysis.monte_carlo import Percentiles
 from esea_gen.analysis.passivity import PassivityMap
 from esea_gen.analysis.response import Array
-from esea_gen.analysis.sweeps import Impedance, ImpedanceFit
 from esea_gen.errors import UserError
 from esea_gen.plotting import (
     BOUND,
-    HELD_OUT,
     INK,
     MEASURED,
     MODEL,
@@ -44,12 +42,14 @@ POINTS = 4000
 DPI = 130
 
 
-def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
+def new_figure(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
+    """A figure in inches and its axes."""
     figure = Figure(figsize=(width, height), layout="constrained", dpi=DPI)
     return figure, figure.subplots(**kwargs)
 
 
-def _finish(figure: Figure) -> Figure:
+def finished(figure: Figure) -> Figure:
+    """With the look that every picture has."""
     for axes in figure.axes:
         axes.tick_params(length=3)
     return figure
@@ -86,7 +86,9 @@ def torque_tracking(
     modelled_Nm: torque that the controller's sensor gives, shape (n,).
     """
     with mpl.rc_context(STYLE):
-        figure, (above, below) = _new(9.6, 4.4, nrows=2, sharex=True, height_ratios=[1.6, 1.0])
+        figure, (above, below) = new_figure(
+            9.6, 4.4, nrows=2, sharex=True, height_ratios=[1.6, 1.0]
+        )
         # The modelled torque carries the encoders' noise: under the others, or it hides them.
         if modelled_Nm is not None:
             _drawn(above, time_s, modelled_Nm, color=MODEL, lw=2.6, alpha=0.45, label="modelled")
@@ -113,7 +115,7 @@ def torque_tracking(
         if title:
             above.set_title(title)
         figure.align_ylabels([above, below])
-        return _finish(figure)
+        return finished(figure)
 
 
 def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, title: str) -> Figure:
@@ -125,7 +127,7 @@ def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, ti
         axis.
     """
     with mpl.rc_context(STYLE):
-        figure, rows = _new(9.6, 0.6 + 1.7 * len(panels), nrows=len(panels), squeeze=False)
+        figure, rows = new_figure(9.6, 0.6 + 1.7 * len(panels), nrows=len(panels), squeeze=False)
         for axes, (name, t, desired, true, modelled) in zip(rows[:, 0], panels, strict=True):
             _drawn(axes, t, modelled, color=MODEL, lw=1.0, alpha=0.5, label="modelled")
             _drawn(axes, t, true, color=MEASURED, lw=1.3, label="true")
@@ -139,7 +141,7 @@ def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, ti
         handles, labels = rows[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=3)
         figure.align_ylabels(rows[:, 0])
-        return _finish(figure)
+        return finished(figure)
 
 
 def rms_by_case(
@@ -172,7 +174,9 @@ def rms_by_case(
         if n in table
     ]
     with mpl.rc_context(STYLE):
-        figure, axes = _new(max(6.0, min(14.0, 1.5 + 0.28 * len(cases) * (len(bars) + 1))), 3.4)
+        figure, axes = new_figure(
+            max(6.0, min(14.0, 1.5 + 0.28 * len(cases) * (len(bars) + 1))), 3.4
+        )
         wide = 0.8 / max(len(bars), 1)
         for k, (name, kind, values) in enumerate(bars):
             colour = COLOURS[names.index(name) % len(COLOURS)]
@@ -201,10 +205,11 @@ def rms_by_case(
         axes.set_ylabel(f"RMS error, {unit}")
         axes.set_ylim(bottom=0)
         figure.legend(loc="outside upper right", ncols=4)
-        return _finish(figure)
+        return finished(figure)
 
 
-def _frequency_axis(axes: Axes, low: float, high: float) -> None:
+def frequency_axis(axes: Axes, low: float, high: float) -> None:
+    """Logarithmic, with plain numbers."""
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -226,7 +231,7 @@ def bode(
     coherent = any(r.coherence is not None for _, r in responses)
     names = [n for n, _ in responses]
     with mpl.rc_context(STYLE):
-        figure, grid = _new(
+        figure, grid = new_figure(
             9.6,
             6.2 if coherent else 4.8,
             nrows=2 + coherent,
@@ -272,11 +277,11 @@ def bode(
             grid[2].set_ylim(0, 1.05)
         low_Hz = min(float(r.frequency_Hz[0]) for _, r in responses)
         high_Hz = max(float(r.frequency_Hz[-1]) for _, r in responses)
-        _frequency_axis(grid[-1], low_Hz, high_Hz)
+        frequency_axis(grid[-1], low_Hz, high_Hz)
         grid[-1].set_xlabel("frequency, Hz")
         figure.align_ylabels(list(grid))
         figure.legend(loc="outside upper right", ncols=4)
-        return _finish(figure)
+        return finished(figure)
 
 
 def _signed_dB(gain: float) -> str:
@@ -284,59 +289,8 @@ def _signed_dB(gain: float) -> str:
     return "0" if float(text) == 0 else text.replace("-", "−") if gain < 1 else f"+{text}"
 
 
-def _phase(values: npt.NDArray[np.complex128]) -> Array:
-    """Phase in degrees, cut where it jumps from one end of the turn to the other."""
-    phase = np.degrees(np.angle(values))
-    phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
-    return np.asarray(phase)
-
-
-def output_impedance(
-    impedances: Sequence[tuple[str, Impedance]],
-    fits: Sequence[tuple[str, ImpedanceFit]] = (),
-) -> Figure:
-    """Resisting torque per angle and phase per rate over frequency.
-
-    impedances: name and impedance.
-    fits: fits to draw over those of the same name, in their band.
-    return: two panels; the grey band of the lower one is what a passive port keeps to.
-    """
-    names = [n for n, _ in impedances]
-    with mpl.rc_context(STYLE):
-        figure, (above, below) = _new(9.6, 4.8, nrows=2, sharex=True, height_ratios=[1.4, 1.0])
-        for k, (name, z) in enumerate(impedances):
-            colour = COLOURS[k % len(COLOURS)]
-            broad: dict[str, Any] = {"color": colour, "lw": 3.5, "alpha": 0.5}
-            above.plot(z.frequency_Hz, np.abs(z.per_angle), label=name, **broad)
-            below.plot(z.frequency_Hz, _phase(z.per_rate), **broad)
-        for name, fit in fits:
-            f = np.geomspace(fit.low_Hz, fit.high_Hz, 200)
-            colour = COLOURS[names.index(name) % len(COLOURS)] if name in names else INK
-            value = fit.per_angle(f)
-            text = (
-                f"{fit.inertia_kgm2:.3g} kg·m², {fit.damping_Nms_rad:.3g} N·m·s/rad, "
-                f"{fit.stiffness_Nm_rad:.3g} N·m/rad"
-            )
-            dashes: dict[str, Any] = {"color": colour, "lw": 1.3, "ls": (0, (4, 2))}
-            above.plot(f, np.abs(value), label=text, **dashes)
-            below.plot(f, _phase(value / (2j * np.pi * f)), **dashes)
-        above.set_yscale("log")
-        above.minorticks_off()
-        above.set_ylabel("torque per angle,\nN·m/rad")
-        below.axhspan(-90, 90, color=HELD_OUT, lw=0, zorder=0)
-        below.set_ylabel("phase per rate,\ndeg")
-        below.set_yticks([-180, -90, 0, 90, 180])
-        below.set_ylim(-185, 185)
-        low_Hz = min(float(z.frequency_Hz[0]) for _, z in impedances)
-        high_Hz = max(float(z.frequency_Hz[-1]) for _, z in impedances)
-        _frequency_axis(below, low_Hz, high_Hz)
-        below.set_xlabel("frequency, Hz (grey: passive)")
-        figure.align_ylabels([above, below])
-        figure.legend(loc="outside upper right", ncols=2)
-        return _finish(figure)
-
-
-def _edges(values: Array) -> Array:
+def cell_edges(values: Array) -> Array:
+    """Half way between values, and as far beyond both ends."""
     if len(values) == 1:
         return np.array([values[0] - 0.5, values[0] + 0.5])
     middle = 0.5 * (values[1:] + values[:-1])
@@ -359,10 +313,10 @@ def gain_map(
     colours = ("#efc9b0", "#cfdde8", MODEL)
     labels = ("unstable with a hand", "stable with every hand", "passive")
     with mpl.rc_context(STYLE | {"axes.grid": False}):
-        figure, axes = _new(6.4, 4.6)
+        figure, axes = new_figure(6.4, 4.6)
         axes.pcolormesh(
-            _edges(region.kd_Nms_rad),
-            _edges(region.kp_Nm_rad),
+            cell_edges(region.kd_Nms_rad),
+            cell_edges(region.kp_Nm_rad),
             kinds,
             cmap=ListedColormap(colours),
             vmin=0,
@@ -387,7 +341,7 @@ def gain_map(
             axes.set_title(title)
         handles = [Patch(fc=c, label=t) for c, t in zip(colours, labels, strict=True)]
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
-        return _finish(figure)
+        return finished(figure)
 
 
 def percentile_bars(
@@ -403,7 +357,7 @@ def percentile_bars(
         said.
     """
     with mpl.rc_context(STYLE):
-        figure, axes = _new(9.6, 1.2 + 0.34 * len(rows))
+        figure, axes = new_figure(9.6, 1.2 + 0.34 * len(rows))
         y = np.arange(len(rows))[::-1]
         for k, (name, p) in zip(y, rows, strict=True):
             v = p.values
@@ -456,68 +410,4 @@ def percentile_bars(
         axes.set_xlim(left=min(0.0, *(p.values[5.0] for _, p in rows)))
         axes.set_xlabel(xlabel)
         figure.legend(loc="outside upper right", ncols=5)
-        return _finish(figure)
-
-
-def tuning_trade(
-    values: npt.ArrayLike,
-    error_Nm: npt.ArrayLike,
-    overshoot_percent: npt.ArrayLike,
-    roughness: npt.ArrayLike,
-    *,
-    parameter: str,
-    roughness_label: str = "roughness, N·m/s",
-    chosen: float | None = None,
-    log: bool = True,
-) -> Figure:
-    """What a tuning parameter trades: error, overshoot and roughness of the command.
-
-    values: the parameter, rising, shape (n,).
-    error_Nm, overshoot_percent, roughness: shape (n,); NaN where the value is unusable: the loop
-        unstable, or the trial failed.
-    return: three panels over the parameter; unusable values are shaded.
-    """
-    x = np.asarray(values, dtype=float)
-    with mpl.rc_context(STYLE):
-        figure, grid = _new(9.6, 5.0, nrows=3, sharex=True)
-        rows = (
-            (error_Nm, "RMS error,\nN·m", MODEL),
-            (overshoot_percent, "overshoot, %", MEASURED),
-            (roughness, roughness_label.replace(", ", ",\n"), ROUNDING),
-        )
-        broken = np.zeros(len(x), dtype=bool)
-        for axes, (numbers, label, colour) in zip(grid, rows, strict=True):
-            y = np.asarray(numbers, dtype=float)
-            broken |= np.isnan(y)
-            axes.plot(x, y, color=colour, lw=1.4, marker="o", ms=3.5)
-            axes.set_ylabel(label)
-            axes.set_ylim(bottom=0)
-            axes.yaxis.set_major_locator(MaxNLocator(4))
-            if chosen is not None:
-                axes.axvline(
-                    chosen,
-                    color=INK,
-                    lw=1,
-                    ls=(0, (4, 2)),
-                    label=f"chosen: {chosen:g}" if axes is grid[0] else None,
-                )
-        if log:
-            _frequency_axis(grid[-1], float(x[0]), float(x[-1]))
-        edges = np.exp(_edges(np.log(x))) if log else _edges(x)
-        for k in np.flatnonzero(broken):
-            for axes in grid:
-                axes.axvspan(
-                    edges[k],
-                    edges[k + 1],
-                    color="#efc9b0",
-                    lw=0,
-                    zorder=0,
-                    label="unusable"
-                    if k == np.flatnonzero(broken)[0] and axes is grid[0]
-                    else None,
-                )
-        grid[-1].set_xlabel(parameter)
-        figure.align_ylabels(list(grid))
-        if grid[0].get_legend_handles_labels()[0]:
-            figure.legend(loc="outside upper right", ncols=3)
-        return _finish(figure)
+        return finished(figure)

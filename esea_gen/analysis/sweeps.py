@@ -1,16 +1,15 @@
-"""Frequency responses and output impedance from recorded signals: noise, periodic, swept sine."""
+"""Frequency responses from recorded signals: noise, periodic, swept sine."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.response import Array, checked, checked_period, checked_time, plain
+from esea_gen.analysis.response import Array, checked, checked_period, checked_time
 from esea_gen.errors import UserError
 
 # Below this share of the strongest line's amplitude an input does not excite.
@@ -71,14 +70,7 @@ def welch_response(
     x, z = checked("u", u), checked("y", y)
     z = checked("y", z, len(x))
     r = x if instrument is None else checked("instrument", instrument, len(x))
-    length = round(segment_s * rate)
-    segments = (len(x) - length) // max(length - length // 2, 1) + 1 if length else 0
-    if length < MIN_SAMPLES_A_SEGMENT or segments < MIN_SEGMENTS:
-        raise UserError(
-            f"segment_s: {segment_s:g} s gives {max(segments, 0)} segments of {length} samples in "
-            f"{len(x) / rate:g} s; at least {MIN_SEGMENTS} of {MIN_SAMPLES_A_SEGMENT} are needed.",
-            "Record for longer, or shorten the segments.",
-        )
+    length, segments = _segments(len(x), segment_s, rate)
 
     def cross(a: Array, b: Array) -> tuple[Array, npt.NDArray[np.complex128]]:
         f, s = csd(a, b, rate, window="hann", nperseg=length, detrend="constant")
@@ -100,6 +92,18 @@ def welch_response(
         sigma,
         f"Welch {kind}, {segments} Hann segments of {length / rate:g} s",
     )
+
+
+def _segments(samples: int, segment_s: float, rate: float) -> tuple[int, int]:
+    length = round(segment_s * rate)
+    segments = (samples - length) // max(length - length // 2, 1) + 1 if length else 0
+    if length < MIN_SAMPLES_A_SEGMENT or segments < MIN_SEGMENTS:
+        raise UserError(
+            f"segment_s: {segment_s:g} s gives {max(segments, 0)} segments of {length} samples in "
+            f"{samples / rate:g} s; at least {MIN_SEGMENTS} of {MIN_SAMPLES_A_SEGMENT} are needed.",
+            "Record for longer, or shorten the segments.",
+        )
+    return length, segments
 
 
 MIN_SAMPLES_A_SEGMENT = 16
@@ -274,11 +278,25 @@ def sweep_response(
             f"resolution {resolution_Hz} Hz, cycles {cycles}, points {points}.",
             "Give a resolution above 0, at least 1 cycle and 4 points.",
         )
+    kept = _windows(time, np.stack([x, z], axis=1), sweep, resolution_Hz, cycles, points)
+    f_kept, response, coherence, sigma = (np.array(c) for c in zip(*kept, strict=True))
+    return FrequencyResponse(
+        f_kept.astype(np.float64),
+        response.astype(np.complex128),
+        coherence.astype(np.float64),
+        sigma.astype(np.float64),
+        f"sweep {sweep.start_Hz:g} to {sweep.end_Hz:g} Hz, local fits over {resolution_Hz:g} Hz",
+    )
+
+
+def _windows(
+    time: Array, both: Array, sweep: Sweep, resolution_Hz: float, cycles: float, points: int
+) -> list[tuple[float, complex, float, float]]:
+    """Frequency, response, explained share and relative deviation of every window that fits."""
     rate = sweep.rate_Hz_s
     begin = max(time[0], sweep.start_s)
     end = min(time[-1], sweep.start_s + sweep.duration_s)
     lowest = max(sweep.start_Hz, math.sqrt(rate * cycles / 2))
-    both = np.stack([x, z], axis=1)
     phase = sweep.phase_rad(time)
     kept: list[tuple[float, complex, float, float]] = []
     for f in np.geomspace(lowest, sweep.end_Hz, points) if lowest < sweep.end_Hz else ():
@@ -295,14 +313,7 @@ def sweep_response(
             f"{len(kept)} of {points} windows fit into the sweep from {begin:g} to {end:g} s.",
             "Lower resolution_Hz or cycles, or check the sweep's ends.",
         )
-    f_kept, response, coherence, sigma = (np.array(c) for c in zip(*kept, strict=True))
-    return FrequencyResponse(
-        f_kept.astype(np.float64),
-        response.astype(np.complex128),
-        coherence.astype(np.float64),
-        sigma.astype(np.float64),
-        f"sweep {sweep.start_Hz:g} to {sweep.end_Hz:g} Hz, local fits over {resolution_Hz:g} Hz",
-    )
+    return kept
 
 
 def _local(
@@ -332,198 +343,3 @@ def _local(
 
 
 # -- output impedance -----------------------------------------------------------------------------
-
-
-GOOD_FIT = 0.2
-
-
-@dataclass(frozen=True)
-class ImpedanceFit:
-    """Inertia, damping and stiffness that a port shows in a band.
-
-    Parameters
-    ----------
-    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad : float
-        The fit; nothing keeps them above 0: a negative damping is what an active port shows.
-    inertia_std, damping_std, stiffness_std : float
-        Standard deviations, from the misfit.
-    low_Hz, high_Hz : float
-        Band of the fit.
-    misfit : float
-        RMS of the relative complex misfit.
-    """
-
-    inertia_kgm2: float
-    damping_Nms_rad: float
-    stiffness_Nm_rad: float
-    inertia_std: float
-    damping_std: float
-    stiffness_std: float
-    low_Hz: float
-    high_Hz: float
-    misfit: float
-
-    def per_angle(self, frequency_Hz: Array) -> npt.NDArray[np.complex128]:
-        """Torque per angle of the fit.
-
-        Parameters
-        ----------
-        frequency_Hz : ndarray
-            Shape (n,).
-
-        Returns
-        -------
-        ndarray
-            Complex, Nm/rad, shape (n,).
-        """
-        s = 2j * np.pi * frequency_Hz
-        value = self.stiffness_Nm_rad + self.damping_Nms_rad * s + self.inertia_kgm2 * s * s
-        return np.asarray(value, dtype=np.complex128)
-
-
-@dataclass(frozen=True)
-class Impedance:
-    """Torque with which a port resists a prescribed motion, over frequency.
-
-    Parameters
-    ----------
-    angle : FrequencyResponse
-        Resisting torque per angle, Nm/rad.
-    """
-
-    angle: FrequencyResponse
-
-    @property
-    def frequency_Hz(self) -> Array:
-        """Frequencies, shape (n,)."""
-        return self.angle.frequency_Hz
-
-    @property
-    def per_angle(self) -> npt.NDArray[np.complex128]:
-        """Torque per angle, Nm/rad, shape (n,)."""
-        return self.angle.response
-
-    @property
-    def per_rate(self) -> npt.NDArray[np.complex128]:
-        """Torque per angular rate, Nms/rad, shape (n,); its real part is the damping."""
-        value = self.angle.response / (2j * np.pi * self.angle.frequency_Hz)
-        return np.asarray(value, dtype=np.complex128)
-
-    def fit(self, low_Hz: float = 0.0, high_Hz: float = math.inf) -> ImpedanceFit:
-        """Equivalent inertia, damping and stiffness: K + j w B - w^2 J.
-
-        Parameters
-        ----------
-        low_Hz, high_Hz : float
-            Band; take one in which the port behaves as one mass.
-
-        Returns
-        -------
-        ImpedanceFit
-            Linear least squares of the relative misfit, so that each frequency counts alike.
-
-        Raises
-        ------
-        UserError
-            When fewer than four frequencies lie in the band.
-        """
-        used = self.angle.band(low_Hz, high_Hz)
-        w = 2 * np.pi * used.frequency_Hz
-        weight = 1 / used.gain
-        zero = np.zeros_like(w)
-        # Scaled by the highest frequency: the columns are then of like size.
-        top = float(w[-1])
-        base = np.concatenate(
-            [
-                np.stack([-((w / top) ** 2), zero, np.ones_like(w)], axis=1) * weight[:, None],
-                np.stack([zero, w / top, zero], axis=1) * weight[:, None],
-            ]
-        )
-        wanted = np.concatenate([used.response.real * weight, used.response.imag * weight])
-        found = np.linalg.lstsq(base, wanted, rcond=None)[0]
-        rest = wanted - base @ found
-        variance = float(rest @ rest) / max(len(wanted) - 3, 1)
-        deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(base.T @ base)) * variance, 0))
-        scale = np.array([1 / top**2, 1 / top, 1.0])
-        j, b, k = (found * scale).tolist()
-        dj, db, dk = (deviation * scale).tolist()
-        misfit = math.sqrt(float(rest @ rest) / len(w))
-        f = used.frequency_Hz
-        return ImpedanceFit(j, b, k, dj, db, dk, float(f[0]), float(f[-1]), misfit)
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: frequency, gain and phase per angle and per rate, coherence."""
-        rate = self.per_rate
-        return self.angle.to_dict() | {
-            "rate_gain": plain(np.abs(rate)),
-            "rate_phase_deg": plain(np.degrees(np.angle(rate))),
-        }
-
-    def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
-        """Some frequencies as lines of text, and the fit in a band.
-
-        Parameters
-        ----------
-        rows : int
-            How many frequencies.
-        low_Hz, high_Hz : float
-            Band of the fit.
-
-        Returns
-        -------
-        list of str
-            Torque per angle, then the fit; a warning where the port behaves as no such mass.
-        """
-        fit = self.fit(low_Hz, high_Hz)
-        poor = (
-            f", above {GOOD_FIT:g}: not one mass, damper and spring"
-            if fit.misfit > GOOD_FIT
-            else ""
-        )
-        return [
-            *self.angle.table(rows),
-            f"fit from {fit.low_Hz:.3g} to {fit.high_Hz:.3g} Hz, torque that the moving needs:",
-            f"inertia {fit.inertia_kgm2:.4g} +- {fit.inertia_std:.2g} kg m2",
-            f"damping {fit.damping_Nms_rad:.4g} +- {fit.damping_std:.2g} Nms/rad",
-            f"stiffness {fit.stiffness_Nm_rad:.4g} +- {fit.stiffness_std:.2g} Nm/rad",
-            f"relative misfit {fit.misfit:.2g}{poor}",
-        ]
-
-
-def impedance(
-    response: FrequencyResponse, *, motion: Literal["angle", "rate"] = "angle", sign: float = -1.0
-) -> Impedance:
-    """Output impedance from the response of a torque to a prescribed motion.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Of the torque (Nm) to the motion, by any of the estimators.
-    motion : str
-        ``"angle"`` (rad) or ``"rate"`` (rad/s).
-    sign : float
-        -1 when the torque acts on what is moved (tau_e of the thesis: a spring pulls back), 1 when
-        it is the torque that the moving needs.
-
-    Returns
-    -------
-    Impedance
-        A passive port has a phase per rate between -90 and 90 deg.
-
-    Raises
-    ------
-    ValueError
-        On another motion or sign.
-    """
-    if motion not in ("angle", "rate") or sign not in (-1.0, 1.0):
-        raise ValueError(f"motion {motion!r} must be 'angle' or 'rate', sign {sign} -1 or 1")
-    s = 2j * np.pi * response.frequency_Hz if motion == "rate" else np.ones(1)
-    return Impedance(
-        FrequencyResponse(
-            response.frequency_Hz,
-            np.asarray(sign * response.response * s, dtype=np.complex128),
-            response.coherence,
-            response.sigma,
-            response.method,
-        )
-    )

@@ -35,8 +35,10 @@ from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.language.program import Program
-from esea_gen.studies.experiments import EXPERIMENTS, controller_device
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
+from esea_gen.twin.controllers import controller_device
 
 CORES = {b.core: b.processor for b in boards_for("instructions")}
 FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")
@@ -357,7 +359,7 @@ def run_benchmarks(
             worst, _ = seen_on_m4f(program, stress_rows(program, 400))
             usual = []
             for experiment in ("tuning", "backdriven", "bread"):
-                case = EXPERIMENTS[experiment].cases()[0]
+                case = load_study(experiment, ClosedLoopStudy).cases()[0]
                 rows = recorded_rows("mpc", case, 250)
                 free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
                 usual.append(seen_on_m4f(program, rows, free)[0])

@@ -20,16 +20,11 @@ from esea_gen.analysis.campaign import Workers
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import Signal, System
-from esea_gen.studies.experiments import (
-    Case,
-    Setting,
-    controller_device,
-    default_person,
-    plant_variant,
-    run_on,
-    simulate,
-)
+from esea_gen.studies.simulation import default_person, simulate
+from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.run import plant_variant, run_on
 
 CONTROLLERS = {
     "smc-published": "SMC as printed",
@@ -89,9 +84,11 @@ def _line(name: str, entries: Sequence[dict[str, object]]) -> str:
     figures = (np.median(good), np.mean(good), np.max(good)) if len(good) else (np.nan,) * 3
     unstable = sum(bool(e.get("unstable")) for e in entries)
     tripped = sum(bool(e.get("tripped")) or bool(e.get("fault")) for e in entries)
+    failed = sum("failure" in e for e in entries)
     return (
         f"{name:44} {figures[0]:7.4f} {figures[1]:7.4f} {figures[2]:7.4f}  "
         f"{unstable:4d}/{len(entries)} {tripped:4d}/{len(entries)}"
+        + (f"  {failed} FAILED" if failed else "")
     )
 
 

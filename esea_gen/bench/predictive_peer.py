@@ -26,7 +26,8 @@ from esea_gen.emit.program_c import render_program
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
-from esea_gen.studies.experiments import EXPERIMENTS, controller_device
+from esea_gen.studies.tuning import TuningCase
+from esea_gen.twin.controllers import controller_device
 
 
 def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
@@ -125,7 +126,7 @@ def step_times(controller: str, steps: int = 200, rounds: int = 25) -> StepTimes
     horizon = device_horizon(device)
     model = drive_model(device, horizon, preview=True, impedance=True)
     program = predictive_program(model, horizon, period_s=0.005)
-    rows = recorded_rows(controller, EXPERIMENTS["tuning"].cases()[0], steps)
+    rows = recorded_rows(controller, TuningCase().cases()[0], steps)
     stream = {}
     at = 0
     for port in program.inputs:

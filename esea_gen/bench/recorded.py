@@ -1,92 +1,20 @@
-"""What a drive's tasks and Blocks are given in use: the tuning case, recorded in closed loop.
-
-Benchmarks and emulator run on it: 1.7 Nm at 0.6 Hz against the real plant, output fixed.
-"""
+"""What every Block and task of a drive reads in the recorded tuning case: what is timed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.language.component import Executor
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, SystemSimulator
-from esea_gen.studies.experiments import ARM_S, EXPERIMENTS, OFF, ON_S, TORQUE, plant_variant
-from esea_gen.twin.closed_loop import PATH, ClosedLoop, ClosedLoopRun
-from esea_gen.twin.people import PlantVariant
-from esea_gen.twin.trajectories import RATE_HZ, Trajectory
-
-
-@dataclass(frozen=True)
-class RecordedDrive:
-    """The tuning case, recorded in closed loop with the real plant.
-
-    inputs: per task one array per external input, one element for each of its runs; ``{"": zeros}``
-        for a task without inputs.
-    outputs: per task what the controller's f32 C gave, at each of its runs.
-    """
-
-    inputs: dict[str, dict[str, Array]]
-    outputs: dict[str, dict[str, Array]]
-    run: ClosedLoopRun
-    plant: PlantVariant
-
-
-def _tuning_case(ticks: int) -> Trajectory:
-    (case,) = EXPERIMENTS["tuning"].cases()
-    longest = len(case.trajectory.tau_desired_Nm)
-    if not 1 <= ticks <= longest:
-        raise UserError(
-            f"{ticks} ms of the tuning case are asked for.",
-            f"Give 1 to {longest} ms ({longest / RATE_HZ:g} s).",
-        )
-    return case.trajectory
-
-
-def tuning_signals(loop: ClosedLoop, ticks: int) -> dict[str, Array]:
-    """What a controller is told in the tuning case: off at first, armed, then torque control."""
-    t = np.arange(ticks) / RATE_HZ
-    known = {k: v[:ticks] for k, v in _tuning_case(ticks).signals().items()} | {
-        "mode": np.where(t < ON_S, float(OFF), float(TORQUE)),
-        "rearm": (t >= ARM_S).astype(float),
-        "stop": np.zeros(ticks),
-        "frame_error_motor": np.zeros(ticks),
-        "frame_error_load": np.zeros(ticks),
-    }
-    return {k: v for k, v in known.items() if k in loop.signals or k in PATH}
-
-
-def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
-    """Run the tuning case and keep what went into every task and came out."""
-    _tuning_case(ticks)  # before anything takes time
-    plant = plant_variant(device, "real", "none", seed)
-    loop = ClosedLoop(device.system, plant, "f32")
-    signals = tuning_signals(loop, ticks)
-    run = loop.run(signals, plant.values, seed=seed)
-    inputs: dict[str, dict[str, Array]] = {}
-    outputs: dict[str, dict[str, Array]] = {}
-    for task in device.system.tasks:
-        at = np.arange(task.phase, ticks, task.every)
-        sources = {
-            x.name: signals[x.name] if x.name in loop.signals else run.plant[x.name]
-            for x in device.system.task_inputs(task)
-        }
-        inputs[task.name] = {n: np.asarray(a[at], np.float32) for n, a in sources.items()} or {
-            "": np.zeros(len(at), np.float32)
-        }
-        outputs[task.name] = {
-            x.name: run.controller[x.name][at].astype(np.uint32 if x.port.flags else np.float32)
-            for x in device.system.task_outputs(task)
-        }
-    return RecordedDrive(inputs, outputs, run, plant)
+from esea_gen.twin.recorded import RecordedDrive
 
 
 class _Listener:
@@ -176,6 +104,3 @@ def task_rows(device: Device, drive: RecordedDrive, runs: Mapping[str, int]) -> 
             if values.tobytes() != drive.outputs[task][name][: len(values)].tobytes():
                 raise RuntimeError(f"{name} of task {task} is not what the closed loop recorded")
     return {t: np.asarray(board.rows[t][:n], dtype=float) for t, n in runs.items()}
-
-
-__all__ = ["RecordedDrive", "block_streams", "record_drive", "task_rows", "tuning_signals"]

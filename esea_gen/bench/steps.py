@@ -17,7 +17,7 @@ import numpy as np
 
 from esea_gen.bench.boards import BOARDS, checksum, count_step
 from esea_gen.bench.peers import CompiledPeer, Sources, peer_sources
-from esea_gen.bench.recorded import RecordedDrive, block_streams, record_drive, task_rows
+from esea_gen.bench.recorded import block_streams, task_rows
 from esea_gen.bench.row import Row, compare
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
@@ -29,6 +29,7 @@ from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import FilterName, published_inverse
+from esea_gen.twin.recorded import RecordedDrive, record_drive
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 # At most so many instructions a step on the Cortex-M4F: a 1 kHz task of both takes 3.4 million a

@@ -151,8 +151,8 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
 
 def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
     """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop."""
-    from esea_gen.bench.recorded import record_drive
     from esea_gen.targets import find_board
+    from esea_gen.twin.recorded import record_drive
     from esea_gen.verify.emulator import run_tasks_in_emulator
     from esea_gen.verify.firmware import build_firmware
 

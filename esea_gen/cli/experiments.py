@@ -1,4 +1,4 @@
-"""Closed-loop experiments: ``simulate``, ``passivity``, ``tune``, ``reproduce``."""
+"""Closed-loop studies: ``simulate``, ``passivity``, ``tune``; published ones: ``reproduce``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from esea_gen.cli.app import app, out
+from esea_gen.cli.app import app
 from esea_gen.cli.options import (
     ClusterOption,
     FigureOption,
@@ -16,90 +16,35 @@ from esea_gen.cli.options import (
     chosen_formats,
     writable,
 )
-from esea_gen.cli.output import counted, picture, progress_line, show, write_json, write_text
+from esea_gen.cli.output import counted, picture, show, write_text
+from esea_gen.cli.studies import CONTROLLER_HELP, Reproductions, SimulateCommand, StudyCommand
 from esea_gen.errors import UserError
 
-reproduce = typer.Typer(help="Recompute published tables with the emitted C.")
+FEW_RUNS = 20  # a run takes half a second: a few are done before other processes have started
+ControllerOption = Annotated[
+    str, typer.Option("--controller", metavar="NAME", help=CONTROLLER_HELP)
+]
+PlantOption = Annotated[
+    str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
+]
+
+app.add_typer(
+    typer.Typer(
+        cls=Reproductions,
+        help="Recompute published tables with the emitted C.",
+        no_args_is_help=True,
+    ),
+    name="reproduce",
+)
 
 
-app.add_typer(reproduce, name="reproduce", no_args_is_help=True)
-
-
-@reproduce.command("chapter3")
-def reproduce_forward(json_file: JsonOption = None, figure: FigureOption = None) -> None:
-    """The forward model's published behaviour: torque range, loops, relaxation."""
-    from esea_gen.studies.chapter3 import reproduce_chapter3
-
-    with progress_line() as say:
-        result = reproduce_chapter3(say)
-    show(result, json_file)
-    picture(figure, result.figure)
-
-
-@reproduce.command("chapter4")
-def reproduce_tables(json_file: JsonOption = None, figure: FigureOption = None) -> None:
-    """Tables 4.4 and 4.5: the published inverses and the exact one; the forward model's figures."""
-    from esea_gen.studies.chapter3 import reproduce_chapter3
-    from esea_gen.studies.chapter4 import reproduce_chapter4
-
-    with progress_line() as say:
-        result = reproduce_chapter4(say)
-        forward = reproduce_chapter3(say)
-    for line in [*result.table(), "", *forward.table()]:
-        out.print(line)
-    write_json(json_file, result.to_dict() | {"chapter_3": forward.to_dict()})
-    picture(figure, result.figure)
-
-
-@reproduce.command("discretisation")
-def reproduce_discretisation(json_file: JsonOption = None) -> None:
-    """The sensor's discretisation: ideal encoders, and real ones with velocity filters."""
-    from esea_gen.studies.discretisation import discretisation
-
-    with progress_line() as say:
-        result = discretisation(say)
-    show(result, json_file)
-
-
-@reproduce.command("bandwidth")
-def reproduce_bandwidth(
-    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")],
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
-) -> None:
-    """Published bandwidths and steps of a metal series elastic actuator, from its recordings."""
-    from esea_gen.studies.spring_rig import check_on_data
-
-    with progress_line() as say:
-        result = check_on_data(data, say)
-    show(result, json_file)
-    picture(figure, result.figure)
-    if not result.reproduced:
-        raise typer.Exit(1)
-
-
-@app.command()
+@app.command(cls=SimulateCommand)
 def simulate(
-    experiment: Annotated[
-        str,
-        typer.Argument(
-            metavar="EXPERIMENT",
-            help="tuning, grid, twists, backdriven, bread, impedance, step, frequency or "
-            "output-impedance.",
-        ),
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="One of those below, or FILE.py:name.")
     ],
-    controller: Annotated[
-        str,
-        typer.Option(
-            "--controller",
-            metavar="NAME",
-            help="smc, smc-published, mpc, mpc-no-preview, mpc-published, "
-            "mpc-published-no-preview, or a device file.",
-        ),
-    ] = "smc",
-    plant: Annotated[
-        str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
-    ] = "real",
+    controller: ControllerOption = "smc",
+    plant: PlantOption = "real",
     person: Annotated[
         str | None,
         typer.Option(
@@ -126,27 +71,24 @@ def simulate(
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
-    """Run an experiment of the thesis: a controller's C against the virtual exoskeleton."""
+    """Run a study: a controller's C against the virtual exoskeleton, as in the thesis or yours."""
     from esea_gen.analysis.campaign import Workers
     from esea_gen.emit.formats import ALL_FORMATS
-    from esea_gen.studies.experiments import EXPERIMENTS, Setting, default_person
-    from esea_gen.studies.experiments import simulate as run
+    from esea_gen.studies.registry import load_study
+    from esea_gen.studies.simulation import ClosedLoopStudy, default_person
+    from esea_gen.studies.simulation import simulate as run
+    from esea_gen.twin.case import Setting
 
-    if experiment not in EXPERIMENTS:
-        raise UserError(
-            f"Unknown experiment '{experiment}'.", f"Choose from {', '.join(EXPERIMENTS)}."
-        )
+    few = jobs == -1 and runs * len(load_study(study, ClosedLoopStudy).cases()) <= FEW_RUNS
     (real,) = chosen_formats([real], ALL_FORMATS)
-    who = person or default_person(experiment, plant)
-    # A run takes half a second: a few are done before other processes have started.
-    many = runs * len(EXPERIMENTS[experiment].cases()) > 20
-    with counted(f"{experiment}, {controller}") as tell:
+    who = person or default_person(study, plant)
+    with counted(f"{study}, {controller}") as tell:
         result = run(
-            experiment,
+            study,
             Setting(controller, plant, who, real),
             seed=seed,
             runs=runs,
-            workers=Workers(jobs if many else 1, cluster),
+            workers=Workers(1 if few else jobs, cluster),
             folder=resume,
             progress=tell,
         )
@@ -156,20 +98,10 @@ def simulate(
     picture(figure, result.figure)
 
 
-@app.command()
+@app.command(cls=StudyCommand)
 def passivity(
-    controller: Annotated[
-        str,
-        typer.Option(
-            "--controller",
-            metavar="NAME",
-            help="smc, smc-published, mpc, mpc-no-preview, mpc-published, "
-            "mpc-published-no-preview, or a device file.",
-        ),
-    ] = "smc",
-    plant: Annotated[
-        str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
-    ] = "real",
+    controller: ControllerOption = "smc",
+    plant: PlantOption = "real",
     points: Annotated[
         int, typer.Option("--points", metavar="N", help="Gains along each axis.")
     ] = 9,
@@ -186,9 +118,8 @@ def passivity(
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
-    """Passivity of the rendered impedance over its gains, with pushed hands; sliding condition."""
     from esea_gen.analysis.campaign import Workers
-    from esea_gen.studies.interaction import study_interaction
+    from esea_gen.studies.passivity.study import study_interaction
 
     with counted(f"passivity, {controller}") as tell:
         result = study_interaction(
@@ -205,20 +136,10 @@ def passivity(
     picture(figure, result.figure)
 
 
-@app.command()
+@app.command(cls=StudyCommand)
 def tune(
-    controller: Annotated[
-        str,
-        typer.Option(
-            "--controller",
-            metavar="NAME",
-            help="smc, smc-published, mpc, mpc-no-preview, mpc-published, "
-            "mpc-published-no-preview, or a device file.",
-        ),
-    ] = "smc",
-    plant: Annotated[
-        str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
-    ] = "real",
+    controller: ControllerOption = "smc",
+    plant: PlantOption = "real",
     parameter: Annotated[
         str | None,
         typer.Option("--parameter", metavar="NAME", help="Tunable; the thesis' procedure without."),
@@ -232,9 +153,8 @@ def tune(
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
-    """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
     from esea_gen.analysis.campaign import Workers
-    from esea_gen.studies.tune import tune as run
+    from esea_gen.studies.tuning_sweep.study import tune as run
 
     try:
         row = [float(v) for v in values.split(",")] if values.strip() else []

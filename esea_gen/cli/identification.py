@@ -11,6 +11,7 @@ import typer
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
 from esea_gen.cli.output import picture, progress_line, show, write_json, write_text
+from esea_gen.cli.studies import StudyCommand
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
 
@@ -56,7 +57,7 @@ def identify(
     write_json(json_file, content)
 
 
-@app.command()
+@app.command(cls=StudyCommand)
 def uncertainty(
     device: DeviceArgument,
     runs: Annotated[int, typer.Option("--runs", help="Runs of the Monte-Carlo.")] = 100,
@@ -75,8 +76,8 @@ def uncertainty(
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
-    """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
-    from esea_gen.studies.uncertainty import identified_spread, torque_uncertainty
+    from esea_gen.studies.uncertainty.spread import identified_spread
+    from esea_gen.studies.uncertainty.study import torque_uncertainty
 
     loaded = load_device(device)
     with progress_line() as say:
@@ -89,7 +90,7 @@ def uncertainty(
     picture(figure, result.figure)
 
 
-@app.command("torque-check")
+@app.command("torque-check", cls=StudyCommand)
 def torque_check(
     device: DeviceArgument,
     mass: Annotated[
@@ -120,10 +121,10 @@ def torque_check(
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Check the torque sensor with a hanging mass: procedure, limits, a recording's verdict."""
-    from esea_gen.studies.torque_check.check import TorqueCheck, instructions
+    from esea_gen.studies.torque_check.check import TorqueCheck
     from esea_gen.studies.torque_check.load import Reference
     from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
+    from esea_gen.studies.torque_check.study import instructions
 
     loaded = load_device(device)
     check = None

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.bench.recorded import record_drive
 from esea_gen.device import Device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import Bundle, render_device
@@ -29,15 +28,10 @@ from esea_gen.report.contents import (
     verification_problems,
 )
 from esea_gen.report.page import finite, render
-from esea_gen.studies.experiments import (
-    CONTROLLERS,
-    EXPERIMENTS,
-    Setting,
-    Simulation,
-    default_person,
-    simulate,
-)
+from esea_gen.studies.simulation import Simulation, default_person, simulate
 from esea_gen.targets import DEFAULT_BOARD
+from esea_gen.twin.case import Setting
+from esea_gen.twin.recorded import record_drive
 from esea_gen.verify.emulator import EmulatorResult, run_tasks_in_emulator
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.firmware import FirmwareImage
@@ -85,7 +79,7 @@ class DriveFindings:
         found = [*verification_problems(self.verification), *board_problems(self.board)]
         for name, simulation in self.simulations.items():
             for case in simulation.cases():
-                words = [k for k in ("unstable", "tripped", "fault") if case.get(k)]
+                words = [k for k in ("unstable", "tripped", "fault", "failure") if case.get(k)]
                 if words:
                     found.append(f"{name}, {case['name']}: {', '.join(words)}")
         return found
@@ -295,9 +289,7 @@ class DriveFindings:
     def html(self) -> str:
         """The page, one self-contained file."""
         content = self.to_dict()
-        captions = {
-            name: EXPERIMENTS[name].title for name in (*COMPARED, *ALONE) if name in EXPERIMENTS
-        }
+        captions = {name: self.simulations[name].study.title for name in (*COMPARED, *ALONE)}
         return render(
             "report/drive.html.j2",
             title=self.device.title,
@@ -326,8 +318,7 @@ def gather_drive(
     say("generating")
     bundles = (*render_device(device, REALS), render_dialect(device))
     shipped = device.name in shipped_devices() and device.origin == f"{device.name}.toml"
-    own = (k for k, v in CONTROLLERS.items() if v == device.name)
-    controller = next(own) if shipped else device.origin
+    controller = f"{device.controller}@{device.given}" if device.controller else device.given
 
     def run(experiment: str, which: str) -> Simulation:
         say(f"{experiment}: {which}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
+from esea_gen.studies.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,6 +103,84 @@ class Chapter3:
         return figure
 
 
+class _Excited:
+    """Velocity estimate and sensor of a device, as emitted, and the published excitations."""
+
+    def __init__(self, device: Device, real: str) -> None:
+        self.task = compile_device(device, real).task("sense")
+        self.h = device.period_s
+        self.figures: list[Figure3] = []
+        self.loops: dict[str, tuple[Array, Array]] = {}
+        self.relaxation: dict[str, tuple[Array, Array]] = {}
+
+    def run(self, theta: Array) -> dict[str, Array]:
+        self.task.reset()
+        outputs, _ = self.task.run({"theta_rad": theta}, trace=False)
+        return {k: np.asarray(v, dtype=np.float64) for k, v in outputs.items()}
+
+    def swept(self, amplitude_deg: float, end_Hz: float) -> dict[str, Array]:
+        t = np.arange(round(end_Hz / SWEEP_HZ_S / self.h)) * self.h
+        theta = np.asarray(np.deg2rad(amplitude_deg) * np.sin(np.pi * SWEEP_HZ_S * t * t))
+        y = self.run(theta)
+        self.loops[f"{amplitude_deg:g} deg, 0-{end_Hz:g} Hz"] = (theta[::5], y["tau_Nm"][::5])
+        return y
+
+    def slow(self, amplitude_deg: float) -> tuple[Array, Array]:
+        t = np.arange(round(200 / self.h)) * self.h  # two cycles: the second one is a closed loop
+        theta = np.asarray(np.deg2rad(amplitude_deg) * np.sin(2 * np.pi * 0.01 * t))
+        return theta, self.run(theta)["tau_Nm"]
+
+    def add(
+        self,
+        name: str,
+        meaning: str,
+        unit: str,
+        ours: float,
+        thesis: float | None = None,
+        reference: float | None = None,
+    ) -> None:
+        self.figures.append(Figure3(name, meaning, unit, ours, thesis, reference))
+
+    def sweeps(self) -> None:
+        y = self.swept(11.5, 1.0)
+        peak = _peak(y["tau_Nm"])
+        self.add("sweep_peak_Nm", "largest torque, 11.5 deg swept 0-1 Hz", "Nm", peak, 4.47, 4.49)
+        part = _peak(y["tau_hysteresis_Nm"])
+        self.add(
+            "hysteresis_Nm", "hysteresis part, where it saturates", "Nm", part, reference=0.118
+        )
+        self.swept(5.0, 1.5)
+
+    def slow_cycles(self) -> None:
+        theta, torque = self.slow(10.0)
+        last = slice(len(theta) // 2, None)
+        self.loops["10 deg, 0.01 Hz"] = (theta[last][::50], torque[last][::50])
+        loop_mJ = 1e3 * float(np.trapezoid(torque[last], theta[last]))
+        largest = "largest torque, {} deg at 0.01 Hz"
+        self.add("slow_peak_Nm", largest.format(10), "Nm", _peak(torque), reference=3.05)
+        self.add("loop_mJ", "work of one such cycle", "mJ", loop_mJ, reference=87.6)
+        _, torque = self.slow(11.5)
+        self.add("slow_largest_Nm", largest.format(11.5), "Nm", _peak(torque), reference=3.97)
+
+    def relax(self, amplitude_deg: float) -> None:
+        amplitude = np.deg2rad(amplitude_deg)
+        ramp = np.arange(0.0, amplitude, RAMP_RAD_S * self.h)
+        theta = np.concatenate([np.zeros(1000), ramp, np.full(round(HOLD_S / self.h), amplitude)])
+        held = self.run(theta)["tau_Nm"][1000 + len(ramp) :]
+        keep = np.unique(np.geomspace(1, len(held), 400).astype(int)) - 1
+        self.relaxation[f"{amplitude_deg:g} deg"] = (keep * self.h, held[keep])
+        self.add(
+            f"relaxation_{amplitude_deg:g}deg_percent",
+            f"torque lost in {HOLD_S:g} s held at {amplitude_deg:g} deg, ramp of 20 deg/s",
+            "%",
+            100 * float(1 - held[-1] / held[0]),
+        )
+
+
+def _peak(values: Array) -> float:
+    return float(np.max(np.abs(values)))
+
+
 def reproduce_chapter3(
     progress: Callable[[str], None] | None = None,
     *,
@@ -110,87 +190,23 @@ def reproduce_chapter3(
     """Run the published excitations through the emitted C of velocity estimate and sensor."""
     device = device or load_device("elbow")
     say = progress or (lambda _: None)
-    task = compile_device(device, real).task("sense")
-    h = device.period_s
-
-    def run(theta: Array) -> dict[str, Array]:
-        task.reset()
-        outputs, _ = task.run({"theta_rad": theta}, trace=False)
-        return {k: np.asarray(v, dtype=np.float64) for k, v in outputs.items()}
-
-    def sweep(amplitude_deg: float, end_Hz: float) -> Array:
-        t = np.arange(round(end_Hz / SWEEP_HZ_S / h)) * h
-        return np.asarray(np.deg2rad(amplitude_deg) * np.sin(np.pi * SWEEP_HZ_S * t * t))
-
-    def slow(amplitude_deg: float) -> Array:
-        t = np.arange(round(200 / h)) * h  # two cycles: the second one is a closed loop
-        return np.asarray(np.deg2rad(amplitude_deg) * np.sin(2 * np.pi * 0.01 * t))
-
-    def peak(values: Array) -> float:
-        return float(np.max(np.abs(values)))
-
-    figures, loops = [], {}
-    say("sweep of 11.5 deg to 1 Hz")
-    y = run(theta := sweep(11.5, 1.0))
-    loops["11.5 deg, 0-1 Hz"] = (theta[::5], y["tau_Nm"][::5])
-    figures += [
-        Figure3(
-            "sweep_peak_Nm",
-            "largest torque, 11.5 deg swept 0-1 Hz",
-            "Nm",
-            peak(y["tau_Nm"]),
-            4.47,
-            4.49,
-        ),
-        Figure3(
-            "hysteresis_Nm",
-            "hysteresis part, where it saturates",
-            "Nm",
-            peak(y["tau_hysteresis_Nm"]),
-            None,
-            0.118,
-        ),
-    ]
-    y = run(theta := sweep(5.0, 1.5))
-    loops["5 deg, 0-1.5 Hz"] = (theta[::5], y["tau_Nm"][::5])
+    excited = _Excited(device, real)
+    say("sweeps to 1 and 1.5 Hz")
+    excited.sweeps()
     say("slow cycles")
-    y = run(theta := slow(10.0))
-    torque, last = y["tau_Nm"], slice(len(theta) // 2, None)
-    loops["10 deg, 0.01 Hz"] = (theta[last][::50], torque[last][::50])
-    loop_mJ = 1e3 * float(np.trapezoid(torque[last], theta[last]))
-    figures += [
-        Figure3(
-            "slow_peak_Nm", "largest torque, 10 deg at 0.01 Hz", "Nm", peak(torque), None, 3.05
-        ),
-        Figure3("loop_mJ", "work of one such cycle", "mJ", loop_mJ, None, 87.6),
-    ]
-    say("slow cycles at the largest deflection")
-    y = run(slow(11.5))
-    figures.append(
-        Figure3(
-            "slow_largest_Nm",
-            "largest torque, 11.5 deg at 0.01 Hz",
-            "Nm",
-            peak(y["tau_Nm"]),
-            None,
-            3.97,
-        )
-    )
-    relaxation = {}
+    excited.slow_cycles()
     for amplitude_deg in (5.0, 10.0):
         say(f"relaxation at {amplitude_deg:g} deg")
-        amplitude = np.deg2rad(amplitude_deg)
-        ramp = np.arange(0.0, amplitude, RAMP_RAD_S * h)
-        theta = np.concatenate([np.zeros(1000), ramp, np.full(round(HOLD_S / h), amplitude)])
-        held = run(theta)["tau_Nm"][1000 + len(ramp) :]
-        keep = np.unique(np.geomspace(1, len(held), 400).astype(int)) - 1
-        relaxation[f"{amplitude_deg:g} deg"] = (keep * h, held[keep])
-        figures.append(
-            Figure3(
-                f"relaxation_{amplitude_deg:g}deg_percent",
-                f"torque lost in {HOLD_S:g} s held at {amplitude_deg:g} deg, ramp of 20 deg/s",
-                "%",
-                100 * float(1 - held[-1] / held[0]),
-            )
-        )
-    return Chapter3(device.name, tuple(figures), loops, relaxation)
+        excited.relax(amplitude_deg)
+    return Chapter3(device.name, tuple(excited.figures), excited.loops, excited.relaxation)
+
+
+class ForwardModel(Reproduction[Chapter3]):
+    """The forward model's published behaviour: torque range, loops, relaxation."""
+
+    name = "chapter3"
+    title = "The forward model"
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> Chapter3:
+        """With the emitted C of the elbow."""
+        return reproduce_chapter3(say)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import KAPPA_ROUNDING_RAD, published_inverse
+from esea_gen.studies.chapter3 import Chapter3, reproduce_chapter3
+from esea_gen.studies.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -365,4 +368,32 @@ def reproduce_chapter4(
     return Chapter4(device.name, rate_Hz, real, errors)
 
 
-__all__ = ["SIGNALS", "THESIS", "Chapter4", "Errors", "TorqueSignal", "reproduce_chapter4"]
+@dataclass(frozen=True)
+class ThesisTables:
+    """Tables 4.4 and 4.5, and the forward model's figures that they rest on."""
+
+    inverse: Chapter4
+    forward: Chapter3
+
+    def table(self) -> list[str]:
+        """Both as lines of text."""
+        return [*self.inverse.table(), "", *self.forward.table()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready: the tables, and ``chapter_3``."""
+        return self.inverse.to_dict() | {"chapter_3": self.forward.to_dict()}
+
+    def figure(self) -> Figure:
+        """Of the tables."""
+        return self.inverse.figure()
+
+
+class InverseTables(Reproduction[ThesisTables]):
+    """Tables 4.4 and 4.5: the published inverses and the exact one; the forward model's figures."""
+
+    name = "chapter4"
+    title = "The inverse models"
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> ThesisTables:
+        """With the emitted C of the elbow."""
+        return ThesisTables(reproduce_chapter4(say), reproduce_chapter3(say))

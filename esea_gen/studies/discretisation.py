@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -23,6 +24,10 @@ from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
 from esea_gen.model.symbolic import to_casadi
+from esea_gen.studies.reproduction import Reproduction
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 REFINE_HZ = 20_000.0
 RATES_HZ = (1000.0, 500.0)
@@ -254,6 +259,25 @@ class Discretisation:
             lines.append(f"{q.source:46}{cells}")
         return lines
 
+    def figure(self) -> Figure:
+        """RMS error over the rate with ideal encoders, over the counts with real ones."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(11, 4.5), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True)
+        for s in self.ideal:
+            left.loglog(RATES_HZ, [s.rms_pct[r] for r in RATES_HZ], "o-", label=s.scheme)
+        for q in self.real:
+            right.semilogy(BITS, [q.rms_pct[b] for b in BITS], "o-", label=q.source)
+        left.set_xlabel("rate / Hz, ideal encoders")
+        left.set_ylabel("RMS error of the rate torque / % of full scale")
+        right.set_xlabel("encoder / bit, 1 kHz")
+        right.set_xticks(BITS)
+        for axes in (left, right):
+            axes.legend(fontsize="small")
+            axes.grid(alpha=0.3)
+        return figure
+
 
 def _growth(scheme: str) -> tuple[bool, bool]:
     x = ca.SX.sym("x")
@@ -354,4 +378,12 @@ def discretisation(
     return Discretisation(device.name, ideal, real)
 
 
-__all__ = ["Discretisation", "discretisation", "maxwell_block", "reference_torque"]
+class SensorDiscretisation(Reproduction[Discretisation]):
+    """The sensor's discretisation: ideal encoders, and real ones with velocity filters."""
+
+    name = "discretisation"
+    title = "The sensor's discretisation"
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> Discretisation:
+        """With the emitted C of the elbow."""
+        return discretisation(say)

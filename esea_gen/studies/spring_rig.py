@@ -19,14 +19,14 @@ import numpy as np
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
 from esea_gen.analysis.response import (
     Array,
-    StepMetrics,
     checked,
     checked_time,
     resample,
-    step_metrics,
 )
+from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError
+from esea_gen.studies.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -254,3 +254,20 @@ def check_on_data(folder: Path | str, progress: Callable[[str], None] | None = N
             for name in ("torque_ati", "torque_sea")
         }
     return DataCheck(tuple(checks), judged)
+
+
+class PublishedBandwidths(Reproduction[DataCheck]):
+    """Published bandwidths and steps of a metal series elastic actuator, from its recordings."""
+
+    name = "bandwidth"
+    title = "Bandwidths of a metal series elastic actuator"
+    recordings = True
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> DataCheck:
+        """On the folder of the data set."""
+        assert folder is not None
+        return check_on_data(folder, say)
+
+    def reproduced(self, outcome: DataCheck) -> bool:
+        """Every published bandwidth."""
+        return outcome.reproduced

@@ -33,6 +33,10 @@ STATE_REPAIRED = 2
 Array = npt.NDArray[Any]
 
 
+class RanAwayError(RuntimeError):
+    """The plant left its ranges and was started afresh: the run says nothing beside that."""
+
+
 @dataclass(frozen=True)
 class ClosedLoopRun:
     """What a run recorded, one row a tick: sampled at its start, commanded in it.
@@ -387,7 +391,7 @@ class ClosedLoop:
         ------
         UserError
             For a signal, tunable or initial value that is missing, unknown or out of range.
-        RuntimeError
+        RanAwayError
             When the plant left its ranges and was started afresh: the run means nothing then.
         """
         n = self._ticks(signals, ticks)
@@ -427,7 +431,7 @@ class ClosedLoop:
         status = found["plant"]["plant_status"]
         repaired = np.flatnonzero(status & STATE_REPAIRED)
         if len(repaired):
-            raise RuntimeError(
+            raise RanAwayError(
                 f"the plant left its ranges before {repaired[0] * self.tick_s:g} s and was started "
                 "afresh: its tunables make it stiffer than its step allows"
             )

@@ -14,7 +14,7 @@ import casadi as ca
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Port
+from esea_gen.language.ports import Port, Tunable
 from esea_gen.twin.parameters import assumed, checked_file
 
 _ROUND = 1.5 * 2.0**52
@@ -57,7 +57,23 @@ def sine_of_turns(turns: ca.SX) -> ca.SX:
 
 
 ANGLE_RAD = 20.0
+SIDES = ("motor", "load")
 ENCODERS = {"motor": "theta_m_rad", "load": "theta_l_rad", "gear": "theta_g_rad"}
+
+
+def _tunables(joint_bits: float, motor_bits: float) -> tuple[Tunable, ...]:
+    errors = ("offset_rad", "wave_1_rad", "phase_1_rad", "wave_2_rad", "phase_2_rad")
+    texts = ("offset", *(f"{w} of harmonic {i}" for i in (1, 2) for w in ("amplitude", "phase")))
+    return (
+        assumed("joint_encoder_bits", joint_bits, 4, joint_bits, "bits of both joint encoders"),
+        assumed("motor_encoder_bits", motor_bits, 4, motor_bits, "bits of the motor's encoder"),
+        *(
+            assumed(f"{side}_{e}", 0, -7, 7, f"{text} of the {side}-side encoder's error")
+            for side in SIDES
+            for e, text in zip(errors, texts, strict=True)
+        ),
+        assumed("gear_offset_rad", 0, -500, 500, "offset of the motor's encoder, at its shaft"),
+    )
 
 
 def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
@@ -76,19 +92,7 @@ def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
     motor_bits = file.actuator.encoder_bits.value
     bits = {"motor": joint_bits, "load": joint_bits, "gear": motor_bits}
     turns = {"motor": 1.0, "load": 1.0, "gear": ratio}
-    errors = ("offset_rad", "wave_1_rad", "phase_1_rad", "wave_2_rad", "phase_2_rad")
-    texts = ("offset", *(f"{w} of harmonic {i}" for i in (1, 2) for w in ("amplitude", "phase")))
-    sides = ("motor", "load")
-    tunables = (
-        assumed("joint_encoder_bits", joint_bits, 4, joint_bits, "bits of both joint encoders"),
-        assumed("motor_encoder_bits", motor_bits, 4, motor_bits, "bits of the motor's encoder"),
-        *(
-            assumed(f"{side}_{e}", 0, -7, 7, f"{text} of the {side}-side encoder's error")
-            for side in sides
-            for e, text in zip(errors, texts, strict=True)
-        ),
-        assumed("gear_offset_rad", 0, -500, 500, "offset of the motor's encoder, at its shaft"),
-    )
+    tunables = _tunables(joint_bits, motor_bits)
 
     def prepare(t: SimpleNamespace) -> dict[str, Any]:
         out = {x.name: getattr(t, x.name) for x in tunables if not x.name.endswith("_bits")}
@@ -103,13 +107,13 @@ def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
         out, turn = {}, 1 / (2 * math.pi)
         for side, angle in ENCODERS.items():
             theta = turns[side] * vars(u)[angle] + vars(c)[f"{side}_offset_rad"]
-            if side in sides:
+            if side in SIDES:
                 raw = vars(u)[angle]
                 for i in (1, 2):
                     amplitude = vars(c)[f"{side}_wave_{i}_rad"]
                     phase = vars(c)[f"{side}_phase_{i}_rad"]
                     theta = theta + amplitude * sine_of_turns(turn * (i * raw + phase))
-            steps = c.joint_steps if side in sides else c.motor_steps
+            steps = c.joint_steps if side in SIDES else c.motor_steps
             # Steps are a power of two and counts whole numbers: all but the first product is exact.
             count = whole_below((turn * theta) * steps)
             count = count - steps * whole_below(count / steps)

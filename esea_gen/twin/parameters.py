@@ -34,24 +34,14 @@ def checked_file(device: DeviceData) -> DeviceFile:
     return device.file
 
 
-def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
-    """What may vary from one plant to the next without a new compilation.
-
-    cable: whether the plant has a compliant cable between gear and motor-side part.
-    return: of the Block ``plant``; defaults: nominal drive, reference cable, no disturbance, the
-        ideal person.
-    """
-    file = checked_file(device)
-    a, j = file.actuator, file.joint
-    assert a is not None
-    assert j is not None
-    stops, trip = PLANTS.stops, PLANTS.trip
+def _drive(device: DeviceData) -> tuple[Tunable, ...]:
+    a = checked_file(device).actuator
 
     def given(key: str, low: float, high: float, meaning: str) -> Tunable:
         q = getattr(a, key)
         return Tunable(key, q.value, low, high, meaning, q.source, q.status)
 
-    drive = (
+    return (
         given("J_kgm2", 1e-4, 100, "inertia of motor and drive at the joint, eq. 5.2"),
         given("fv_Nms_rad", 0, 100, "viscous friction, eq. 5.2"),
         given("fc_Nm", 0, 100, "Coulomb friction, eq. 5.2"),
@@ -65,8 +55,11 @@ def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
         given("tau_c_s", 1e-4, 1, "lag of the motor's torque, eq. 5.1"),
         given("u_max_Nm", 1e-3, 100, "largest |motor torque| that the drive follows"),
     )
+
+
+def _cable() -> tuple[Tunable, ...]:
     r = PLANTS.real
-    cables = (
+    return (
         assumed(
             "cable_stiffness_Nm_rad", r.cable_stiffness_Nm_rad, 0, 1e4, "stiffness of the cable"
         ),
@@ -97,6 +90,9 @@ def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
             "damping of the coupling's motor-side part",
         ),
     )
+
+
+def _disturbance() -> tuple[Tunable, ...]:
     middles = [sum(band) / 2 for band in PLANTS.disturbance.bands_1_rad]
     waves = tuple(
         assumed(f"wave_{i + 1}_1_rad", k, 0, 1000, f"wave number of sine {i + 1} of d4")
@@ -106,7 +102,15 @@ def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
         assumed(f"phase_{i + 1}_rad", 0, -7, 7, f"phase of sine {i + 1} of d4")
         for i in range(SINES)
     )
-    rest = (
+    return waves + phases
+
+
+def _bounds(device: DeviceData) -> tuple[Tunable, ...]:
+    # The disturbance's size and the elastomer's scale, then what ends a motion: stops and trip.
+    j = checked_file(device).joint
+    assert j is not None
+    stops, trip = PLANTS.stops, PLANTS.trip
+    return (
         assumed("gear_disturbance_rms_rad_s2", 0, 0, 100, "effective value of d4, eq. 5.2"),
         assumed("elastomer_scale", 1, 0.1, 10, "true torque over the model's torque"),
         assumed("coupling_stop_rad", stops.coupling_rad, 0.01, 1.4, "deflection at the stop"),
@@ -164,8 +168,22 @@ def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
         ),
         assumed("trip_window_s", trip.torque_window_s, 1e-2, 100, "time constant of that value"),
     )
-    person = person_tunables(PEOPLE["ideal"])
-    return drive + (cables if cable else ()) + waves + phases + rest + person
+
+
+def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
+    """What may vary from one plant to the next without a new compilation.
+
+    cable: whether the plant has a compliant cable between gear and motor-side part.
+    return: of the Block ``plant``; defaults: nominal drive, reference cable, no disturbance, the
+        ideal person.
+    """
+    return (
+        *_drive(device),
+        *(_cable() if cable else ()),
+        *_disturbance(),
+        *_bounds(device),
+        *person_tunables(PEOPLE["ideal"]),
+    )
 
 
 # What prepare computes rather than hands on, and which tunables it replaces by that.

@@ -26,8 +26,8 @@ second, which no explicit step of 0.2 ms takes.  ``docs/twin.md`` has the eviden
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -41,9 +41,21 @@ from esea_gen.language.ports import Flag, Port, clip, flag_word
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import torque_sensor
 from esea_gen.model.symbolic import equation
-from esea_gen.twin.encoders import ANGLE_RAD, encoder_block, sine_of_turns
+from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
+from esea_gen.twin.mechanics import (
+    WORKS,
+    Coupling,
+    beyond,
+    contact,
+    gear_torques,
+    move_load,
+    move_rigidly,
+    move_with_cable,
+    powers,
+    stored_J,
+    trip,
+)
 from esea_gen.twin.parameters import (
-    SINES,
     passed_on,
     plant_coefficients,
     plant_tunables,
@@ -53,22 +65,9 @@ from esea_gen.twin.people import STEP_S
 
 TICK_S = 1e-3
 NAME = "twin"
-NOT_TRIPPED, TRIPPED_SPEED, TRIPPED_TORQUE = 0, 1, 2
 # The elastomer goes on beyond the sensor's port ranges; the coupling's stop ends it earlier.
 _THETA_RAD, _OMEGA_RAD_S, _TAU_NM = 1.5, 500.0, 1000.0
 _SPEED_RAD_S, _ACCEL_RAD_S2, _ENERGY_J = 500.0, 1e7, 1e9
-WORKS = ("motor", "loss", "elastomer", "person", "disturbance")
-
-
-def _contact(over: ca.SX, rate: ca.SX, stiffness: ca.SX, damping: ca.SX) -> tuple[ca.SX, ca.SX]:
-    # Torque of a spring and damper that only push, and the slope of the damper while they do.
-    raw = stiffness * over + damping * rate
-    pushes = raw * over > 0
-    return ca.if_else(pushes, raw, 0), ca.if_else(pushes, damping, 0)
-
-
-def _beyond(x: ca.SX, low: Any, high: Any) -> ca.SX:
-    return ca.SX(ca.fmax(x - high, 0) + ca.fmin(x - low, 0))
 
 
 def _sensor(device: DeviceData, step_s: float) -> Block:
@@ -91,6 +90,106 @@ def _sensor(device: DeviceData, step_s: float) -> Block:
     return torque_sensor(data)
 
 
+def bodies_of(cable: bool) -> tuple[str, ...]:
+    """Letters of the bodies that move by themselves."""
+    return tuple(_BODIES)[0 if cable else 1 :]
+
+
+@dataclass(frozen=True)
+class _PlantStep:
+    """One step of the plant, symbolically."""
+
+    cable: bool
+    step_s: float
+    ratio: float
+    sensor: Block
+
+    def __call__(
+        self,
+        c: SimpleNamespace,
+        s: SimpleNamespace,
+        u: SimpleNamespace,
+        guard: Guard,
+        label: Labels,
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        cable, h, q = self.cable, self.step_s, 0.5 * self.step_s
+        bodies = bodies_of(cable)
+        wanted = clip(u.u_Nm, -c.u_max_Nm, c.u_max_Nm)
+        u_c = label("u_c_Nm", ca.if_else(s.tripped > 0, 0, wanted), "a tripped drive is off")
+        u_a = label("u_a_next_Nm", u_c + (s.u_a_Nm - u_c) * c.lag_decay, "(5.1)")
+
+        # Half a kick, and the drift.
+        v, x = {}, {}
+        for i, key in enumerate(bodies):
+            kicked = s.omega_rad_s[i] + q * s.alpha_rad_s2[i]
+            kicked = c.free * kicked if key == "l" else kicked
+            v[key] = label(f"v_{key}", kicked, "speed in the middle of the step")
+            x[key] = label(f"x_{key}", s.theta_rad[i] + h * v[key])
+
+        coupling = self._coupling(c, s, x["m"] - x["l"], v["m"] - v["l"], label)
+        tau_e = coupling.tau
+        load = move_load(c, s, u, tau_e, x["l"], v["l"], q, label)
+        v_g, x_g = v[bodies[0]], x[bodies[0]]
+        drive_Nm = self.ratio * u_a
+        gear = gear_torques(c, x_g, v_g, drive_Nm, label)
+        moved = (
+            move_with_cable(c, gear, x_g - x["m"], v_g, v["m"], tau_e, q, label)
+            if cable
+            else move_rigidly(c, gear, v["m"], tau_e, q, label)
+        )
+
+        # Works, by the trapezoidal rule: a sum of the powers less half the last one.
+        power = powers(c, drive_Nm, coupling, load, gear, moved, q)
+        sums = {k: s.sums_J[i] + h * power[k] for i, k in enumerate(WORKS)}
+        heat, tripped = trip(c, s, u_a, moved.w_g, label)
+
+        next_state = {
+            "u_a_Nm": u_a,
+            "theta_rad": list(x.values()),
+            "omega_rad_s": [*([moved.w_g] if cable else []), moved.w_m, load.w],
+            "alpha_rad_s2": [*([moved.a_g] if cable else []), moved.a_m, load.a],
+            "noise_Nm": load.noise,
+            "heat": heat,
+            "tripped": tripped,
+            **coupling.memory,
+            "sums_J": list(sums.values()),
+        }
+        outputs = {
+            "tau_e_Nm": tau_e,
+            "theta_g_rad": x_g,
+            "omega_g_rad_s": moved.w_g,
+            "theta_m_rad": x["m"],
+            "omega_m_rad_s": moved.w_m,
+            "theta_l_rad": x["l"],
+            "omega_l_rad_s": load.w,
+            "u_a_Nm": u_a,
+            "tau_h_Nm": c.free * load.tau_h,
+            "d4_rad_s2": gear.d4,
+            "stored_J": stored_J(c, coupling, load, moved),
+            **{f"work_{k}_J": v - q * power[k] for k, v in sums.items()},
+            "tripped": tripped,
+            "plant_status": flag_word(
+                [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
+            ),
+        }
+        return next_state, outputs
+
+    def _coupling(
+        self, c: SimpleNamespace, s: SimpleNamespace, delta: ca.SX, rate: ca.SX, label: Labels
+    ) -> Coupling:
+        # The sensor's step with the true rate, and the coupling's stop.
+        delta, rate = label("delta_rad", delta), label("rate_rad_s", rate)
+        memory = self.sensor.state
+        held = [vars(s)[p.name] for p in memory]
+        results = self.sensor.step.call([*held, delta, rate])
+        rubber = label("tau_rubber_Nm", c.elastomer_scale * results[len(memory)], "(3.1), scaled")
+        jaw = beyond(delta, -c.coupling_stop_rad, c.coupling_stop_rad)
+        tau_jaw, _ = contact(jaw, rate, c.coupling_stop_Nm_rad, c.coupling_stop_Nms_rad)
+        tau_e = label("tau_e", rubber + tau_jaw, "with the coupling's stop")
+        kept = {p.name: ca.vertsplit(results[i]) for i, p in enumerate(memory)}
+        return Coupling(tau_e, rubber, jaw, tau_jaw, kept)
+
+
 def plant_block(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> Block:
@@ -105,176 +204,22 @@ def plant_block(
     sensor = _sensor(device, step_s)
     assert device.file.actuator is not None
     ratio = device.file.actuator.gear_ratio.value
-    h, q = step_s, 0.5 * step_s
-    bodies = tuple(_BODIES)[0 if cable else 1 :]
     passed = passed_on(tunables)
-    memory = tuple(p for p in sensor.state)
-
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        wanted = clip(u.u_Nm, -c.u_max_Nm, c.u_max_Nm)
-        u_c = label("u_c_Nm", ca.if_else(s.tripped > 0, 0, wanted), "a tripped drive is off")
-        u_a = label("u_a_next_Nm", u_c + (s.u_a_Nm - u_c) * c.lag_decay, "(5.1)")
-
-        # Half a kick, and the drift.
-        v, x = {}, {}
-        for i, key in enumerate(bodies):
-            kicked = s.omega_rad_s[i] + q * s.alpha_rad_s2[i]
-            kicked = c.free * kicked if key == "l" else kicked
-            v[key] = label(f"v_{key}", kicked, "speed in the middle of the step")
-            x[key] = label(f"x_{key}", s.theta_rad[i] + h * v[key])
-        v_m, v_l, x_m, x_l = v["m"], v["l"], x["m"], x["l"]
-        v_g, x_g = v[bodies[0]], x[bodies[0]]
-
-        # Elastomer: the sensor's step with the true rate, and the coupling's stop.
-        delta, rate = label("delta_rad", x_m - x_l), label("rate_rad_s", v_m - v_l)
-        held = [vars(s)[p.name] for p in memory]
-        results = sensor.step.call([*held, delta, rate])
-        rubber = label("tau_rubber_Nm", c.elastomer_scale * results[len(memory)], "(3.1), scaled")
-        jaw = _beyond(delta, -c.coupling_stop_rad, c.coupling_stop_rad)
-        tau_jaw, _ = _contact(jaw, rate, c.coupling_stop_Nm_rad, c.coupling_stop_Nms_rad)
-        tau_e = label("tau_e", rubber + tau_jaw, "with the coupling's stop")
-
-        # Load and person.
-        noise = c.noise_decay * s.noise_Nm + c.noise_gain_Nm * u.noise
-        turn = 1 / (2 * math.pi)
-        feed = (
-            c.Jh_kgm2 * u.alpha_p_rad_s2
-            + c.own_damping_Nms_rad * u.omega_p_rad_s
-            + c.gravity_Nm * sine_of_turns(turn * u.theta_p_rad)
-        )
-        held_h = (
-            c.spring_Nm_rad * (u.theta_p_rad - x_l)
-            + c.damping_Nms_rad * (u.omega_p_rad_s - v_l)
-            + c.feedforward * feed
-            - c.own_damping_Nms_rad * v_l
-            - c.gravity_Nm * sine_of_turns(turn * x_l)
-            + noise
-        )
-        end = _beyond(x_l, c.joint_min_rad, c.joint_max_rad)
-        tau_end, d_end = _contact(end, v_l, c.joint_stop_Nm_rad, c.joint_stop_Nms_rad)
-        slope = c.damping_Nms_rad + c.own_damping_Nms_rad
-        a_l = label(
-            "a_l",
-            c.free * (tau_e + held_h - tau_end) / (c.Jh_kgm2 + q * (slope + d_end)),
-            "(5.3), friction implicit",
-        )
-        w_l = v_l + q * a_l
-        tau_h = label("tau_h", held_h - slope * (q * a_l), "the person, at the end of the step")
-
-        # Gear.
-        d4 = ca.SX(0)
-        for i in range(SINES):
-            d4 = d4 + sine_of_turns(c.wave_turns[i] * x_g + c.phase_turns[i])
-        d4 = label("d4_rad_s2", c.d4_amplitude_rad_s2 * d4, "(5.2)")
-        smooth = ca.tanh(v_g / c.coulomb_width_rad_s)
-        slope_g = c.fv_Nms_rad + c.fc_Nm * (1 - smooth * smooth) / c.coulomb_width_rad_s
-        friction = c.fv_Nms_rad * v_g + c.fc_Nm * smooth
-        free_g = ratio * u_a + c.J_kgm2 * d4 - friction
-        if cable:
-            gap = _beyond(x_g - x_m, -0.5 * c.cable_backlash_rad, 0.5 * c.cable_backlash_rad)
-            tau_c, d_c = _contact(gap, v_g - v_m, c.cable_stiffness_Nm_rad, c.cable_damping_Nms_rad)
-            label("tau_cable_Nm", tau_c, "between gear and motor-side part")
-            rub = ca.tanh(v_m / c.cable_loss_width_rad_s)
-            lost = c.cable_loss * ca.fabs(tau_c)
-            # What of a change of the cable's torque reaches the motor-side part.
-            d_m = d_c * (1 - c.cable_loss * rub * ca.sign(tau_c))
-            slope_m = (
-                c.motor_side_damping_Nms_rad + lost * (1 - rub * rub) / c.cable_loss_width_rad_s
-            )
-            f_g = free_g - tau_c
-            f_m = tau_c - lost * rub - c.motor_side_damping_Nms_rad * v_m - tau_e
-            m_g = c.J_kgm2 + q * (slope_g + d_c)
-            m_m = c.motor_side_inertia_kgm2 + q * (slope_m + d_m)
-            share = 1 / (m_g * m_m - q * q * d_c * d_m)
-            a_g = label("a_g", (f_g * m_m + q * d_c * f_m) * share, "(5.2), friction implicit")
-            a_m = label("a_m", (f_m * m_g + q * d_m * f_g) * share, "motor-side part")
-            w_g, w_m = v_g + q * a_g, v_m + q * a_m
-            spring = c.cable_stiffness_Nm_rad * gap
-            end_c = tau_c + d_c * (q * (a_g - a_m))
-            loss = w_m * (lost * rub + slope_m * (q * a_m) + c.motor_side_damping_Nms_rad * v_m) + (
-                end_c - spring
-            ) * (w_g - w_m)
-            kinetic = c.motor_side_inertia_kgm2 * w_m * w_m + spring * gap
-        else:
-            a_m = label(
-                "a_m", (free_g - tau_e) / (c.J_kgm2 + q * slope_g), "(5.2), friction implicit"
-            )
-            a_g, w_m = a_m, v_m + q * a_m
-            w_g, loss, kinetic = w_m, ca.SX(0), ca.SX(0)
-
-        # Works, by the trapezoidal rule: a sum of the powers less half the last one.
-        power = {
-            "motor": ratio * u_a * w_g,
-            "loss": loss
-            + w_g * (friction + slope_g * (q * a_g))
-            + (tau_jaw - c.coupling_stop_Nm_rad * jaw) * (w_m - w_l)
-            + (tau_end - c.joint_stop_Nm_rad * end) * w_l,
-            "elastomer": rubber * (w_m - w_l),
-            "person": tau_h * w_l,
-            "disturbance": c.J_kgm2 * d4 * w_g,
-        }
-        stored = 0.5 * (
-            c.J_kgm2 * w_g * w_g
-            + kinetic
-            + c.Jh_kgm2 * w_l * w_l
-            + c.coupling_stop_Nm_rad * jaw * jaw
-            + c.joint_stop_Nm_rad * end * end
-        )
-        sums = {k: s.sums_J[i] + h * power[k] for i, k in enumerate(WORKS)}
-
-        heat = s.heat + c.heat_share * (u_a * u_a - s.heat)
-        hot = ca.if_else(heat > c.trip_torque_Nm * c.trip_torque_Nm, TRIPPED_TORQUE, NOT_TRIPPED)
-        fresh = ca.if_else(ca.fabs(w_g) > c.trip_speed_rad_s, TRIPPED_SPEED, hot)
-        tripped = label("tripped_next", ca.if_else(s.tripped > 0, s.tripped, fresh))
-
-        next_state = {
-            "u_a_Nm": u_a,
-            "theta_rad": list(x.values()),
-            "omega_rad_s": [*([w_g] if cable else []), w_m, w_l],
-            "alpha_rad_s2": [*([a_g] if cable else []), a_m, a_l],
-            "noise_Nm": noise,
-            "heat": heat,
-            "tripped": tripped,
-            **{p.name: ca.vertsplit(results[i]) for i, p in enumerate(memory)},
-            "sums_J": list(sums.values()),
-        }
-        outputs = {
-            "tau_e_Nm": tau_e,
-            "theta_g_rad": x_g,
-            "omega_g_rad_s": w_g,
-            "theta_m_rad": x_m,
-            "omega_m_rad_s": w_m,
-            "theta_l_rad": x_l,
-            "omega_l_rad_s": w_l,
-            "u_a_Nm": u_a,
-            "tau_h_Nm": c.free * tau_h,
-            "d4_rad_s2": d4,
-            "stored_J": stored,
-            **{f"work_{k}_J": v - q * power[k] for k, v in sums.items()},
-            "tripped": tripped,
-            "plant_status": flag_word(
-                [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
-            ),
-        }
-        return next_state, outputs
-
     return Block.define(
         "plant",
         "Virtual exoskeleton: drive, cable, elastomer, load and person"
         if cable
         else "Virtual exoskeleton with a rigid cable: drive, elastomer, load and person",
-        period_s=h,
+        period_s=step_s,
         constants=(*device.constants("actuator"), *sensor.constants),
         tunables=tunables,
         coefficients=plant_coefficients(tunables),
-        prepare=lambda t: prepare_plant(t, passed, h, tick_s),
-        state=_state_ports(cable) + memory,
+        prepare=lambda t: prepare_plant(t, passed, step_s, tick_s),
+        state=(*_state_ports(cable), *sensor.state),
         inputs=_input_ports(),
         outputs=_output_ports(),
         equations=_equations(cable),
-        step=step,
+        step=_PlantStep(cable, step_s, ratio, sensor),
     )
 
 

@@ -86,6 +86,12 @@ def _made(
     return Trajectory(name, theta, omega, alpha, np.full(len(t), tau_Nm), start, end)
 
 
+def fixed_output(name: str, tau_Nm: Array, start: int) -> Trajectory:
+    """Any desired torque with the output fixed, judged from sample ``start`` to the end."""
+    rest = np.zeros(len(tau_Nm))
+    return Trajectory(name, rest, rest, rest, tau_Nm, start, len(tau_Nm), True)
+
+
 def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
     """A sinusoidal torque with the output fixed.
 
@@ -98,10 +104,13 @@ def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
     cycles, settle = (p.slow_cycles, p.slow_settle_cycles) if slow else (p.cycles, p.settle_cycles)
     t = _time(cycles / frequency_Hz)
     tau = amplitude_Nm * np.sin(2 * np.pi * frequency_Hz * t)
-    rest = np.zeros(len(t))
     name = f"fixed output, {amplitude_Nm:g} Nm at {frequency_Hz:g} Hz"
-    start = round(settle / frequency_Hz * RATE_HZ)
-    return Trajectory(name, rest, rest, rest, tau, start, len(t), True)
+    return fixed_output(name, tau, round(settle / frequency_Hz * RATE_HZ))
+
+
+def tuning() -> Trajectory:
+    """The thesis' tuning case."""
+    return fixed_sinusoid(1.7, 0.6)
 
 
 def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:

@@ -231,7 +231,7 @@ def _cores(device: Device, say: Callable[[str], None]) -> list[BareResult]:
 
 def _drive_inputs(device: Device) -> Mapping[str, Mapping[str, Array]]:
     # What a drive is given in the virtual exoskeleton, in closed loop with its own f32 C.
-    from esea_gen.bench.recorded import record_drive
+    from esea_gen.twin.recorded import record_drive
 
     recorded = record_drive(device, CORE_STEPS)
     return {t: {n: a for n, a in v.items() if n} for t, v in recorded.inputs.items()}

@@ -9,43 +9,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
-from itertools import pairwise
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from esea_gen.analysis.campaign import Workers, run_cases
-from esea_gen.analysis.journal import Configuration, Result, rooms_digest
+from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array, Tunable
-from esea_gen.studies.experiments import (
-    EXPERIMENTS,
-    PLANT_NAMES,
-    Case,
-    Setting,
-    controller_device,
-    controller_system,
-    judge,
-    run_case,
+from esea_gen.studies.registry import Study
+from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tuning_sweep.choice import choose_error, choose_layer
+from esea_gen.studies.tuning_sweep.trial import (
+    FAILED,
+    LAMBDA,
+    PHI,
+    Trial,
+    run_trial,
+    trial_of,
+    tunables_of,
 )
-from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.choices import choose
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.run import PLANT_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PHI, LAMBDA = "smc.phi_rad_s", "smc.lambda_1_s"
 PHI_VALUES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 LAMBDA_VALUES = (3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 15.0, 17.0, 19.0, 21.0, 23.0, 25.0)
-# A value whose error is within this of the least is as good: the smallest such is taken.
-NEAR = 0.1
-# Percent of overshoot above the least one that a smaller error does not pay for.
-OVERSHOOT_ROOM = 5.0
-# Values with more than this times the least error do not say what the least overshoot is: a torque
-# that is not followed overshoots nothing.
-FOLLOWS = 2.0
 FEWEST = 2
 # Where a tunable's default stands in the device file.
 HOMES = {
@@ -62,169 +57,6 @@ HOMES = {
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One value of a parameter.
-
-    overshoot_percent: how far the true torque goes beyond the desired amplitude at the extremes, at
-        most.
-    reach_percent: where the true torque comes to at the extremes, on average: 100 is the desired
-        amplitude.
-    surface_rad_s: largest abs(s); NaN for a controller without a surface.
-    outside_share: share of the samples with abs(s) > phi; NaN likewise.
-    limited_share: share of the samples with the command at the motor's limit.
-    unusable: why the value cannot be taken, else empty: unstable, drive tripped, fault latched, or
-        ``failed: `` and the reason, with every figure NaN.
-    """
-
-    value: float
-    rms_Nm: float
-    overshoot_percent: float
-    reach_percent: float
-    roughness_Nm_s: float
-    surface_rad_s: float
-    outside_share: float
-    limited_share: float
-    unusable: str = ""
-
-
-def extremes(case: Case, run: ClosedLoopRun) -> tuple[float, float]:
-    """How far the true torque goes at the extremes of a sinusoid.
-
-    return: farthest beyond the amplitude, 0 when it stays within; mean of all half cycles, 100 for
-        the amplitude itself.
-    """
-    w = case.trajectory.window
-    desired, true = case.trajectory.tau_desired_Nm[w], run.plant["tau_e_Nm"][w]
-    amplitude = float(np.max(np.abs(desired)))
-    # From one zero of the desired torque to the next, an eighth of a cycle late: the extreme then
-    # lies inside for any lag from -45 to 135 deg.  What is left at both ends is no whole one.
-    sign = np.sign(np.where(desired == 0, 1e-300, desired))
-    zeros = np.flatnonzero(np.diff(sign)) + 1
-    late = round(0.25 * float(np.mean(np.diff(zeros))))
-    peaks = np.array(
-        [
-            np.max(true[a + late : b + late] * sign[a])
-            for a, b in pairwise(zeros)
-            if b + late <= len(true)
-        ]
-    )
-    reach = 100 * peaks / amplitude
-    return max(0.0, float(np.max(reach)) - 100), float(np.mean(reach))
-
-
-def run_trial(
-    parameter: str,
-    value: float,
-    held: Mapping[str, float],
-    controller: str,
-    plant: str,
-    seed: int,
-) -> dict[str, float]:
-    """Run and judge one value: what a worker does.
-
-    return: fields of :class:`Trial`, and 1 or 0 for ``unstable``, ``tripped`` and ``fault``.
-    """
-    tunables: dict[str, dict[str, float]] = {}
-    for name, x in {**held, parameter: value}.items():
-        instance, _, key = name.partition(".")
-        tunables.setdefault(instance, {})[key] = x
-    device = controller_device(controller)
-    (case,) = EXPERIMENTS["tuning"].cases()
-    run = run_case(case, Setting(controller, plant, "none", tunables=tunables), seed)
-    assert device.file.actuator is not None
-    figures = judge(case, run, device.file.actuator.u_max_Nm.value)
-    over, reach = extremes(case, run)
-    out = {
-        "value": value,
-        "rms_Nm": figures["rms_true_Nm"],
-        "overshoot_percent": over,
-        "reach_percent": reach,
-        "roughness_Nm_s": figures["roughness_Nm_s"],
-        "limited_share": figures["limited_share"],
-    } | {k: figures[k] for k in ("unstable", "tripped", "fault")}
-    if "surface_rad_s" in run.controller:
-        s = np.abs(run.controller["surface_rad_s"][case.trajectory.window])
-        phi = tunables.get("smc", {}).get("phi_rad_s", _tunables(controller)[PHI].default)
-        out |= {"surface_rad_s": float(s.max()), "outside_share": float(np.mean(s > phi))}
-    return out
-
-
-def _tunables(controller: str) -> dict[str, Tunable]:
-    return {f"{i}.{t.name}": t for i, t in controller_system(controller).tunables}
-
-
-_WORDS = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
-_FAILED = "failed: "
-_FIGURES = tuple(f.name for f in fields(Trial) if f.name not in ("value", "unusable"))
-
-
-def _trial(result: Result) -> Trial:
-    nothing = dict.fromkeys(_FIGURES, math.nan)
-    if result.values is None:
-        # The class of the error says nothing to who reads the table.
-        reason = " ".join(result.failure.removeprefix("esea_gen.errors.UserError: ").split())
-        return Trial(result.case["value"], **nothing, unusable=_FAILED + reason)
-    figures = {k: v for k, v in result.values.items() if k not in _WORDS}
-    why = ", ".join(text for key, text in _WORDS.items() if result.values[key])
-    return Trial(**(nothing | figures), unusable=why)
-
-
-def _nothing(trials: Sequence[Trial]) -> str:
-    """Why no trial is usable; the reason where there is but one."""
-    reasons = {t.unusable for t in trials}
-    return "no value is usable" + (f", {reasons.pop()}" if len(reasons) == 1 else "")
-
-
-# -- choosing -------------------------------------------------------------------------------------
-
-
-def choose_layer(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
-    """The narrowest boundary layer that the surface never leaves."""
-    usable = [t for t in trials if not t.unusable]
-    if not usable:
-        return None, _nothing(trials)
-    good = [t for t in usable if t.surface_rad_s <= t.value]
-    if not good:
-        return None, "the surface leaves every layer that was tried: try wider ones"
-    best = min(good, key=lambda t: t.value)
-    below = [t for t in trials if t.value < best.value]
-    reason = f"the surface stays within it (largest |s| {best.surface_rad_s:.3g} rad/s)"
-    if below:
-        worst = max(below, key=lambda t: t.value)
-        left = worst.unusable or f"is left for {100 * worst.outside_share:.2g} % of the time"
-        reason += f"; the next narrower one, {worst.value:g}, {left}"
-    return best, reason
-
-
-def choose_error(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
-    """The smallest value whose error is near the least, without overshoot to pay for it."""
-    usable = [t for t in trials if not t.unusable]
-    if not usable:
-        return None, _nothing(trials)
-    least = min(t.rms_Nm for t in usable)
-    follow = [t for t in usable if t.rms_Nm <= FOLLOWS * least]
-    room = min(t.overshoot_percent for t in follow) + OVERSHOOT_ROOM
-    calm = [t for t in follow if t.overshoot_percent <= room]
-    best = min(t.rms_Nm for t in calm)
-    chosen = min((t for t in calm if t.rms_Nm <= (1 + NEAR) * best), key=lambda t: t.value)
-    reason = (
-        f"RMS error {chosen.rms_Nm:.3g} Nm, within {100 * NEAR:.0f} % of the least that needs no "
-        f"more than {room:.3g} % overshoot ({best:.3g} Nm)"
-    )
-    above = [t for t in trials if t.value > chosen.value]
-    if above:
-        last = max(above, key=lambda t: t.value)
-        end = last.unusable or (
-            f"{last.rms_Nm:.3g} Nm and {last.overshoot_percent:.3g} % overshoot"
-        )
-        reason += f"; at {last.value:g}: {end}"
-    return chosen, reason
-
-
-# -- sweeps ---------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
 class Sweep:
     """One parameter over its values."""
 
@@ -237,7 +69,7 @@ class Sweep:
     @property
     def ran(self) -> bool:
         """Whether any trial ran to its end."""
-        return any(not t.unusable.startswith(_FAILED) for t in self.trials)
+        return any(not t.unusable.startswith(FAILED) for t in self.trials)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content; what there is not is null."""
@@ -301,7 +133,7 @@ class Tuning:
             "controller": self.controller,
             "plant": self.plant,
             "seed": self.seed,
-            "case": EXPERIMENTS["tuning"].cases()[0].name,
+            "case": TuningCase().cases()[0].name,
             "configuration": self.configuration.parts,
             "sweeps": [s.to_dict() for s in self.sweeps],
             "device_file": self.device_lines(),
@@ -309,7 +141,7 @@ class Tuning:
 
     def device_lines(self) -> list[str]:
         """What to write in a device file to have the chosen values, section by section."""
-        case = EXPERIMENTS["tuning"].cases()[0].name
+        case = TuningCase().cases()[0].name
         source = f"tuned on the virtual exoskeleton, plant {self.plant}, {case}"
         by_section: dict[str, list[str]] = {}
         for s in self.sweeps:
@@ -323,7 +155,7 @@ class Tuning:
 
     def table(self) -> list[str]:
         """Every sweep, then what to do with it."""
-        case = EXPERIMENTS["tuning"].cases()[0].name
+        case = TuningCase().cases()[0].name
         lines = [f"Tuning of {self.controller} on plant {self.plant}: {case}, output fixed"]
         for s in self.sweeps:
             lines += s.table()
@@ -340,7 +172,7 @@ class Tuning:
 
     def figure(self) -> Figure:
         """Error, overshoot and roughness over the parameter that was swept last."""
-        from esea_gen.analysis import plots
+        from esea_gen.studies.tuning_sweep.figure import tuning_trade
 
         sweep = self.sweeps[-1]
         rows = [
@@ -351,7 +183,7 @@ class Tuning:
         ]
         error, over, rough = (np.array(column) for column in zip(*rows, strict=True))
         values = np.array([t.value for t in sweep.trials])
-        return plots.tuning_trade(
+        return tuning_trade(
             values,
             error,
             over,
@@ -385,7 +217,7 @@ def _values(device: Device, name: str, tunable: Tunable, values: Sequence[float]
 
 
 def _parameter(controller: str, asked: str) -> str:
-    known = _tunables(controller)
+    known = tunables_of(controller)
     if asked in known:
         return asked
     same = [n for n in known if n.partition(".")[2] == asked]
@@ -416,12 +248,11 @@ def tune(
     seed: of the gear disturbance, and of the plant where it is random.
     progress: ``progress(done, total, failed)`` of each sweep.
     """
-    if plant not in PLANT_NAMES:
-        raise UserError(f"Unknown plant '{plant}'.", f"Choose from {', '.join(PLANT_NAMES)}.")
+    choose("plant", plant, PLANT_NAMES)
     if seed < 0:
         raise UserError(f"seed = {seed}.", "Give 0 or more.")
     device = controller_device(controller)
-    known = _tunables(controller)
+    known = tunables_of(controller)
     configuration = Configuration(
         {
             "controller_hash": device_hash(device),
@@ -438,7 +269,7 @@ def tune(
         done = run_cases(
             run_trial, cases, configuration=configuration, workers=workers, progress=progress
         )
-        trials = tuple(_trial(r) for r in done.results)
+        trials = tuple(trial_of(r) for r in done.results)
         chosen, reason = (choose_layer if name == PHI else choose_error)(trials)
         return Sweep(name, held, trials, chosen, reason)
 
@@ -463,3 +294,10 @@ def tune(
     # No layer wide enough: the slope is then tuned with the one in use, and the table says so.
     phi = layer.chosen.value if layer.chosen else known[PHI].default
     return made(layer, sweep(LAMBDA, inside(LAMBDA, LAMBDA_VALUES), {PHI: phi}))
+
+
+class TuningSweep(Study):
+    """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
+
+    name = "tune"
+    title = "What a tunable trades"

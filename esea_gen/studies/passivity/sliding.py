@@ -11,7 +11,11 @@ import numpy as np
 
 from esea_gen.analysis.passivity import Bools
 from esea_gen.language.ports import Array
-from esea_gen.studies.experiments import EXPERIMENTS, Setting, controller_system, run_case
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy
+from esea_gen.twin.case import Setting
+from esea_gen.twin.controllers import controller_system
+from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import RATE_HZ
 
 SLIDING_CASES = (
@@ -101,7 +105,7 @@ def check_sliding(
 ) -> tuple[SlidingCheck, ...]:
     """The sliding condition along logged runs, with the layer as it is and with a tenth of it.
 
-    cases: experiment and case.
+    cases: study and case.
     progress: ``progress(done, total)``.
     return: one a plant, layer and case; none for a controller without a surface.
     """
@@ -118,8 +122,8 @@ def check_sliding(
     layers = (wide.default, max(wide.low, NARROW * wide.default))
     every = list(product(plants, layers, cases))
     found = []
-    for done, (plant, phi, (experiment, name)) in enumerate(every, 1):
-        case = next(c for c in EXPERIMENTS[experiment].cases() if c.name == name)
+    for done, (plant, phi, (study, name)) in enumerate(every, 1):
+        case = load_study(study, ClosedLoopStudy).case(name)
         setting = Setting(controller, plant, "none", tunables={"smc": {"phi_rad_s": phi}})
         run = run_case(case, setting, seed)
         held = slice(task.phase, None, task.every)

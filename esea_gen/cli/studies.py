@@ -1,0 +1,93 @@
+"""Commands that the registry of studies speaks for: their help is read when it is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, MutableMapping
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from esea_gen.cli.options import FigureOption, JsonOption
+from esea_gen.cli.output import picture, progress_line, show
+
+CONTROLLER_HELP = "Name of a controller (a wrong one lists all), FILE.py:law or a device file."
+RecordingsOption = Annotated[
+    Path, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+]
+
+
+class StudyCommand(TyperCommand):
+    """A command of a study's own name."""
+
+    @property
+    def help(self) -> str:
+        """The study's."""
+        from esea_gen.studies.registry import Study, load_study
+
+        assert self.name is not None
+        return load_study(self.name, Study).help
+
+    @help.setter
+    def help(self, _: str | None) -> None:
+        return
+
+
+class SimulateCommand(TyperCommand):
+    """Lists the closed-loop studies below its options."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Name and title of each."""
+        from esea_gen.studies.registry import studies
+        from esea_gen.studies.simulation import ClosedLoopStudy
+
+        with formatter.section("Studies"):
+            formatter.write_dl([(k, s.title) for k, s in studies(ClosedLoopStudy).items()])
+
+
+class Reproductions(TyperGroup):
+    """A command for every reproduction that is registered."""
+
+    @property
+    def commands(self) -> MutableMapping[str, Any]:
+        """By name."""
+        return _reproductions()
+
+    @commands.setter
+    def commands(self, _: Any) -> None:
+        return
+
+
+@cache
+def _reproductions() -> dict[str, Any]:
+    from esea_gen.studies.registry import studies
+    from esea_gen.studies.reproduction import Reproduction
+
+    found = {}
+    for name, study in studies(Reproduction).items():
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single.command(name, help=study.help)(_reproduce(study))
+        found[name] = typer.main.get_command(single)
+    return found
+
+
+def _reproduce(study: Any) -> Callable[..., None]:
+    def run(json_file: Path | None, figure: Path | None, data: Path | None = None) -> None:
+        with progress_line() as say:
+            outcome = study.run(say, data)
+        show(outcome, json_file)
+        picture(figure, outcome.figure)
+        if not study.reproduced(outcome):
+            raise typer.Exit(1)
+
+    def with_data(
+        data: RecordingsOption, json_file: JsonOption = None, figure: FigureOption = None
+    ) -> None:
+        run(json_file, figure, data)
+
+    def alone(json_file: JsonOption = None, figure: FigureOption = None) -> None:
+        run(json_file, figure)
+
+    return with_data if study.recordings else alone

@@ -1,0 +1,1 @@
+"""Passivity of the rendered impedance over its gains, and the sliding condition."""

@@ -1,0 +1,144 @@
+"""One run of a passive hand that is pushed while the controller renders a spring and damper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.analysis.passivity import Hand, energy_balance
+from esea_gen.device import Device
+from esea_gen.twin.case import IMPEDANCE, Case, Setting
+from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
+from esea_gen.twin.controllers import controller_device, largest_torque_Nm
+from esea_gen.twin.run import ON_S, run_case
+from esea_gen.twin.trajectories import RATE_HZ, Trajectory
+
+GAIN_TUNABLES = ("Kp_Nm_rad", "Kd_Nms_rad")
+PUSH_RAD_S = 0.5
+PUSH_AT_S, PUSH_S, DURATION_S = 1.0, 0.1, 4.0
+# A motion counts from this share of the push's energy on (a fifth of its speed): encoder counts and
+# backlash make smaller ones.  It grows when it gains a tenth in size, a fifth in energy.
+NOTICE, GROWTH = 0.04, 1.21
+
+
+@dataclass(frozen=True)
+class HandRun:
+    """What a push came to.
+
+    generated_J: energy that the port gave out beyond what was ever put in.
+    held_J, held_end_J: energy of the hand, its spring and the rendered one: mean over the second
+        and over the last third after the push. With a passive port it never rises.
+    limited_share: share of the samples with the command at the motor's limit.
+    fault: first reason of the limits' latch, 0 for none.
+    ran_away: 1 when the plant left its ranges; the other figures are 0 then.
+    """
+
+    generated_J: float = 0.0
+    exchanged_J: float = 0.0
+    absorbed_J: float = 0.0
+    held_J: float = 0.0
+    held_end_J: float = 0.0
+    limited_share: float = 0.0
+    fault: float = 0.0
+    tripped: float = 0.0
+    ran_away: float = 0.0
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the limits' latch or the drive's trip ended the motion."""
+        return self.fault > 0 or self.tripped > 0
+
+    def swings_up(self, push_J: float) -> bool:
+        """Whether the motion grows, or ends larger than the push made it."""
+        grows = self.held_end_J > GROWTH * self.held_J and self.held_end_J > NOTICE * push_J
+        return bool(self.ran_away > 0 or grows or self.held_end_J > GROWTH * push_J)
+
+
+def push_case(
+    device: Device,
+    hand: Hand,
+    kp_Nm_rad: float,
+    kd_Nms_rad: float,
+    push_rad_s: float = PUSH_RAD_S,
+    mode: int = IMPEDANCE,
+) -> Case:
+    """A hand that is pushed once while the controller renders a spring and damper.
+
+    push_rad_s: speed that the push would give the hand alone: the push is its inertia times that.
+    """
+    safety = device.file.safety
+    assert safety is not None
+    n = round(DURATION_S * RATE_HZ)
+    t, rest = np.arange(n) / RATE_HZ, np.zeros(n)
+    # A quarter up the range of motion: what the push moves stays clear of both ends.
+    low, high = safety.rom_min_rad.value, safety.rom_max_rad.value
+    theta = np.full(n, low + (high - low) / 4)
+    phase = np.pi * (t - PUSH_AT_S) / PUSH_S
+    inside = (phase >= 0) & (phase < np.pi)
+    # Half a sine; its sum over the samples is exactly what it is to give.
+    shape = np.where(inside, np.sin(phase), 0.0)
+    alpha = push_rad_s * RATE_HZ * shape / shape.sum()
+    start = round((PUSH_AT_S + PUSH_S) * RATE_HZ)
+    gains = dict(zip(GAIN_TUNABLES, (kp_Nm_rad, kd_Nms_rad), strict=True))
+    return Case(
+        f"{hand.name}: Kp {kp_Nm_rad:g}, Kd {kd_Nms_rad:g}",
+        Trajectory("push", theta, rest, alpha, rest, start, n),
+        mode,
+        {"reference": gains} if mode == IMPEDANCE else {},
+        {
+            "Jh_kgm2": hand.inertia_kgm2,
+            "own_damping_Nms_rad": hand.damping_Nms_rad,
+            "spring_Nm_rad": hand.stiffness_Nm_rad,
+            "damping_Nms_rad": 0.0,
+            # The push: the inertia times the acceleration above.  The path itself never moves.
+            "feedforward": 1.0,
+            "gravity_Nm": 0.0,
+            "torque_noise_Nm": 0.0,
+        },
+    )
+
+
+def judge_push(run: ClosedLoopRun, hand: Hand, kp_Nm_rad: float, u_max_Nm: float) -> HandRun:
+    """The figures of a run."""
+    theta, omega = run.plant["theta_l_rad"], run.plant["omega_l_rad_s"]
+    balance = energy_balance(theta, run.plant["tau_e_Nm"])
+    spring = hand.stiffness_Nm_rad + kp_Nm_rad
+    held = 0.5 * (hand.inertia_kgm2 * omega**2 + spring * (theta - theta[0]) ** 2)
+    after = held[round((PUSH_AT_S + PUSH_S) * RATE_HZ) :]
+    third = len(after) // 3
+    on = slice(round(ON_S * RATE_HZ), None)
+    faults = run.controller["fault"][on]
+    latched = faults[faults > 0]
+    return HandRun(
+        balance.generated_J,
+        balance.exchanged_J,
+        float(balance.absorbed_J[-1]),
+        float(np.mean(after[third : 2 * third])),
+        float(np.mean(after[2 * third :])),
+        float(np.mean(np.abs(run.controller["u_Nm"][on]) >= 0.999 * u_max_Nm)),
+        float(latched[0]) if len(latched) else 0.0,
+        float(np.max(run.plant["tripped"]) > 0),
+    )
+
+
+def run_push(
+    kp_Nm_rad: float,
+    kd_Nms_rad: float,
+    hand: Mapping[str, Any],
+    controller: str,
+    plant: str,
+    push_rad_s: float,
+    seed: int,
+) -> dict[str, float]:
+    """Run and judge one push: what a worker does."""
+    device = controller_device(controller)
+    who = Hand(**hand)
+    case = push_case(device, who, kp_Nm_rad, kd_Nms_rad, push_rad_s)
+    try:
+        run = run_case(case, Setting(controller, plant, "ideal"), seed)
+    except RanAwayError:
+        return asdict(HandRun(ran_away=1.0))
+    return asdict(judge_push(run, who, kp_Nm_rad, largest_torque_Nm(device)))

@@ -1,0 +1,117 @@
+"""What studies there are: every class with a name in the files of this folder, or in a file named.
+
+A study is found by being there: no list names it.  One outside of the package is named by its
+file, ``FILE.py:name``, in the processes that run its cases as well.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+import sys
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import ClassVar, TypeVar
+
+from esea_gen import studies as room
+from esea_gen.errors import UserError
+from esea_gen.twin.choices import choose
+
+SUFFIX = ".py"
+
+
+class Study:
+    """What the command line knows of any study: its name, one line, and its docstring as help."""
+
+    name: ClassVar[str] = ""  # a class without one is no study, but what studies are made of
+    title: ClassVar[str] = ""
+
+    @property
+    def help(self) -> str:
+        """The docstring of its class."""
+        return inspect.cleandoc(type(self).__doc__ or self.title)
+
+
+S = TypeVar("S", bound=Study)
+
+
+def studies(kind: type[S]) -> dict[str, S]:
+    """Studies of a kind in this package, by name."""
+    return {k: s for k, s in _own().items() if isinstance(s, kind)}
+
+
+def load_study(name: str, kind: type[S]) -> S:
+    """A study of the package by its name, or of any file as ``FILE.py:name``."""
+    file = study_file(name)
+    known = studies(kind)
+    if file is not None:
+        name = name.rpartition(":")[2]
+        found = _found([_imported(file)])
+        known = {k: s for k, s in found.items() if isinstance(s, kind)}
+        if not known:
+            raise UserError(
+                f"{file}: no study of this kind in it.",
+                f"Write a class with a name that extends {kind.__name__}.",
+            )
+    choose("study", name, known, "" if file else ", or give FILE.py:name")
+    return known[name]
+
+
+def study_file(name: str) -> Path | None:
+    """The file in ``FILE.py:name``; None for a study of the package."""
+    file, colon, _ = name.rpartition(":")
+    return Path(file) if colon and file.endswith(SUFFIX) else None
+
+
+@cache
+def _own() -> dict[str, Study]:
+    # One file a study; where it needs several, a folder with the study in study.py.
+    every = (f"{m.name}.study" if m.ispkg else m.name for m in pkgutil.iter_modules(room.__path__))
+    return _found(importlib.import_module(f"{room.__name__}.{m}") for m in every)
+
+
+def _found(modules: Iterable[ModuleType]) -> dict[str, Study]:
+    found: dict[str, Study] = {}
+    for module in modules:
+        for item in vars(module).values():
+            # Where it is written, not where it is imported.
+            if not inspect.isclass(item) or item.__module__ != module.__name__:
+                continue
+            if not issubclass(item, Study) or not item.name:
+                continue
+            if item.name in found:
+                raise UserError(
+                    f"{module.__file__}: there is a study {item.name} already.", "Rename it."
+                )
+            found[item.name] = item()
+    return found
+
+
+def _imported(file: Path) -> ModuleType:
+    try:
+        text = file.read_bytes()
+    except OSError as error:
+        raise UserError(f"{file}: cannot be read ({error.strerror}).", "Check the path.") from None
+    # By its content: a file that was edited is another module.
+    digest = hashlib.sha256(bytes(file.absolute()) + text).hexdigest()[:16]
+    name = f"esea_study_{file.stem}_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise UserError(
+            f"{file}: cannot be imported ({type(error).__name__}: {error}).", "Correct the file."
+        ) from error
+    return module

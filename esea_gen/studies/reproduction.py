@@ -1,0 +1,45 @@
+"""Studies that recompute what was published, with the emitted C or on the published recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+
+from esea_gen.studies.registry import Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Outcome(Protocol):
+    """What any study comes to."""
+
+    def table(self) -> list[str]:
+        """Lines of text."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+
+    def figure(self) -> Figure:
+        """The outcome drawn."""
+
+
+Made = TypeVar("Made", bound=Outcome)
+
+
+class Reproduction(Study, Generic[Made]):
+    """A published table or figure made again.
+
+    recordings: whether it reads a folder of published recordings.
+    """
+
+    recordings: ClassVar[bool] = False
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> Made:
+        """Recompute, and say what is being done; ``folder`` as asked for by ``recordings``."""
+        raise NotImplementedError
+
+    def reproduced(self, outcome: Made) -> bool:
+        """Whether what can be judged without a person came out as published."""
+        return True

@@ -1,0 +1,280 @@
+"""Closed-loop studies: cases on the virtual exoskeleton, each case and seed run once.
+
+A run puts the compiled controller, as it ships, and the plant's C into one loop and compares the
+torque of the true elastomer, and the torque that the sensor shows, with the desired one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from esea_gen.analysis.campaign import run_cases
+from esea_gen.analysis.journal import Configuration, file_digest, files_digest, rooms_digest
+from esea_gen.analysis.monte_carlo import MonteCarlo
+from esea_gen.device import Device
+from esea_gen.emit.build import device_hash
+from esea_gen.errors import UserError
+from esea_gen.studies import torque_errors
+from esea_gen.studies.registry import Study, load_study, study_file
+from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.choices import choose
+from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
+from esea_gen.twin.controllers import controller_device, largest_torque_Nm
+from esea_gen.twin.judge import ENDED, FIGURES, judge
+from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, run_case
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_PANELS = 4  # more cases than this are drawn as bars
+ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
+
+
+class ClosedLoopStudy(Study):
+    """Cases of a controller against plant and person.
+
+    person: whether somebody moves the load; else the output is fixed.
+    keeps: whether table and JSON need what ``keep`` gives of each case's first seed.
+    thesis_Nm: RMS of the thesis by controller, on its own device and with its own torque sensor.
+    """
+
+    person: ClassVar[bool] = False
+    keeps: ClassVar[bool] = False
+    thesis_Nm: ClassVar[Mapping[str, float]] = MappingProxyType({})
+
+    def cases(self) -> list[Case]:
+        """What is run."""
+        raise NotImplementedError
+
+    def case(self, name: str) -> Case:
+        """One of the cases."""
+        known = {c.name: c for c in self.cases()}
+        choose(f"case of {self.name}", name, known)
+        return known[name]
+
+    def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
+        """Figures of one run; a journal and worker processes carry them."""
+        return judge(case, run, largest_torque_Nm(device))
+
+    def keep(self, case: Case, run: ClosedLoopRun) -> Any:
+        """What table or figure need of a case's first run beside its figures: by default all."""
+        return run
+
+    def table(self, done: Simulation) -> list[str]:
+        """The outcome as lines of text."""
+        return torque_errors.table(done)
+
+    def to_dict(self, done: Simulation) -> dict[str, Any]:
+        """JSON-ready content."""
+        return torque_errors.to_dict(done)
+
+    def figure(self, done: Simulation) -> Figure:
+        """The outcome drawn."""
+        return torque_errors.figure(done)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A study's outcome.
+
+    monte_carlo: figures of every case and seed.
+    kept: by case, what the study kept of its first seed; empty where nothing needs it.
+    """
+
+    study: ClosedLoopStudy
+    setting: Setting
+    seeds: tuple[int, ...]
+    monte_carlo: MonteCarlo
+    kept: Mapping[str, Any]
+
+    @property
+    def person(self) -> str:
+        """Who took part."""
+        return self.setting.person if self.study.person else "none"
+
+    def cases(self) -> list[dict[str, Any]]:
+        """One entry a case and seed; a run that failed has no figures and says why."""
+        entries = []
+        for r in self.monte_carlo.results:
+            entry: dict[str, Any] = {"name": r.case["case"], "seed": r.case["seed"]}
+            entry |= dict.fromkeys(ERRORS)
+            values = r.values or {}
+            # In one order, whether it was run now or comes out of a journal.
+            order = [*(k for k in FIGURES if k in values), *sorted(set(values) - set(FIGURES))]
+            entry |= {k: values[k] for k in order}
+            entry |= {k: bool(values.get(k)) for k in ENDED}
+            if r.values is None:
+                entry["failure"] = r.failure
+            entry["thesis_rms_Nm"] = self.study.thesis_Nm.get(self.setting.controller)
+            entries.append(entry)
+        return entries
+
+    def ended(self) -> list[dict[str, Any]]:
+        """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
+        return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content: ``cases``, percentiles by case, and what the study is for."""
+        return self.study.to_dict(self)
+
+    def table(self) -> list[str]:
+        """The outcome as lines of text."""
+        return self.study.table(self)
+
+    def figure(self) -> Figure:
+        """What the study is for: Bode, impedance, torque in time, or RMS by case."""
+        return self.study.figure(self)
+
+    def csv(self) -> str:
+        """Every case and seed, one line each."""
+        entries = self.cases()
+        keys = list(dict.fromkeys(k for e in entries for k in e))
+        rows = [",".join(keys)]
+        for e in entries:
+            cells = [e.get(k) for k in keys]
+            rows.append(
+                ",".join(
+                    "" if c is None else f'"{c}"' if isinstance(c, str) else f"{c}" for c in cells
+                )
+            )
+        return "\n".join(rows) + "\n"
+
+
+def default_person(study: str, plant: str) -> str:
+    """Who takes part when nobody is named.
+
+    return: ``none`` with a fixed output, else the person that goes with the plant.
+    """
+    if not load_study(study, ClosedLoopStudy).person:
+        return "none"
+    return {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
+
+
+def simulate_case(
+    study: str,
+    case: str,
+    seed: int,
+    controller: str,
+    plant: str,
+    person: str,
+    real: str,
+    tunables: Mapping[str, Mapping[str, float]] | None = None,
+    kept: dict[str, Any] | None = None,
+) -> dict[str, float]:
+    """Run and measure one case by name: what a worker does.
+
+    kept: takes what the study keeps of this run, in this process.
+    """
+    chosen = load_study(study, ClosedLoopStudy)
+    found = chosen.case(case)
+    try:
+        run = run_case(found, Setting(controller, plant, person, real, tunables or {}), seed)
+    except RanAwayError:
+        return {"unstable": 1.0, "tripped": 0.0, "fault": 0.0, "ran_away": 1.0}
+    if kept is not None:
+        kept[case] = chosen.keep(found, run)
+    return chosen.measure(found, run, controller_device(controller))
+
+
+def simulate(
+    study: str,
+    setting: Setting | None = None,
+    *,
+    seed: int = 0,
+    runs: int = 1,
+    workers: Any = 1,
+    folder: Path | None = None,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> Simulation:
+    """Run a study.
+
+    study: name of one of the package, or ``FILE.py:name``.
+    workers: of :func:`~esea_gen.analysis.monte_carlo.run_cases`.
+    folder: of the journal: an interrupted study goes on where it was.
+    progress: ``progress(done, total, failed)``.
+    """
+    s = setting or Setting()
+    chosen = load_study(study, ClosedLoopStudy)
+    choose("plant", s.plant, PLANT_NAMES)
+    choose("person", s.person, PERSON_NAMES)
+    if chosen.person and s.person == "none":
+        raise UserError(
+            f"{chosen.name} needs somebody who moves the load, but person is none.",
+            "Give --person ideal, uncertain or random.",
+        )
+    if runs < 1 or seed < 0:
+        raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
+    device = controller_device(s.controller)
+    # Compile once, before the workers would each do it.
+    loop = compiled_loop(device, s.plant != "ideal", s.real)
+    parts = {
+        "controller": s.controller,
+        "controller_hash": device_hash(device),
+        "c": files_digest(loop.files),
+        # What the numbers depend on beside the C that runs.
+        "code": rooms_digest(),
+    }
+    file = study_file(study)
+    if file is not None:
+        parts["study"] = file_digest(file)
+        study = f"{file.absolute()}:{chosen.name}"  # a worker has another working directory
+    fixed: dict[str, Any] = {
+        "controller": s.controller,
+        "plant": s.plant,
+        "person": s.person,
+        "real": s.real,
+        "tunables": {k: dict(v) for k, v in s.tunables.items()},
+    }
+    names = [c.name for c in chosen.cases()]
+    seeds = tuple(range(seed, seed + runs))
+    cases = [{"study": study, "case": n, "seed": k, **fixed} for k in seeds for n in names]
+    keeping = chosen.keeps or (runs == 1 and len(names) <= MOST_PANELS)
+    done, kept = _run(
+        cases, len(names) if keeping else 0, Configuration(parts), workers, folder, progress
+    )
+    return Simulation(chosen, s, seeds, done, kept)
+
+
+def _run(
+    cases: list[dict[str, Any]],
+    keeping: int,
+    configuration: Configuration,
+    workers: Any,
+    folder: Path | None,
+    progress: Callable[[int, int, int], None] | None,
+) -> tuple[MonteCarlo, dict[str, Any]]:
+    # Signals do not travel: the runs of which something is kept are done in this process, first.
+    kept: dict[str, Any] = {}
+    first: tuple[Any, ...] = ()
+
+    def keep(**case: Any) -> dict[str, float]:
+        return simulate_case(**case, kept=kept)
+
+    def tell(done: int, _: int, failed: int) -> None:
+        if progress is not None:
+            before = sum(r.values is None for r in first)
+            progress(len(first) + done, len(cases), before + failed)
+
+    if keeping:
+        first = run_cases(
+            keep, cases[:keeping], configuration=configuration, folder=folder, progress=tell
+        ).results
+        for r in first:
+            # Out of a journal, which holds figures only.
+            if r.values is not None and r.case["case"] not in kept:
+                keep(**r.case)
+    rest: tuple[Any, ...] = ()
+    if cases[keeping:]:
+        rest = run_cases(
+            simulate_case,
+            cases[keeping:],
+            configuration=configuration,
+            folder=folder,
+            workers=workers,
+            progress=tell,
+        ).results
+    return MonteCarlo(configuration, (*first, *rest)), kept

@@ -1,0 +1,1 @@
+"""How far the sensed torque may be from the true one."""

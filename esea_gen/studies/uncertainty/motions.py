@@ -1,0 +1,153 @@
+"""The published torque signals as motions of the coupling, and the encoders that see them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from esea_gen.device import Device
+from esea_gen.hostlib.library import compile_device, compile_system
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.identify.fit import tunable_system
+from esea_gen.language.ports import Array
+from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.studies.chapter4 import END_S, SIGNALS, evaluation_filter
+from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD, at_rate
+from esea_gen.studies.uncertainty.tally import RATE_EDGES, RATES, TORQUE_EDGES
+
+ELBOW_FULL_SCALE_NM = 4.47  # the published signals are the elbow's; others' are scaled
+CYCLE_S = 100.0  # the slow signals repeat after it
+FINE_HZ = 10_000.0  # error of the reference a hundredth of that at 1 kHz
+CHUNK = 200_000
+STRIDE = 5  # statistics look at every fifth sample; the C runs all of them
+HARMONICS = 4
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One published signal as a motion of the coupling.
+
+    theta_rad: true deflection at the device's samples, shape (steps,).
+    omega_mid_rad_s: its true rate in the middle of the step that ends there.
+    continuous_Nm: torque of the continuous model.
+    kept: samples that enter the statistics.
+    cell: their class of torque and rate.
+    """
+
+    name: str
+    theta_rad: Array
+    omega_mid_rad_s: Array
+    continuous_Nm: Array
+    kept: Any
+    cell: Any
+    sign: Array
+
+
+@dataclass(frozen=True)
+class Programs:
+    """Everything compiled for a device; each is reset before it is used."""
+
+    inverse: CRunner
+    fine: CRunner
+    dense: int
+    velocity: CRunner
+    sensor: CRunner
+    trial: CRunner
+
+
+@cache
+def compiled_programs(device: Device) -> Programs:
+    block = exact_inverse(device)
+    dense = max(1, round(FINE_HZ * device.period_s))
+    finer = at_rate(device, dense / device.period_s)
+    shipped = compile_device(device, "f32")
+    return Programs(
+        compile_system(inverse_system(device, block), "f64").block(block.name),
+        compile_device(finer, "f64").block("sensor"),
+        dense,
+        shipped.block("velocity"),
+        shipped.block("sensor"),
+        compile_system(tunable_system(device), "f64").block("sensor"),
+    )
+
+
+def motions(
+    device: Device, limit_s: float = math.inf, say: Callable[[str], None] | None = None
+) -> list[Motion]:
+    """The published signals as motions: the exact inverse's set-point, filtered as published.
+
+    device: the device; its full scale over the elbow's scales the torques.
+    """
+    tell = say or (lambda _: None)
+    h, rate_Hz = device.period_s, 1.0 / device.period_s
+    size = device.tau_full_scale_Nm / ELBOW_FULL_SCALE_NM
+    programs = compiled_programs(device)
+    omega_max = device.file.domain.omega_max_rad_s.value
+    out = []
+    for i, signal in enumerate(SIGNALS):
+        tell(f"motion {i + 1} of {len(SIGNALS)}")
+        wanted = size * signal.sample(rate_Hz, min(limit_s, CYCLE_S if i < 2 else limit_s))
+        programs.inverse.reset()
+        y, _ = programs.inverse.run({"tau_Nm": wanted}, trace=False)
+        t = np.arange(len(wanted)) * h
+        path = CubicSpline(t, evaluation_filter(np.asarray(y["theta_rad"]), rate_Hz))
+        torque = continuous_torque(programs.fine, path, len(t), programs.dense, h)
+        omega = np.asarray(path(t - 0.5 * h, 1))
+        omega[0] = 0.0
+        ends = min(round(END_S * rate_Hz), len(t) // 4)
+        kept = np.arange(ends, len(t) - ends, STRIDE)
+        level = np.digitize(np.abs(torque[kept]) / device.tau_full_scale_Nm, TORQUE_EDGES) - 1
+        speed = np.digitize(np.abs(path(t[kept], 1)) / omega_max, RATE_EDGES) - 1
+        sign = np.where(torque[kept] < 0, -1.0, 1.0)
+        theta = np.asarray(path(t))
+        cell = level * RATES + speed
+        out.append(Motion(f"S{i + 1}", theta, omega, torque, kept, cell, sign))
+    return out
+
+
+def continuous_torque(
+    sensor: CRunner, path: CubicSpline, steps: int, dense: int, h: float
+) -> Array:
+    # The sensor at a rate at which its step no longer matters, with the true rate.
+    sensor.reset()
+    out = np.empty(steps)
+    fine = h / dense
+    total = (steps - 1) * dense + 1
+    for first in range(0, total, CHUNK):
+        k = np.arange(first, min(first + CHUNK, total))
+        omega = np.asarray(path((k - 0.5) * fine, 1))
+        y, _ = sensor.run({"theta_rad": path(k * fine), "omega_rad_s": omega}, trace=False)
+        at = np.flatnonzero(k % dense == 0)
+        out[k[at] // dense] = y["tau_Nm"][at]
+    return out
+
+
+class Encoders:
+    """Two encoders on a coupling whose load side moves; zeroed at the start, at rest."""
+
+    def __init__(self, device: Device, residual_deg: float, rng: np.random.Generator) -> None:
+        self.count = 2 * math.pi / 2**device.file.encoder.resolution_bits.value
+        self.size = math.radians(residual_deg)
+        self.start, self.phase = rng.uniform(0, 2 * math.pi, 2)
+        self.harmonic = rng.integers(1, HARMONICS + 1, 2)
+        self.offset = rng.uniform(0, 2 * math.pi, 2)
+        self.h = device.period_s
+
+    def read(self, theta_rad: Array, *, counts: bool, nonlinear: bool) -> Array:
+        t = np.arange(len(theta_rad)) * self.h
+        load = self.start + LOAD_RAD * np.cos(2 * math.pi * LOAD_HZ * t + self.phase)
+        sides = [load + theta_rad, load]
+        if nonlinear:
+            for i in range(2):
+                k, at = self.harmonic[i], sides[i]
+                error = np.sin(k * at + self.offset[i]) - np.sin(k * load[0] + self.offset[i])
+                sides[i] = at + self.size * error
+        if counts:
+            sides = [np.round(s / self.count) * self.count for s in sides]
+        return np.asarray(sides[0] - sides[1])

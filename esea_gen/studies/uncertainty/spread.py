@@ -1,0 +1,120 @@
+"""How the rubber's parameters may lie round the device file's: assumed, or as identified."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.identify.fit import ROWS_REFINE, Plant, at_bound, bounds_of
+from esea_gen.identify.mapping import load_mapping
+from esea_gen.identify.recording import load_recordings
+from esea_gen.language.ports import Array
+from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
+
+ASSUMED_SHARE = 0.05
+WEAK = 0.5  # relative spread of a direction that the data do not determine is held to this
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How the rubber's parameters may lie round the device file's.
+
+    root: square root of the covariance of their logarithms, shape (keys, directions).
+    """
+
+    keys: tuple[str, ...]
+    root: Array
+    origin: str
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Relative standard deviation by parameter."""
+        size = np.sqrt(np.sum(self.root**2, axis=1))
+        return {k: float(s) for k, s in zip(self.keys, size, strict=True)}
+
+    def draw(self, device: Device, rng: np.random.Generator) -> tuple[dict[str, float], int]:
+        """One coupling."""
+        values = elastomer_values(device)
+        factor = np.exp(self.root @ rng.standard_normal(self.root.shape[1]))
+        clipped = 0
+        for key, f in zip(self.keys, factor, strict=True):
+            low, high = bounds_of(key)
+            value = float(values[key] * f)
+            values[key] = min(max(value, low), high)
+            clipped += values[key] != value
+        return values, clipped
+
+
+def elastomer_values(device: Device) -> dict[str, float]:
+    """The elastomer's parameters."""
+    known = {c.name: c.value for c in device.constants("elastomer")}
+    return {k: known[k] for k in (*MODEL_KEYS, *RATE_KEYS) if k in known}
+
+
+def assumed_spread(device: Device, share: float = ASSUMED_SHARE) -> Spread:
+    """Every parameter on its own, by a stated share.
+
+    share: relative standard deviation; eps2 stays, because A, eps1, B and eps2 have a common factor
+        that torque does not show.
+    """
+    keys = tuple(k for k, v in elastomer_values(device).items() if v > 0 and k != "eps2")
+    origin = f"assumed: {100 * share:g} % (standard deviation) of each parameter, independent"
+    return Spread(keys, share * np.eye(len(keys)), origin)
+
+
+def identified_spread(device: Device, mapping: Path, data: Path | None = None) -> Spread:
+    """The covariance of an identification, recomputed from its recording.
+
+    data: folder of the recordings; the mapping file's own when not given.
+    return: with correlations. As in the identification, the model form is taken as right and the
+        residuals as a first-order autoregressive noise.
+    """
+    source = load_mapping(mapping, data)
+    if source.mapping.device.name != device.name:
+        raise UserError(
+            f"{source.origin}: the recording identified '{source.mapping.device.name}', not "
+            f"'{device.name}': its covariance says nothing of this device.",
+            "Give the identified device's file, or leave --recording out for an assumed spread.",
+        )
+    recordings = load_recordings(source)
+    reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
+    limit = device.file.limits.theta_rad.value
+    if reach > limit:
+        raise UserError(
+            f"{source.origin}: a recorded deflection of {reach:.3g} rad is above {device.name}'s "
+            f"limits.theta_rad = {limit:g} rad.",
+            "Give the recording that the device was identified with.",
+        )
+    rate_terms = device.file.elastomer.maxwell is not None
+    fine = device.file.timing.sense_rate_Hz.value
+    plant = Plant(device, recordings, fine if rate_terms else None, ROWS_REFINE)
+    values = elastomer_values(device)
+    free = [k for k, v in values.items() if k != "eps2" and v > 0 and at_bound(k, v) is None]
+    scale = plant.weight * math.sqrt(len(plant.measured))
+    residual = (plant.torque(values) - plant.measured) * scale
+    columns = []
+    for k in free:
+        step = 1e-3
+        up, down = (plant.torque({**values, k: values[k] * (1 + s)}) for s in (step, -step))
+        columns.append((up - down) / (2 * step) * scale)
+    if not free or not np.any(columns):
+        raise UserError(
+            f"{source.origin}: the torque depends on none of the parameters.",
+            "Leave --recording out for an assumed spread.",
+        )
+    rho = float(residual[1:] @ residual[:-1] / (residual @ residual))
+    rho = min(max(rho, 0.0), 1 - 2.0 / len(residual))
+    noise = float(residual @ residual) / max(1, len(residual) - len(free))
+    noise *= (1 + rho) / (1 - rho)
+    _, singular, v = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)
+    with np.errstate(divide="ignore"):
+        spread = np.minimum(math.sqrt(noise) / singular, WEAK)
+    weak = int(np.sum(math.sqrt(noise) > WEAK * singular))
+    held = f"; {weak} directions that it does not determine held to {100 * WEAK:g} %" * (weak > 0)
+    origin = f"covariance of the identification by {source.origin}{held}"
+    return Spread(tuple(free), v.T * spread, origin)

@@ -1,0 +1,338 @@
+"""How far the sensed torque may be from the true one, by Monte-Carlo on the emitted C.
+
+The published torque signals move a coupling whose parameters, encoders and rate differ from what
+the device file says; the device's float32 C, as it ships, senses it.  Sources, alone and together:
+
+``parameters``
+    The rubber's parameters against the device file's.
+``quantisation``
+    Counts of the two encoders.
+``nonlinearity``
+    What a correction table leaves of the encoders' integral nonlinearity.
+``rate and sampling``
+    The rate estimate and the step of 1 ms against the continuous model; no chance in it.
+
+Not in it: temperature, wear, the Mullins effect and the model's form.  The errors of published
+validations (0.7 to 1.6 % of full scale on one elastomer, up to 3.7 % on others) hold those too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
+from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD
+from esea_gen.studies.registry import Study
+from esea_gen.studies.uncertainty.motions import Encoders, Motion, compiled_programs, motions
+from esea_gen.studies.uncertainty.spread import Spread, assumed_spread, elastomer_values
+from esea_gen.studies.uncertainty.tally import (
+    RATE_EDGES,
+    RATES,
+    TORQUE_EDGES,
+    TORQUES,
+    Figures,
+    Tally,
+    label,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RUNS, SEED = 100, 1
+ASSUMED_RESIDUAL_DEG = 0.1
+PARAMETERS, QUANTISATION, NONLINEARITY = "parameters", "quantisation", "nonlinearity"
+RATE, TOGETHER = "rate and sampling", "together"
+SOURCES = (PARAMETERS, QUANTISATION, NONLINEARITY, RATE, TOGETHER)
+
+NOT_INCLUDED = (
+    "Not included: temperature (no published data), wear, the Mullins effect, and the model's form "
+    "(published validations, which hold it: 0.7 to 1.6 % of full scale on one elastomer)."
+)
+
+
+@dataclass(frozen=True)
+class TorqueUncertainty:
+    """Torque uncertainty of a device.
+
+    full_scale_Nm, omega_max_rad_s: torque and rate that count as 100 %.
+    runs, seed, clipped: of the Monte-Carlo; drawn parameters that were put on a bound.
+    cells: ``{source: {(torque class, rate class): Figures}}``; None stands for all classes.
+    convergence: all sources together, over all classes, after so many runs.
+    """
+
+    device: str
+    full_scale_Nm: float
+    omega_max_rad_s: float
+    bits: int
+    residual_deg: float
+    spread: Spread
+    runs: int
+    seed: int
+    clipped: int
+    cells: Mapping[str, Mapping[tuple[int | None, int | None], Figures]]
+    convergence: list[tuple[int, Figures]]
+
+    def overall(self, source: str = TOGETHER) -> Figures:
+        """Over all torques and rates."""
+        return self.cells[source][None, None]
+
+    def notes(self) -> list[str]:
+        """What is assumed and what is left out."""
+        notes = [
+            f"Parameters, {self.spread.origin}.",
+            f"Encoders: {self.bits} bit on both sides, load side moving "
+            f"{math.degrees(LOAD_RAD):g} deg at {LOAD_HZ:g} Hz (assumed), zeroed at the start.",
+            f"Nonlinearity left by the correction: {self.residual_deg:g} deg (assumed; the encoder "
+            "has 1 deg uncorrected), one of the first harmonics of the turn, any phase.",
+            NOT_INCLUDED,
+        ]
+        if self.clipped:
+            notes.insert(1, f"{self.clipped} drawn parameters were put on a bound.")
+        return notes
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content, the same for the same device, runs and seed."""
+        return {
+            "device": self.device,
+            "full_scale_Nm": self.full_scale_Nm,
+            "omega_max_rad_s": self.omega_max_rad_s,
+            "runs": self.runs,
+            "seed": self.seed,
+            "parameters": {"origin": self.spread.origin, "relative_sigma": self.spread.sigma},
+            "encoder": {"bits": self.bits, "residual_deg": self.residual_deg},
+            "torque_classes": [label(TORQUE_EDGES, i) for i in range(TORQUES)],
+            "rate_classes": [label(RATE_EDGES, i) for i in range(RATES)],
+            "sources": {
+                source: [
+                    {
+                        "torque": None if i is None else label(TORQUE_EDGES, i),
+                        "rate": None if j is None else label(RATE_EDGES, j),
+                        **figures.to_dict(self.full_scale_Nm),
+                    }
+                    for (i, j), figures in cells.items()
+                ]
+                for source, cells in self.cells.items()
+            },
+            "convergence": [
+                {"runs": n, **f.to_dict(self.full_scale_Nm)} for n, f in self.convergence
+            ],
+            "notes": self.notes(),
+        }
+
+    def table(self) -> list[str]:
+        """The figures as lines of text."""
+        lines = [
+            f"{self.device}: torque error in % of full scale ({self.full_scale_Nm:g} Nm), "
+            f"{self.runs} runs",
+            f"{'':20}{'bias':>9}{'sigma':>9}{'95 % from':>11}{'to':>9}{'in Nm':>18}"
+            f"{'std. error':>12}",
+        ]
+        scale = 100 / self.full_scale_Nm
+
+        def row(name: str, f: Figures) -> str:
+            ends = f"{f.low_Nm:+.3f} to {f.high_Nm:+.3f}"
+            return (
+                f"{name:20}{scale * f.bias_Nm:+9.3f}{scale * f.sigma_Nm:9.3f}"
+                f"{scale * f.low_Nm:+11.3f}{scale * f.high_Nm:+9.3f}{ends:>18}"
+                f"{scale * f.interval_error_Nm:12.3f}"
+            )
+
+        lines += [row(s, self.overall(s)) for s in SOURCES]
+        for what, edges, count, at in (
+            ("torque / full scale", TORQUE_EDGES, TORQUES, lambda i: (i, None)),
+            ("rate / domain", RATE_EDGES, RATES, lambda i: (None, i)),
+        ):
+            lines += ["", f"together, by {what}"]
+            for i in range(count):
+                found = self.cells[TOGETHER].get(at(i))
+                if found is not None:
+                    lines.append(row(label(edges, i), found))
+        lines += ["", "sigma by torque / full scale, % of full scale"]
+        lines.append(" " * 20 + "".join(f"{label(TORQUE_EDGES, i):>13}" for i in range(TORQUES)))
+        for s in SOURCES:
+            found_cells = [self.cells[s].get((i, None)) for i in range(TORQUES)]
+            lines.append(
+                f"{s:20}"
+                + "".join(f"{scale * f.sigma_Nm:13.3f}" if f else f"{'-':>13}" for f in found_cells)
+            )
+        return [*lines, "", *(f"note: {n}" for n in self.notes())]
+
+    def figure(self) -> Figure:
+        """95 % interval against torque by source, against torque and rate, and convergence."""
+        from matplotlib.figure import Figure
+
+        scale = 100 / self.full_scale_Nm
+        figure = Figure(figsize=(11, 9), layout="constrained")
+        a, b, c, d = figure.subplots(2, 2).ravel()
+        names = [label(TORQUE_EDGES, i) for i in range(TORQUES)]
+        x = np.arange(TORQUES)
+        width = 0.8 / len(SOURCES)
+        for k, source in enumerate(SOURCES):
+            found = [self.cells[source].get((i, None)) for i in range(TORQUES)]
+            at = [i for i, f in enumerate(found) if f]
+            middle = x[at] + (k - (len(SOURCES) - 1) / 2) * width
+            lows = np.array([scale * f.low_Nm for f in found if f])
+            highs = np.array([scale * f.high_Nm for f in found if f])
+            a.bar(middle, highs - lows, width, bottom=lows, label=source, color=f"C{k}")
+            a.plot(middle, [scale * f.bias_Nm for f in found if f], "k_")
+            b.plot(x[at], [scale * f.sigma_Nm for f in found if f], "o-", label=source)
+        a.axhline(0, color="black", linewidth=0.5)
+        a.set_title("interval that holds 95 % (mark: bias)", fontsize="medium")
+        a.legend(fontsize="small")
+        b.set_title("standard deviation", fontsize="medium")
+        b.set_yscale("log")
+        for axes in (a, b):
+            axes.set_xticks(x, names, fontsize="small")
+            axes.set_xlabel("|torque| / full scale")
+            axes.set_ylabel("torque error / % of full scale")
+            axes.grid(alpha=0.3)
+        grid = np.full((RATES, TORQUES), np.nan)
+        for i in range(TORQUES):
+            for j in range(RATES):
+                f = self.cells[TOGETHER].get((i, j))
+                if f is not None:
+                    grid[j, i] = scale * f.half_width_Nm
+                    c.text(i, j, f"{grid[j, i]:.2g}", ha="center", va="center", fontsize="small")
+        c.imshow(grid, aspect="auto", origin="lower", cmap="YlOrRd", vmin=0)
+        c.set_title("together: largest |end| of the 95 % interval, %", fontsize="medium")
+        c.set_xticks(x, names, fontsize="small")
+        c.set_yticks(range(RATES), [label(RATE_EDGES, j) for j in range(RATES)], fontsize="small")
+        c.set_xlabel("|torque| / full scale")
+        c.set_ylabel("|rate| / domain")
+        n = np.array([k for k, _ in self.convergence])
+        sigma = scale * np.array([f.sigma_Nm for _, f in self.convergence])
+        error = scale * np.array([f.sigma_error_Nm for _, f in self.convergence])
+        d.plot(n, sigma, color="C4")
+        d.fill_between(n, sigma - error, sigma + error, alpha=0.3, color="C4")
+        d.set_title("together: standard deviation and its standard error", fontsize="medium")
+        d.set_xlabel("runs")
+        d.set_ylabel("% of full scale")
+        d.grid(alpha=0.3)
+        return figure
+
+
+class _Bench:
+    """A device's compiled sensor, and the same rubber with other parameters, over the motions."""
+
+    def __init__(self, device: Device, moves: list[Motion]) -> None:
+        self.device, self.moves = device, moves
+        self.programs = compiled_programs(device)
+        self.ideal = [self.sensed(m.theta_rad) for m in moves]
+        nominal = elastomer_values(device)
+        self.known = [self.rubber(nominal, m) for m in moves]
+
+    def sensed(self, theta: Array) -> Array:
+        velocity, sensor = self.programs.velocity, self.programs.sensor
+        velocity.reset()
+        sensor.reset()
+        rates, _ = velocity.run({"theta_rad": theta}, trace=False)
+        inputs = {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
+        return np.asarray(sensor.run(inputs, trace=False)[0]["tau_Nm"], dtype=np.float64)
+
+    def rubber(self, values: Mapping[str, float], move: Motion) -> Array:
+        trial = self.programs.trial
+        trial.prepare(values)
+        inputs = {"theta_rad": move.theta_rad, "omega_rad_s": move.omega_mid_rad_s}
+        return np.asarray(trial.run(inputs, trace=False)[0]["tau_Nm"])
+
+    def errors(self, values: Mapping[str, float], encoders: Encoders) -> dict[str, list[Array]]:
+        """Of one coupling with one pair of encoders, by source, a row a motion."""
+        found: dict[str, list[Array]] = {s: [] for s in SOURCES if s != RATE}
+        for move, free, own in zip(self.moves, self.ideal, self.known, strict=True):
+            changed = self.rubber(values, move) - own
+            found[PARAMETERS].append(-changed)
+            for source, counts, nonlinear in (
+                (QUANTISATION, True, False),
+                (NONLINEARITY, False, True),
+                (TOGETHER, True, True),
+            ):
+                read = encoders.read(move.theta_rad, counts=counts, nonlinear=nonlinear)
+                # The torque that the changed rubber gives: the continuous one, and the change.
+                truth = move.continuous_Nm + changed if source == TOGETHER else free
+                found[source].append(self.sensed(read) - truth)
+        return found
+
+
+def _cells(tally: Tally) -> dict[tuple[int | None, int | None], Figures]:
+    everything = np.arange(TORQUES * RATES).reshape(TORQUES, RATES)
+    picks: dict[tuple[int | None, int | None], Any] = {(None, None): everything.ravel()}
+    picks |= {(i, None): everything[i] for i in range(TORQUES)}
+    picks |= {(None, j): everything[:, j] for j in range(RATES)}
+    picks |= {(i, j): everything[i, [j]] for i in range(TORQUES) for j in range(RATES)}
+    return {k: f for k, p in picks.items() if (f := tally.figures(p)) is not None}
+
+
+def torque_uncertainty(
+    device: Device,
+    runs: int = RUNS,
+    seed: int = SEED,
+    *,
+    spread: Spread | None = None,
+    residual_deg: float = ASSUMED_RESIDUAL_DEG,
+    limit_s: float = math.inf,
+    progress: Callable[[str], None] | None = None,
+) -> TorqueUncertainty:
+    """Torque uncertainty by Monte-Carlo over the published signals.
+
+    device: what senses; it must have an inverse, which makes the motions.
+    residual_deg: largest nonlinearity that the encoders' correction leaves, 0 to 5.
+    """
+    if not 2 <= runs <= 100_000:
+        raise UserError(
+            f"{runs} runs: a spread needs 2 to 100000 of them.", "Give --runs 100, for example."
+        )
+    if not 0 <= residual_deg <= 5:
+        raise UserError(
+            f"A nonlinearity of {residual_deg:g} deg is not from 0 to 5 deg.", "Give 0.1."
+        )
+    say = progress or (lambda _: None)
+    chosen = spread or assumed_spread(device)
+    moves = motions(device, limit_s, say)
+    bench = _Bench(device, moves)
+    tallies = {s: Tally(device.tau_full_scale_Nm) for s in SOURCES}
+    cell = np.concatenate([m.cell for m in moves])
+
+    def count(source: str, errors: list[Array]) -> None:
+        kept = [e[m.kept] * m.sign for e, m in zip(errors, moves, strict=True)]
+        tallies[source].add(np.concatenate(kept), cell)
+
+    free = zip(bench.ideal, moves, strict=True)
+    count(RATE, [a - m.continuous_Nm for a, m in free])
+    clipped = 0
+    for k in range(runs):
+        say(f"run {k + 1} of {runs}")
+        rng = np.random.default_rng([seed, k])
+        values, hit = chosen.draw(device, rng)
+        clipped += hit
+        for source, errors in bench.errors(values, Encoders(device, residual_deg, rng)).items():
+            count(source, errors)
+    everything = np.arange(TORQUES * RATES)
+    marks = sorted({*np.unique(np.geomspace(2, runs, 30).astype(int)).tolist(), runs})
+    steps = [(n, tallies[TOGETHER].figures(everything, n)) for n in marks]
+    return TorqueUncertainty(
+        device=device.name,
+        full_scale_Nm=device.tau_full_scale_Nm,
+        omega_max_rad_s=device.file.domain.omega_max_rad_s.value,
+        bits=int(device.file.encoder.resolution_bits.value),
+        residual_deg=residual_deg,
+        spread=chosen,
+        runs=runs,
+        seed=seed,
+        clipped=clipped,
+        cells={source: _cells(tally) for source, tally in tallies.items()},
+        convergence=[(n, f) for n, f in steps if f is not None],
+    )
+
+
+class TorqueUncertaintyStudy(Study):
+    """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
+
+    name = "uncertainty"
+    title = "Torque uncertainty"

@@ -1,0 +1,78 @@
+"""Controllers by name: the device that the virtual exoskeleton runs."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+
+from esea_gen.control.laws import LAWS
+from esea_gen.device import Device, load_device
+from esea_gen.devices.file import read_file, shipped_controllers, shipped_devices
+from esea_gen.errors import UserError
+from esea_gen.language.system import System
+from esea_gen.twin.choices import choose
+from esea_gen.twin.trajectories import RATE_HZ
+
+DRIVE = "elbow_drive"  # whose plant the virtual exoskeleton has
+
+
+def controllers() -> list[str]:
+    """Names that a controller may have without a file: configurations, then laws."""
+    return [*sorted(shipped_controllers()), *(n for n in LAWS if n not in shipped_controllers())]
+
+
+def controller_device(controller: str) -> Device:
+    """Device of a controller.
+
+    controller: a name of :func:`controllers` or ``FILE.py:law``, several with a comma between, for
+        the elbow's drive, or behind an ``@`` another device; or a device with a drive alone.
+    """
+    if controller.endswith(".toml") and "@" not in controller or controller in shipped_devices():
+        return _simulated(_device(controller, None, read_file(controller)[0]))
+    names, _, base = controller.partition("@")
+    parts = names.split(",")
+    for part in parts:
+        if not part.endswith(".toml") and ".py:" not in part:
+            choose("controller", part, controllers(), ", or give a device or FILE.py:law")
+    base = base or DRIVE
+    return _simulated(_device(base, names, read_file(base)[0] + "".join(map(_content, parts))))
+
+
+def _simulated(device: Device) -> Device:
+    if not device.laws:
+        raise UserError(
+            f"{device.origin}: the device has no drive to be simulated.",
+            'Write extends = "elbow_drive" in it.',
+        )
+    rate = device.file.timing.sense_rate_Hz.value
+    if rate != RATE_HZ:
+        raise UserError(
+            f"{device.origin}: timing.sense_rate_Hz = {rate:g} Hz; the studies' signals have a "
+            f"sample every {1000 / RATE_HZ:g} ms and would be played at another speed.",
+            f"Simulate a device with {RATE_HZ:g} Hz.",
+        )
+    return device
+
+
+def _content(part: str) -> str:
+    path = Path(part.partition(".py:")[0] + ".py" if ".py:" in part else part)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+# By its content as well: a file may be edited between two runs.  To read one takes longer than to
+# simulate two seconds.
+@lru_cache(maxsize=8)
+def _device(name: str, controller: str | None, _content: str) -> Device:
+    return load_device(name, controller)
+
+
+def controller_system(controller: str) -> System:
+    """System of a controller: which Blocks it has, and their tunables."""
+    return controller_device(controller).system
+
+
+def largest_torque_Nm(device: Device) -> float:
+    """The motor's limit."""
+    assert device.file.actuator is not None
+    return device.file.actuator.u_max_Nm.value

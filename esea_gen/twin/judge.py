@@ -1,0 +1,78 @@
+"""The figures of one run: errors of the true torque and of the sensed one, and how it ended."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from esea_gen.language.ports import Array
+from esea_gen.twin.case import IMPEDANCE, Case
+from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.published import PLANTS
+from esea_gen.twin.trajectories import RATE_HZ
+
+FIGURES = (
+    "rms_true_Nm",
+    "rms_model_Nm",
+    "max_true_Nm",
+    "unstable",
+    "tripped",
+    "fault",
+    "limited_share",
+    "roughness_Nm_s",
+    "largest_desired_Nm",
+    "rms_normalised",
+)
+ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
+
+
+def desired_torque(case: Case, run: ClosedLoopRun) -> Array:
+    """The torque that a case asks for, from the true motion.
+
+    return: in Nm, one a millisecond: in impedance mode the spring and damper on the true angle.
+    """
+    path = case.trajectory
+    if case.mode != IMPEDANCE:
+        return path.tau_desired_Nm
+    gains = case.tunables["reference"]
+    wanted = gains["Kp_Nm_rad"] * (path.theta_p_rad - run.plant["theta_l_rad"])
+    return np.asarray(
+        path.tau_desired_Nm
+        + wanted
+        + gains["Kd_Nms_rad"] * (path.omega_p_rad_s - run.plant["omega_l_rad_s"])
+    )
+
+
+def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
+    """The figures of a run.
+
+    return: ``rms_true_Nm``, ``rms_model_Nm``, ``max_true_Nm``, ``unstable``, ``tripped`` and
+        ``fault`` (1 or 0), the share of samples with the command at the limit, the command's
+        roughness, and ``rms_normalised`` in impedance mode.
+    """
+    w = case.trajectory.window
+    desired = desired_torque(case, run)
+    true, model = run.plant["tau_e_Nm"] - desired, run.controller["tau_Nm"] - desired
+    speed = np.max(np.abs(run.plant["omega_g_rad_s"]))
+    u = run.controller["u_Nm"][w]
+
+    def rms(a: Array) -> float:
+        return float(np.sqrt(np.mean(np.square(a))))
+
+    worst = float(np.max(np.abs(true[w])))
+    limits = PLANTS.unstable
+    out = {
+        "rms_true_Nm": rms(true[w]),
+        "rms_model_Nm": rms(model[w]),
+        "max_true_Nm": worst,
+        "unstable": float(worst > limits.max_true_error_Nm or speed > limits.max_gear_speed_rad_s),
+        "tripped": float(np.max(run.plant["tripped"]) > 0),
+        "fault": float(np.max(run.controller["fault"][w]) > 0),
+        "limited_share": float(np.mean(np.abs(u) >= 0.999 * u_max_Nm)),
+        "roughness_Nm_s": rms(np.diff(u)) * RATE_HZ,
+    }
+    if case.mode == IMPEDANCE:
+        largest = float(np.max(np.abs(desired[w])))
+        out["largest_desired_Nm"] = largest
+        if largest > 0:
+            out["rms_normalised"] = out["rms_true_Nm"] / largest
+    return out
