@@ -53,7 +53,7 @@ class Device(DeviceData):
         super().__init__(file, origin)
         self._laws = laws
         self.controller = controller
-        self.given = origin  # as it was asked for: name or path
+        self.given = origin, controller  # as it was asked for: name or path, controller
 
     @cached_property
     def sensor(self) -> Block:
@@ -116,7 +116,7 @@ def load_device(name_or_path: str | Path, controller: str | None = None) -> Devi
     """
     text, origin = read_file(name_or_path)
     device = _device(text, origin, controller)
-    device.given = str(name_or_path)
+    device.given = str(name_or_path), controller or ""
     return device
 
 

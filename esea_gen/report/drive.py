@@ -318,7 +318,8 @@ def gather_drive(
     say("generating")
     bundles = (*render_device(device, REALS), render_dialect(device))
     shipped = device.name in shipped_devices() and device.origin == f"{device.name}.toml"
-    controller = f"{device.controller}@{device.given}" if device.controller else device.given
+    name, law = device.given
+    controller = f"{law}@{name}" if law else name
 
     def run(experiment: str, which: str) -> Simulation:
         say(f"{experiment}: {which}")

@@ -28,7 +28,7 @@ def controller_device(controller: str) -> Device:
     controller: a name of :func:`controllers` or ``FILE.py:law``, several with a comma between, for
         the elbow's drive, or behind an ``@`` another device; or a device with a drive alone.
     """
-    if controller.endswith(".toml") and "@" not in controller or controller in shipped_devices():
+    if (controller.endswith(".toml") and "@" not in controller) or controller in shipped_devices():
         return _simulated(_device(controller, None, read_file(controller)[0]))
     names, _, base = controller.partition("@")
     parts = names.split(",")
