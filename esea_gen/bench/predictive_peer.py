@@ -22,7 +22,7 @@ from esea_gen.control.horizon import Horizon, Model, linearise
 from esea_gen.control.predictive import predictive_program
 from esea_gen.control.predictive_drive import drive_model
 from esea_gen.control.predictive_system import device_horizon
-from esea_gen.emit.program_c import render_program
+from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary, compile_sources
 from esea_gen.language.block import Array
 from esea_gen.studies.experiments import EXPERIMENTS, controller_device

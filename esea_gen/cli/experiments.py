@@ -119,7 +119,7 @@ def simulate(
     figure: FigureOption = None,
 ) -> None:
     """Run an experiment of the thesis: a controller's C against the virtual exoskeleton."""
-    from esea_gen.emit.formats import ALL_FORMATS
+    from esea_gen.emit.formats import FORMATS
     from esea_gen.studies.experiments import EXPERIMENTS, Setting, default_person
     from esea_gen.studies.experiments import simulate as run
 
@@ -127,7 +127,7 @@ def simulate(
         raise UserError(
             f"Unknown experiment '{experiment}'.", f"Choose from {', '.join(EXPERIMENTS)}."
         )
-    (real,) = chosen_formats([real], ALL_FORMATS)
+    (real,) = chosen_formats([real], FORMATS)
     who = person or default_person(experiment, plant)
     with counted(f"{experiment}, {controller}") as tell:
         result = run(

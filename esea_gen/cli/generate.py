@@ -19,9 +19,9 @@ from esea_gen.errors import UserError
 def _bundles(device: Device, real: list[str] | None) -> list[Any]:
     from esea_gen.emit.build import render_device
     from esea_gen.emit.dialect import render_dialect
-    from esea_gen.emit.formats import ALL_FORMATS
+    from esea_gen.emit.formats import FORMATS
 
-    bundles = render_device(device, chosen_formats(real, ALL_FORMATS))
+    bundles = render_device(device, chosen_formats(real, FORMATS))
     if real is None:
         bundles.append(render_dialect(device))
     return bundles

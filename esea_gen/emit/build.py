@@ -15,9 +15,9 @@ from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.devices.file import shipped_devices
-from esea_gen.emit.fixed.values import LoweringError
-from esea_gen.emit.formats import ALL_FORMATS, FORMATS
+from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer, content_hash, versions
+from esea_gen.emit.walker import UnsupportedOperationError
 from esea_gen.errors import UserError
 
 MANIFEST = "manifest.json"
@@ -55,9 +55,9 @@ def device_hash(device: Device, real: str = "") -> str:
     str
         16 hexadecimal digits.
     """
-    formats = dict.fromkeys([*FORMATS, real] if real else FORMATS)
+    formats = dict.fromkeys([*DEFAULT_FORMATS, real] if real else DEFAULT_FORMATS)
     return content_hash(
-        device.system, device.digest, device.title, [ALL_FORMATS[name] for name in formats]
+        device.system, device.digest, device.title, [FORMATS[name] for name in formats]
     )
 
 
@@ -76,7 +76,7 @@ def format_hash(device: Device, real: str) -> str:
     str
         The device's own for the default formats; else one that covers this format's text too.
     """
-    return device_hash(device) if real in FORMATS else device_hash(device, real)
+    return device_hash(device) if FORMATS[real].default else device_hash(device, real)
 
 
 def build_command(device: Device) -> str:
@@ -118,18 +118,17 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
     """
     bundles = []
     for real in reals:
-        if real not in ALL_FORMATS:
+        if real not in FORMATS:
             raise UserError(
-                f"Unknown number format '{real}'.", f"Choose from {', '.join(ALL_FORMATS)}."
+                f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}."
             )
         command = f"{build_command(device)} --real {real}"
         try:
             digest = format_hash(device, real)
-            files = Renderer(
-                device.system, ALL_FORMATS[real], digest, command, device.title
-            ).files()
-        except LoweringError as error:
-            raise UserError(f"{device.origin}: {error}", "--real f32 has no such limit.") from None
+            files = Renderer(device.system, FORMATS[real], digest, command, device.title).files()
+        except UnsupportedOperationError as error:
+            others = " or ".join(f"--real {name}" for name in DEFAULT_FORMATS if name != real)
+            raise UserError(f"{device.origin}: {error}", f"Try {others}.") from None
         bundles.append(Bundle(real, files | _manifest(device, digest, real, command, files)))
     return bundles
 

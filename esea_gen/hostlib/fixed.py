@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.emit.fixed.naming import Naming
+from esea_gen.emit.fixed.naming import FixedNaming
 from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.fixed.search import plan_block, raw_tunable
 from esea_gen.hostlib.library import Array, CBoard, CRunner
@@ -166,7 +166,7 @@ def fixed_block(library: HostLibrary, name: str) -> FixedRunner:
 def fixed_task(library: HostLibrary, name: str) -> FixedRunner:
     """A compiled q31 task."""
     system, prefix = library.system, library.prefix
-    task, naming = system.task(name), Naming(system, fixed=True)
+    task, naming = system.task(name), FixedNaming(system)
     inputs, outputs = (
         [Field(x.name, naming.external(x), naming.external_field(x)) for x in group]
         for group in (system.task_inputs(task), system.task_outputs(task))
@@ -184,7 +184,7 @@ class FixedBoard(CBoard):
     def __init__(
         self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
     ) -> None:
-        blocks, self._naming = library.system.blocks, Naming(library.system, fixed=True)
+        blocks, self._naming = library.system.blocks, FixedNaming(library.system)
         raw = {
             instance: dict(raw_tunable(blocks[instance], k, v) for k, v in values.items())
             for instance, values in (tunables or {}).items()

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.fixed.search import raw_tunable
-from esea_gen.emit.formats import ALL_FORMATS
+from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Port
@@ -632,7 +632,7 @@ def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> Host
     HostLibrary
         Loaded.
     """
-    return HostLibrary(system, Renderer(system, ALL_FORMATS[real], "-", "-", system.name), flags)
+    return HostLibrary(system, Renderer(system, FORMATS[real], "-", "-", system.name), flags)
 
 
 def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> HostLibrary:
@@ -653,5 +653,5 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
         Loaded.
     """
     digest = format_hash(device, real)
-    renderer = Renderer(device.system, ALL_FORMATS[real], digest, "-", device.title)
+    renderer = Renderer(device.system, FORMATS[real], digest, "-", device.title)
     return HostLibrary(device.system, renderer, flags)

@@ -467,6 +467,11 @@ class Block:
     facts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     solved: Mapping[str, Solved] = field(default_factory=dict)
 
+    @property
+    def kind(self) -> str:
+        """``block``: one straight-line step; a Program's is ``program``."""
+        return "block"
+
     @classmethod
     def define(
         cls,

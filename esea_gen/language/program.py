@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
@@ -46,7 +46,6 @@ from esea_gen.language.statements import (
 )
 
 if TYPE_CHECKING:
-    from esea_gen.emit.formats import Format
     from esea_gen.language.program_run import ProgramSimulator
 
 
@@ -84,6 +83,11 @@ class Program:
     init: ca.Function = field(repr=False)
     memory: Mapping[str, Memory] = field(repr=False)
     parts: Mapping[str, Part] = field(repr=False)
+
+    @property
+    def kind(self) -> str:
+        """``program``: a body of loops."""
+        return "program"
 
     @classmethod
     def define(
@@ -214,28 +218,6 @@ class Program:
                 if isinstance(s, Call):
                     found.setdefault(id(s.kernel), s.kernel)
         return {f"k{i}_{f.name()}": f for i, f in enumerate(found.values(), 1)}
-
-    def emit(self, fmt: Format) -> Any:
-        """Print it: what :func:`esea_gen.emit.render.emit_block` hands over to.
-
-        Parameters
-        ----------
-        fmt : Format
-            Number format, f64 or f32.
-
-        Returns
-        -------
-        EmittedProgram
-            For the template that it names.
-
-        Raises
-        ------
-        UserError
-            For another number format.
-        """
-        from esea_gen.emit.program_c import emit_program
-
-        return emit_program(self, fmt)
 
     def default_tunables(self) -> dict[str, float]:
         """Default of every tunable."""

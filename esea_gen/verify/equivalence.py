@@ -31,8 +31,9 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.formats.f64 import reference_c
 from esea_gen.emit.ranges import Bound, RangeError, block_bound
-from esea_gen.emit.render import reference_c, template_folder
+from esea_gen.emit.render import template_folder
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_sources
 from esea_gen.language.block import Array, Block, Flag, Port
