@@ -80,7 +80,7 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
     tunable = block.tunables[0]
 
     def text(group: str, name: str, value: float) -> str:
-        return fmt.literal(fmt.field_value(block, group, name, value))
+        return fmt.literal(naming.number(block, group, name, value))
 
     context: dict[str, Any] = {
         "title": PROGRAMS[program],

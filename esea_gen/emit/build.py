@@ -21,6 +21,8 @@ from esea_gen.emit.walker import UnsupportedOperationError
 from esea_gen.errors import UserError
 
 MANIFEST = "manifest.json"
+# Formats beside the default ones that a shipped device is built in, and its output compared in.
+FURTHER_FORMATS = {"elbow_drive": ("q31",)}
 
 
 @dataclass(frozen=True)
@@ -92,8 +94,28 @@ def build_command(device: Device) -> str:
     str
         With the short name for shipped devices, the file's name for others.
     """
-    shipped = device.origin == f"{device.name}.toml" and device.name in shipped_devices()
-    return f"esea-gen build {device.name if shipped else device.origin}"
+    return f"esea-gen build {device.name if _is_shipped(device) else device.origin}"
+
+
+def _is_shipped(device: Device) -> bool:
+    return device.origin == f"{device.name}.toml" and device.name in shipped_devices()
+
+
+def device_formats(device: Device) -> list[str]:
+    """Number formats that a device is built in where none is named.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+
+    Returns
+    -------
+    list of str
+        The default ones, and for some shipped devices others.
+    """
+    further = FURTHER_FORMATS.get(device.name, ()) if _is_shipped(device) else ()
+    return [*DEFAULT_FORMATS, *further]
 
 
 def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:

@@ -46,6 +46,22 @@ class Naming:
         """
         return text
 
+    def number(self, block: Block, group: str, name: str, value: float) -> float:
+        """What a Block's field holds for a value inside the port's range, in its unit."""
+        return value
+
+    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
+        """C field of a tunable, and what it holds for any value in its unit."""
+        return name, value
+
+    def fraction(self, block: Block, group: str, name: str) -> int | None:
+        """Fraction bits of a Block's field; None where it is in units."""
+        return None
+
+    def external_fraction(self, external: External) -> int | None:
+        """Fraction bits of an external value's field; None where it is in units."""
+        return None
+
     def from_units(self, external: External, text: str) -> str:
         """C expression of a double in the external value's unit as a number of its field."""
         return f"({self.c_type}){text}"

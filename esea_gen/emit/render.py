@@ -198,6 +198,7 @@ class Renderer:
             "cname": self.naming.field,
             "xname": self.naming.external,
             "lname": self.naming.latch,
+            "external_fraction": self.naming.external_fraction,
             "literal": self.literal,
             "port_text": self.port_text,
             "feed": self.feed,
@@ -217,7 +218,7 @@ class Renderer:
 
     def literal(self, block: Block, group: str, port: Any, value: float) -> str:
         """C literal of a port's value."""
-        return self.fmt.literal(self.fmt.field_value(block, group, port.name, value))
+        return self.fmt.literal(self.naming.number(block, group, port.name, value))
 
     def port_text(self, port: Any, block: Block | None = None, group: str = "") -> str:
         """What a header says of a port."""

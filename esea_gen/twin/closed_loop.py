@@ -268,8 +268,8 @@ class ClosedLoop:
                     )
                 field, number = key, known[instance, key].taken(float(value))
                 if system is self.controller:
-                    fmt = self._control.fmt
-                    field, number = fmt.tunable(system.blocks[instance], key, number)
+                    naming = self._control.naming
+                    field, number = naming.tunable(system.blocks[instance], key, number)
                 setattr(getattr(params, instance), field, number)
         refused = int(getattr(self._lib, f"{prefix}_prepare")(params, coeffs))
         if refused:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from esea_gen.emit.fixed.plan import FieldPlan, field_name
 from esea_gen.emit.fixed.render import field_text
-from esea_gen.emit.fixed.search import plan_block
+from esea_gen.emit.fixed.search import plan_block, raw_tunable
 from esea_gen.emit.naming import Naming
 from esea_gen.language.block import Block, Port
 from esea_gen.language.system import External, Latch, Signal, System
@@ -64,6 +64,22 @@ class FixedNaming(Naming):
         if moved > 0:
             return f"esea_q31_saturate({text} * (INT64_C(1) << {moved}))"
         return text
+
+    def number(self, block: Block, group: str, name: str, value: float) -> float:
+        """Raw number of a value inside the port's range."""
+        return plan_block(block).field(group, name).raw(value)
+
+    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
+        """C field and raw number of any value."""
+        return raw_tunable(block, name, value)
+
+    def fraction(self, block: Block, group: str, name: str) -> int | None:
+        """Fraction bits of a Block's field."""
+        return plan_block(block).field(group, name).fraction
+
+    def external_fraction(self, external: External) -> int | None:
+        """Fraction bits of an external value's field; None for a status word."""
+        return None if external.port.flags else self.external_field(external).fraction
 
     def from_units(self, external: External, text: str) -> str:
         """C expression of the raw number nearest to a double."""

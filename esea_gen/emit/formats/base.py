@@ -67,14 +67,6 @@ class Format(ABC):
     def sources(self) -> tuple[Path, ...]:
         """Headers and sources that travel with the emitted C."""
 
-    def field_value(self, block: Block, group: str, name: str, value: float) -> float:
-        """A value of a port, in its unit, as the number that its field holds."""
-        return value
-
-    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
-        """C field of a tunable, and the number that stands there for a value in its unit."""
-        return name, value
-
     def reference(self, system: System) -> dict[str, str]:
         """C by another generator that ships beside ours, to compare with; by relative path."""
         return {}

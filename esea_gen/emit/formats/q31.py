@@ -13,7 +13,7 @@ from esea_gen.emit.fixed.functions import source_files
 from esea_gen.emit.fixed.lowering import rewrite
 from esea_gen.emit.fixed.naming import FixedNaming
 from esea_gen.emit.fixed.render import print_lowered
-from esea_gen.emit.fixed.search import plan_block, raw_tunable
+from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, early_stores
@@ -84,13 +84,16 @@ class Q31(Format):
         """Arithmetic and functions in whole numbers, and the tables that they share with f32."""
         return source_files()
 
-    def field_value(self, block: Block, group: str, name: str, value: float) -> float:
-        """Raw number of a value."""
-        return plan_block(block).field(group, name).raw(value)
+    def templates(self, prefix: str) -> dict[str, str]:
+        """The tasks with numbers in units, and bound to the device's messages."""
+        return {
+            f"{prefix}_units.h": "device/esea_units.h.j2",
+            self.link_header(prefix): "device/esea_units_link.h.j2",
+        }
 
-    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
-        """C field and raw number of a tunable's value."""
-        return raw_tunable(block, name, value)
+    def link_header(self, prefix: str) -> str:
+        """The dialect's binding over numbers in units."""
+        return f"{prefix}_units_link.h"
 
     def example(self, naming: Naming, example: Mapping[str, Any]) -> dict[str, Any]:
         """The stream as raw numbers."""
