@@ -19,7 +19,13 @@ from esea_gen.cli import app
 from esea_gen.device import copy_device, parse_device
 from esea_gen.devices.fields import SCHEMA_FILE
 from esea_gen.devices.file import json_schema, shipped_devices
-from esea_gen.emit.build import device_hash, differences, render_device, write_bundles
+from esea_gen.emit.build import (
+    device_formats,
+    device_hash,
+    differences,
+    render_device,
+    write_bundles,
+)
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
@@ -114,7 +120,8 @@ def test_these_are_all():
 def test_a_drive_reads_back_equal_and_its_committed_output_is_current(name):
     drive = esea_gen.load_device(name)
     assert parse_device(drive.toml(), "again.toml").digest == drive.digest
-    bundles = [*render_device(drive, ["f64", "f32"]), render_dialect(drive)]
+    assert device_formats(drive) == ["f64", "f32", "q31"]
+    bundles = [*render_device(drive, device_formats(drive)), render_dialect(drive)]
     assert differences(bundles, ROOT / "generated" / name) == []
     assert conforms(tomllib.loads(drive.toml()), json_schema()) == []
     # The file as it is written gives only what differs from the device that it extends.
@@ -134,7 +141,8 @@ def test_it_reads_back_equal_and_has_its_file_name(device):
 
 
 def test_the_committed_output_is_current(device):
-    bundles = [*render_device(device, ["f64", "f32"]), render_dialect(device)]
+    assert device_formats(device) == ["f64", "f32"]
+    bundles = [*render_device(device, device_formats(device)), render_dialect(device)]
     assert differences(bundles, ROOT / "generated" / device.name) == []
 
 

@@ -418,7 +418,7 @@ def test_the_folder_is_written_and_stands_alone(elbow, tmp_path):
     assert differences(bundles, tmp_path) == []
     folder = tmp_path / "q31"
     text = "".join(p.read_text() for p in folder.glob("*.c")) + "".join(
-        p.read_text() for p in folder.glob("esea_elbow*.h")
+        p.read_text() for p in folder.glob("esea_elbow*.h") if "_units" not in p.name
     )
     assert not re.search(
         r"\b(float|double)\b(?![^\n]*\*)", re.sub(r"/\*.*?\*/", "", text, flags=re.S)
