@@ -130,36 +130,52 @@ def example_stream(system: System) -> dict[str, Any]:
     """The example program's input and what it must give, from the symbolic System.
 
     The first input is a triangle on a lattice of a power of two, so that it is exact in every
-    format; the others are 0.
+    format: round zero, or, of a count, round a quarter of its range in steps of one.  The others
+    are 0, or, where they are the same kind of count, stay where the triangle starts.
 
-    return: ``shift`` (lattice 2**-shift), ``peak`` (counts), ``steps``, ``samples``, ``input``,
-        ``output`` and ``others`` (the inputs held at 0).
+    return: ``shift`` (lattice 2**-shift), ``peak`` (in steps of it), ``start``, ``steps``,
+        ``samples``, ``input``, ``output`` (the first that moves), ``others`` and ``held`` (what
+        these are held at, by name).
     """
     task = system.tasks[0]
     source, *others = system.task_inputs(task)
-    held = {x.name: 0.0 if x.port.size == 1 else [0.0] * x.port.size for x in others}
-    result = system.task_outputs(task)[0]
-    simulator = system.simulator()
-    reach = 0.5 * min(source.port.high, -source.port.low)
+    low, high = source.port.low, source.port.high
+    start = round(low + 0.25 * (high - low)) if low >= 0 else 0
+    reach = 0.5 * min(high - start, start - low)
     shift = 8 - math.frexp(reach)[1]
-    peak = int(reach * 2.0**shift)
+    shift = max(shift, 0) if low >= 0 else shift
+    peak = min(int(reach * 2.0**shift), 255)
     steps = 4 * peak
-    samples = []
+
+    def alike(port: Port) -> bool:
+        return (port.unit, port.low, port.high) == (source.port.unit, low, high)
+
+    held = {x.name: float(start) if alike(x.port) else 0.0 for x in others}
+    given = {
+        x.name: held[x.name] if x.port.size == 1 else [held[x.name]] * x.port.size for x in others
+    }
+    simulator = system.simulator()
+    seen = []
     for k in range(steps):
-        value = triangle(k, peak) * 2.0**-shift
-        out = simulator.step(task.name, **{source.name: value}, **held)
+        value = start + triangle(k, peak) * 2.0**-shift
+        out = simulator.step(task.name, **{source.name: value}, **given)
         if k % (steps // 12) == steps // 24:
-            samples.append(ExampleSample(k, round(out[result.name], 6)))
+            seen.append((k, out))
+    results = [x for x in system.task_outputs(task) if x.port.size == 1]
+    moving = [x for x in results if len({out[x.name] for _, out in seen}) > 1 and not x.port.flags]
+    result = (moving or results)[0]
     return {
         "shift": shift,
         "peak": peak,
+        "start": start,
         "steps": steps,
-        "samples": samples,
+        "samples": [ExampleSample(k, round(out[result.name], 6)) for k, out in seen],
         # Far above float32's rounding at any torque scale, far below what a wrong number does.
         "tolerance": float(f"{1e-5 * result.port.high:.1g}"),
         "task": task,
         "input": source,
         "others": others,
+        "held": held,
         "output": result,
     }
 

@@ -85,5 +85,6 @@ class Format(ABC):
         example: as ``emit.render.example_stream`` gives it, in units.
         return: the same with ``given``: C expression of the input at step ``k``.
         """
-        scale = self.literal(2.0 ** -example["shift"])
-        return {**example, "given": f"({self.c_type})triangle(k) * {scale}"}
+        scale, start = self.literal(2.0 ** -example["shift"]), example["start"]
+        more = f" + {self.literal(start)}" if start else ""
+        return {**example, "given": f"({self.c_type})triangle(k) * {scale}{more}"}

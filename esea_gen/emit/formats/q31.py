@@ -107,9 +107,14 @@ class Q31(Format):
                 "Narrow the range of the first input.",
             )
         made = naming.external_field(result)
+        more = f" + {example['start'] << fraction}" if example["start"] else ""
         return {
             **example,
-            "given": f"triangle(k) * {1 << (fraction - example['shift'])}",
+            "given": f"triangle(k) * {1 << (fraction - example['shift'])}{more}",
+            "held": {
+                x.name: naming.external_field(x).raw(example["held"][x.name])
+                for x in example["others"]
+            },
             "samples": [replace(s, expected=made.raw(s.expected)) for s in example["samples"]],
             # Ten times what single precision gets: half a percent of a percent of the range.
             "tolerance": made.raw(5e-5 * result.port.high),
