@@ -144,6 +144,8 @@ class Board:
     name: name, of its folder in ``firmware/boards`` too, if it has one.
     machine: QEMU's name of it; empty for the host itself.
     code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
+    real: number format of the firmware's control code.
+    tick_instructions: instructions that a tick of its timer stands for in QEMU.
     uses: what it serves beside the firmware: ``instructions`` of a step counted in the benchmarks,
         ``bits`` of fixed point and float held against the host.
     flags, app_flags, link: beside the processor's; of all files, of the application's, of the
@@ -158,6 +160,8 @@ class Board:
     code_bytes: int = 0
     ram: int = 0x20000000
     ram_bytes: int = 0
+    real: str = "f32"
+    tick_instructions: int = 1
     uses: tuple[Use, ...] = ()
     flags: tuple[str, ...] = ()
     app_flags: tuple[str, ...] = ()
@@ -213,6 +217,8 @@ BOARDS = {
             "mps2-an385",
             code_bytes=4 * _MB,
             ram_bytes=4 * _MB,
+            real="q31",
+            tick_instructions=40,  # its timer counts at 25 MHz, an instruction takes 1 ns
             uses=("bits",),
         ),
         Board(

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.control.box_qp import FLAGS, box_qp, iteration_cap
-from esea_gen.emit.program_c import render_program
+from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.hostlib.runner import CRunner

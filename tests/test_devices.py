@@ -19,7 +19,13 @@ from esea_gen.cli import app
 from esea_gen.device import copy_device, parse_device
 from esea_gen.devices.fields import SCHEMA_FILE
 from esea_gen.devices.file import json_schema, shipped_devices
-from esea_gen.emit.build import device_hash, differences, render_device, write_bundles
+from esea_gen.emit.build import (
+    device_formats,
+    device_hash,
+    differences,
+    render_device,
+    write_bundles,
+)
 from esea_gen.emit.dialect import render_dialect, without_core
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
@@ -110,7 +116,8 @@ def test_these_are_all():
 def test_a_drive_reads_back_equal_and_its_committed_output_is_current(name):
     drive = esea_gen.load_device(name)
     assert parse_device(drive.toml(), "again.toml").digest == drive.digest
-    bundles = [*render_device(drive, ["f64", "f32"]), without_core(render_dialect(drive))]
+    assert device_formats(drive) == ["f64", "f32", "q31"]
+    bundles = [*render_device(drive, device_formats(drive)), without_core(render_dialect(drive))]
     assert differences(bundles, ROOT / "generated" / name) == []
     assert conforms(tomllib.loads(drive.toml()), json_schema()) == []
     # The file as it is written gives only what differs from the device that it extends.
@@ -130,19 +137,34 @@ def test_it_reads_back_equal_and_has_its_file_name(device):
 
 
 def test_the_committed_output_is_current(device):
-    bundles = [*render_device(device, ["f64", "f32"]), without_core(render_dialect(device))]
+    assert device_formats(device) == ["f64", "f32"]
+    bundles = [*render_device(device, device_formats(device)), without_core(render_dialect(device))]
     assert differences(bundles, ROOT / "generated" / device.name) == []
+
+
+def example_says(device, real, folder) -> str:
+    require_tool("gcc")
+    write_bundles(render_device(device, [real]), folder)
+    sources = sorted(str(p) for p in (folder / real).glob("*.c"))
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", *STRICT]
+    subprocess.run(["gcc", *flags, *sources, "-o", "example", "-lm"], cwd=folder, check=True)
+    done = subprocess.run(["./example"], cwd=folder, capture_output=True, text=True, check=True)
+    return done.stdout
 
 
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_the_example_compiles_strictly_and_agrees(device, real, tmp_path):
-    require_tool("gcc")
-    write_bundles(render_device(device, [real]), tmp_path)
-    sources = sorted(str(p) for p in (tmp_path / real).glob("*.c"))
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", *STRICT]
-    subprocess.run(["gcc", *flags, *sources, "-o", "example", "-lm"], cwd=tmp_path, check=True)
-    done = subprocess.run(["./example"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert "12 of 12 samples agree" in done.stdout
+    assert "12 of 12 samples agree" in example_says(device, real, tmp_path)
+
+
+@pytest.mark.parametrize("real", ["f64", "f32", "q31"])
+def test_the_example_of_a_drive_turns_the_motor_and_agrees(real, tmp_path):
+    said = example_says(esea_gen.load_device("elbow_drive"), real, tmp_path)
+    assert "12 of 12 samples agree" in said
+    # The load's count stays: a torque of each sign, and back.
+    torques = [float(line.split()[2]) for line in said.splitlines()[2:14]]
+    assert max(torques) > 10 * abs(torques[0])
+    assert min(torques) < -10 * abs(torques[-1])
 
 
 # The elbow: test_equivalence.  The wrist's f32 has the elbow's bits: below.

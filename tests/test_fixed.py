@@ -117,9 +117,13 @@ def test_any_bit_pattern_in_any_input_and_state(elbow, elbow_q31, data):
             assert np.array_equal(got, value), name
 
 
+GAINS = ((-2, 2), (-0.7, 0.7), (0.2, 3))
+
+
 @given(
     seed=st.integers(0, 2**32 - 1),
-    gains=st.tuples(st.floats(-2, 2), st.floats(-0.7, 0.7), st.floats(0.2, 3)),
+    # To six places: an argument of tanh below 1e-14 has no format, and is refused.
+    gains=st.tuples(*(st.floats(*r).map(lambda v: round(v, 6)) for r in GAINS)),
 )
 @example(seed=0, gains=(0.0, 5e-324, 1.0))
 @settings(max_examples=25, deadline=None)
@@ -416,7 +420,7 @@ def test_the_folder_is_written_and_stands_alone(elbow, tmp_path):
     assert differences(bundles, tmp_path) == []
     folder = tmp_path / "q31"
     text = "".join(p.read_text() for p in folder.glob("*.c")) + "".join(
-        p.read_text() for p in folder.glob("esea_elbow*.h")
+        p.read_text() for p in folder.glob("esea_elbow*.h") if "_units" not in p.name
     )
     assert not re.search(
         r"\b(float|double)\b(?![^\n]*\*)", re.sub(r"/\*.*?\*/", "", text, flags=re.S)

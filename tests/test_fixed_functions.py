@@ -9,7 +9,7 @@ from fractions import Fraction
 import cffi
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from esea_gen.emit.fixed import functions
@@ -22,6 +22,9 @@ INT62 = st.integers(-(2**62) + 1, 2**62 - 1)
 
 WRAPPERS = """
 #include "esea_q31.h"
+#include "esea_q31_units.h"
+int32_t t_from_float(float x, int n) { return esea_q31_from_float(x, n); }
+float t_to_float(int32_t raw, int n) { return esea_q31_to_float(raw, n); }
 int32_t t_round32(int32_t x, int s) { return esea_q31_round(x, s); }
 int64_t t_round64(int64_t x, int s) { return esea_q63_round(x, s); }
 int32_t t_mul(int32_t a, int32_t b, int s) { return esea_q31_mul(a, b, s); }
@@ -36,6 +39,7 @@ int32_t t_round32(int32_t, int); int64_t t_round64(int64_t, int);
 int32_t t_mul(int32_t, int32_t, int); int64_t t_mul_q31(int64_t, int32_t, int);
 int64_t t_mul64(int64_t, int64_t, int); int64_t t_wide(int32_t, int32_t);
 int32_t t_from(double, int); double t_to(int32_t, int);
+int32_t t_from_float(float, int); float t_to_float(int32_t, int);
 int64_t esea_q63_divide(int64_t, int64_t, int, int64_t, int64_t);
 int64_t esea_q63_pow(int64_t, int, int32_t, int, int64_t);
 int32_t esea_q31_pow(int32_t, int, int32_t, int, int32_t);
@@ -57,6 +61,25 @@ def lib(request):
     ffi = cffi.FFI()
     ffi.cdef(DECLARATIONS)
     return ffi.dlopen(str(compile_sources(files, request.param)))
+
+
+@given(
+    x=st.one_of(st.floats(width=32), st.floats(-4, 4, width=32), st.integers(-(2**31), 2**31 - 1)),
+    n=st.integers(0, 31),
+)
+@example(x=0.49999997, n=0)  # a sum with 0.5 would round it up
+@example(x=-8388607.5, n=0)
+@example(x=2147483520.0, n=0)  # the largest that fits
+@example(x=-2147483648.0, n=0)
+@example(x=1e-45, n=31)
+@settings(max_examples=400, deadline=None)
+def test_single_precision_to_raw_numbers_and_back(lib, x, n):
+    x = float(np.float32(x))
+    scaled = Fraction(x) * 2**n if math.isfinite(x) else Fraction(2**40)
+    nearest = math.floor(abs(scaled) + Fraction(1, 2)) * (1 if scaled >= 0 else -1)
+    raw = nearest if abs(scaled) < 2**31 - 1 else -(2**31)
+    assert lib.t_from_float(x, n) == raw == lib.t_from(x, n)
+    assert lib.t_to_float(raw, n) == float(np.float32(raw / 2**n))
 
 
 def floor_shift(value: int, shift: int) -> int:

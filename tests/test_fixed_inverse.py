@@ -172,11 +172,11 @@ def test_a_set_point_off_the_exact_one_is_flagged(elbow):
 
 
 def _recompiled(system, files):
-    from esea_gen.emit.formats import ALL_FORMATS
+    from esea_gen.emit.formats import FORMATS
     from esea_gen.emit.render import Renderer
     from esea_gen.hostlib.library import HostLibrary
 
-    renderer = Renderer(system, ALL_FORMATS["q31"], "-", "-", system.name)
+    renderer = Renderer(system, FORMATS["q31"], "-", "-", system.name)
     renderer.files = lambda: files
     return HostLibrary(system, renderer)
 

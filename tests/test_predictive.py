@@ -16,7 +16,7 @@ from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import FLAGS, predictive_program
 from esea_gen.control.predictive_drive import SMOOTH_RAD, SMOOTH_RAD_S, predictive_controller
 from esea_gen.device import load_device, parse_device
-from esea_gen.emit.program_c import render_program
+from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.hostlib.runner import CRunner

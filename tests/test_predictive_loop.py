@@ -24,7 +24,7 @@ from esea_gen.control.horizon import Horizon
 from esea_gen.control.predictive_drive import drive_model, predictive_controller
 from esea_gen.control.shown import with_state_as_output
 from esea_gen.device import load_device
-from esea_gen.emit.program_c import render_program
+from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy

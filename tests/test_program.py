@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.emit.program_c import loop_lines, loop_totals, render_program
+from esea_gen.emit.program_c import loop_lines, loop_totals
+from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from esea_gen.emit.formats import FORMATS, print_kernel
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.formats.floating import print_kernel
 from esea_gen.emit.walker import UnsupportedOperationError, fuse_selects, walk
 
 

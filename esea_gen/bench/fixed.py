@@ -17,7 +17,7 @@ from esea_gen.bench.row import Row
 from esea_gen.device import Device
 from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.fixed.search import plan_block
-from esea_gen.emit.formats import ALL_FORMATS
+from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import from_raw, to_raw
@@ -73,29 +73,28 @@ def hand_constants(device: Device) -> dict[str, int]:
 
 def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, str]:
     real = "f32" if program == "f32" else "q31"
-    chosen, fmt, hand = BARE_BOARDS[board], ALL_FORMATS[real], program == "hand"
+    chosen, fmt, hand = BARE_BOARDS[board], FORMATS[real], program == "hand"
     renderer = Renderer(device.system, fmt, "-", "-", device.title)
     naming, block = renderer.naming, device.velocity
     port = {p.name: p for p in (*block.inputs, *block.outputs)}
     tunable = block.tunables[0]
-    fields = plan_block(block)
-    fraction = fields.field("in", "theta_rad").fraction
-    raw = [str(int(v)) for v in to_raw(theta, fraction)]
+
+    def text(group: str, name: str, value: float) -> str:
+        return fmt.literal(naming.number(block, group, name, value))
+
     context: dict[str, Any] = {
         "title": PROGRAMS[program],
         "hand": hand,
         "stem": f"{renderer.prefix}_{block.name}",
-        "c_type": "int32_t" if real == "q31" else "float",
-        "rows": raw if real == "q31" else [fmt.literal(float(v)) for v in theta],
+        "c_type": fmt.c_type,
+        "rows": [text("in", "theta_rad", float(v)) for v in theta],
         "names": {
             "theta": naming.field(block, "in", port["theta_rad"]),
             "omega": naming.field(block, "out", port["omega_rad_s"]),
             "omega_mid": naming.field(block, "out", port["omega_mid_rad_s"]),
             "bandwidth": naming.field(block, "params", tunable),
         },
-        "bandwidth": fields.field("params", tunable.name).raw(tunable.default)
-        if real == "q31"
-        else fmt.literal(tunable.default),
+        "bandwidth": text("params", tunable.name, tunable.default),
         "stack_top": 0x20000000 + chosen.ram_bytes,
         "board": chosen.machine,
         "flash_bytes": chosen.code_bytes,

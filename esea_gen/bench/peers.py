@@ -23,7 +23,8 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.render import Renderer, reference_c
+from esea_gen.emit.formats.f64 import reference_c
+from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources, find_compiler
 from esea_gen.language.block import Block

@@ -29,7 +29,8 @@ from esea_gen.control.box_qp import box_qp
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive_drive import predictive_controller
-from esea_gen.emit.program_c import ProgramRenderer, loop_lines, render_program
+from esea_gen.emit.program_c import loop_lines
+from esea_gen.emit.program_render import ProgramRenderer, render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
@@ -107,7 +108,7 @@ def cost_on(program: Program, core: str) -> Cost:
     """Bound, stack and memory of a program's f32 step on one core, from its object code."""
     renderer = render_program(program, "f32")
     source = f"{renderer.prefix}_{program.name}.c"
-    loops = renderer.emitted[program.name].loops  # type: ignore[attr-defined]
+    loops = renderer.emitted[program.name].loops  # type: ignore[union-attr]
     with tempfile.TemporaryDirectory() as scratch:
         elf = _build(renderer, Path(scratch), core, _entry(renderer))
         text = (Path(scratch) / source).read_text(encoding="utf-8")

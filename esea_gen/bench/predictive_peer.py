@@ -22,7 +22,7 @@ from esea_gen.control.horizon import Horizon, Model, linearise
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive import predictive_program
 from esea_gen.control.predictive_drive import drive_model
-from esea_gen.emit.program_c import render_program
+from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array

@@ -83,9 +83,7 @@ def emulate(
         deflections = {"chirp in the domain": domain_chirp(loaded)}
     results = emulate_deflections(loaded, board, deflections)
     for name, r in results.items():
-        same = (
-            "same bits as the host's f32" if r["identical"] else f"DIFFERS {r['first_difference']}"
-        )
+        same = "same bits as the host's" if r["identical"] else f"DIFFERS {r['first_difference']}"
         n = r["instructions"] or dict.fromkeys(("min", "median", "max"), "not counted")
         out.print(
             f"{name}: {r['steps']} steps, {same}; instructions per step "

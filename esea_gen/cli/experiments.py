@@ -73,14 +73,14 @@ def simulate(
 ) -> None:
     """Run a study: a controller's C against the virtual exoskeleton, as in the thesis or yours."""
     from esea_gen.analysis.campaign import Workers
-    from esea_gen.emit.formats import ALL_FORMATS
+    from esea_gen.emit.formats import FORMATS
     from esea_gen.studies.registry import load_study
     from esea_gen.studies.simulation import ClosedLoopStudy, default_person
     from esea_gen.studies.simulation import simulate as run
     from esea_gen.twin.case import Setting
 
     few = jobs == -1 and runs * len(load_study(study, ClosedLoopStudy).cases()) <= FEW_RUNS
-    (real,) = chosen_formats([real], ALL_FORMATS)
+    (real,) = chosen_formats([real], FORMATS)
     who = person or default_person(study, plant)
     with counted(f"{study}, {controller}") as tell:
         result = run(

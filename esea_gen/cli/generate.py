@@ -19,11 +19,11 @@ GENERATED = Path("generated")
 
 
 def _bundles(device: Device, real: list[str] | None) -> list[Any]:
-    from esea_gen.emit.build import render_device
+    from esea_gen.emit.build import device_formats, render_device
     from esea_gen.emit.dialect import render_dialect
-    from esea_gen.emit.formats import ALL_FORMATS
+    from esea_gen.emit.formats import FORMATS
 
-    bundles = render_device(device, chosen_formats(real, ALL_FORMATS))
+    bundles = render_device(device, chosen_formats(real or device_formats(device), FORMATS))
     if real is None:
         bundles.append(render_dialect(device))
     return bundles
@@ -35,7 +35,9 @@ def build(
     real: Annotated[
         list[str] | None,
         typer.Option(
-            "--real", metavar="f64|f32|q31", help="Number format; f64 and f32 when not given."
+            "--real",
+            metavar="f64|f32|q31",
+            help="Number format; all of the device's when not given.",
         ),
     ] = None,
     folder: Annotated[

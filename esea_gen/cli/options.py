@@ -81,18 +81,21 @@ BoardOption = Annotated[
 ]
 
 
-def chosen_formats(real: list[str] | None, known: Collection[str] | None = None) -> list[str]:
-    """Number formats that were asked for, each once; all of them without ``--real``."""
-    from esea_gen.emit.formats import FORMATS
+def chosen_formats(real: list[str] | None, known: Collection[str] = ()) -> list[str]:
+    """Number formats that were asked for, each once; the default ones without ``--real``.
 
-    allowed = list(known or FORMATS)
-    chosen = real or list(FORMATS)
+    known: those that the command reads; the floating-point ones where none are given.
+    """
+    from esea_gen.emit.formats import DEFAULT_FORMATS, FLOATING_FORMATS, FORMATS
+
+    allowed = list(known or FLOATING_FORMATS)
+    chosen = real or list(DEFAULT_FORMATS)
     for name in chosen:
         if name not in allowed:
-            hint = " Fixed point has its own command: esea-gen fixed." if name == "q31" else ""
-            raise UserError(
-                f"Unknown number format '{name}'.", f"Choose from {', '.join(allowed)}.{hint}"
-            )
+            fix = f"Choose from {', '.join(allowed)}."
+            if name in FORMATS:
+                fix += f" {name} has its own command: {FORMATS[name].verified_by}."
+            raise UserError(f"Unknown number format '{name}'.", fix)
     return list(dict.fromkeys(chosen))
 
 

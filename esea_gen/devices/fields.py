@@ -14,7 +14,6 @@ NAME_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
 AXIS_PATTERN = r"^[a-z]{1,12}$"  # letters only: a digit or underscore could read as part of a unit
 MOST_AXES = 6  # their torques, rates and status words fit one telemetry frame
 MAX_DEAD_ZONE_RAD = math.radians(6)
-FORMATS = ("f64", "f32")
 TABLE_SIZES = (4, 8, 16, 32, 64)  # of an encoder's correction: a turn's counts divide evenly
 
 

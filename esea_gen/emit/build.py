@@ -15,12 +15,14 @@ from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.devices.file import shipped_devices
-from esea_gen.emit.fixed.values import LoweringError
-from esea_gen.emit.formats import ALL_FORMATS, FORMATS
+from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer, content_hash, versions
+from esea_gen.emit.walker import UnsupportedOperationError
 from esea_gen.errors import UserError
 
 MANIFEST = "manifest.json"
+# Formats beside the default ones that a shipped device is built in, and its output compared in.
+FURTHER_FORMATS = {"elbow_drive": ("q31",)}
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,9 @@ def device_hash(device: Device, real: str = "") -> str:
     str
         16 hexadecimal digits.
     """
-    formats = dict.fromkeys([*FORMATS, real] if real else FORMATS)
+    formats = dict.fromkeys([*DEFAULT_FORMATS, real] if real else DEFAULT_FORMATS)
     return content_hash(
-        device.system, device.digest, device.title, [ALL_FORMATS[name] for name in formats]
+        device.system, device.digest, device.title, [FORMATS[name] for name in formats]
     )
 
 
@@ -76,7 +78,7 @@ def format_hash(device: Device, real: str) -> str:
     str
         The device's own for the default formats; else one that covers this format's text too.
     """
-    return device_hash(device) if real in FORMATS else device_hash(device, real)
+    return device_hash(device) if FORMATS[real].default else device_hash(device, real)
 
 
 def build_command(device: Device) -> str:
@@ -92,9 +94,29 @@ def build_command(device: Device) -> str:
     str
         With the short name for shipped devices, the file's name for others, and the controller.
     """
-    shipped = device.origin == f"{device.name}.toml" and device.name in shipped_devices()
     law = f" --controller {device.controller}" if device.controller else ""
-    return f"esea-gen build {device.name if shipped else device.origin}{law}"
+    return f"esea-gen build {device.name if _is_shipped(device) else device.origin}{law}"
+
+
+def _is_shipped(device: Device) -> bool:
+    return device.origin == f"{device.name}.toml" and device.name in shipped_devices()
+
+
+def device_formats(device: Device) -> list[str]:
+    """Number formats that a device is built in where none is named.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+
+    Returns
+    -------
+    list of str
+        The default ones, and for some shipped devices others.
+    """
+    further = FURTHER_FORMATS.get(device.name, ()) if _is_shipped(device) else ()
+    return [*DEFAULT_FORMATS, *further]
 
 
 def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
@@ -119,18 +141,17 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
     """
     bundles = []
     for real in reals:
-        if real not in ALL_FORMATS:
+        if real not in FORMATS:
             raise UserError(
-                f"Unknown number format '{real}'.", f"Choose from {', '.join(ALL_FORMATS)}."
+                f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}."
             )
         command = f"{build_command(device)} --real {real}"
         try:
             digest = format_hash(device, real)
-            files = Renderer(
-                device.system, ALL_FORMATS[real], digest, command, device.title
-            ).files()
-        except LoweringError as error:
-            raise UserError(f"{device.origin}: {error}", "--real f32 has no such limit.") from None
+            files = Renderer(device.system, FORMATS[real], digest, command, device.title).files()
+        except UnsupportedOperationError as error:
+            others = " or ".join(f"--real {name}" for name in DEFAULT_FORMATS if name != real)
+            raise UserError(f"{device.origin}: {error}", f"Try {others}.") from None
         bundles.append(Bundle(real, files | _manifest(device, digest, real, command, files)))
     return bundles
 

@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from esea_gen.emit.elementary import source_paths
-from esea_gen.emit.formats import FORMATS, Format, PrintedKernel, print_kernel
-from esea_gen.emit.render import Renderer, comment
+from esea_gen.emit.formats.base import Format
+from esea_gen.emit.formats.floating import FloatingFormat, print_kernel
+from esea_gen.emit.printed import PrintedKernel, comment
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.errors import UserError
-from esea_gen.language.ports import Port
 from esea_gen.language.program import Program
 from esea_gen.language.statements import (
     EPSILON,
@@ -30,7 +29,6 @@ from esea_gen.language.statements import (
     When,
     walk_statements,
 )
-from esea_gen.language.system import System, Task
 
 _POINTERS = ("coeffs", "state", "in", "out")
 
@@ -85,7 +83,7 @@ class EmittedProgram:
 
 def emit_program(program: Program, fmt: Format) -> EmittedProgram:
     """Print a Program."""
-    if fmt.name not in EPSILON:
+    if not isinstance(fmt, FloatingFormat):  # its arrays declare no ranges to plan whole numbers
         raise UserError(
             f"The program {program.name} cannot be emitted in {fmt.name}.",
             f"Choose from {', '.join(EPSILON)}.",
@@ -169,7 +167,7 @@ class _Context:
 
 
 class _Writer:
-    def __init__(self, program: Program, fmt: Format, stem: str) -> None:
+    def __init__(self, program: Program, fmt: FloatingFormat, stem: str) -> None:
         # Tables and parts are static: they need no prefix.
         self.program, self.fmt, self.stem = program, fmt, stem
         self.kernels: dict[int, Kernel] = {}
@@ -410,45 +408,6 @@ def _looked_up(s: Statement) -> set[str]:
     return found
 
 
-class ProgramRenderer(Renderer):
-    """Renders a System of one Program: its C files only, no example and no reference."""
-
-    def files(self) -> dict[str, str]:
-        """The C files."""
-        p = self.prefix
-        out = {
-            f"{p}.h": self.render("device/esea_device.h.j2"),
-            f"{p}.c": self.render("device/esea_device.c.j2"),
-            f"{p}_real.h": self.render("device/esea_real.h.j2"),
-        }
-        for name, emitted in self.emitted.items():
-            out[f"{p}_{name}.c"] = self.render(emitted.template, e=emitted)
-        if not self.fmt.needs_libm:
-            out |= {path.name: path.read_text() for path in source_paths()}
-        return out
-
-
-def program_system(program: Program, device: str = "program") -> System:
-    """A System of one Program: every input and output external."""
-    name = program.name
-    blocks: Any = {name: program}
-    return System(
-        device,
-        program.period_s,
-        blocks,
-        (Task("control", (name,)),),
-        {},
-        {p.name: (f"{name}.{p.name}",) for p in program.inputs},
-        {p.name: f"{name}.{p.name}" for p in program.outputs},
-    )
-
-
-def render_program(program: Program, real: str, device: str = "program") -> ProgramRenderer:
-    """Renderer of a System of one Program."""
-    system = program_system(program, device)
-    return ProgramRenderer(system, FORMATS[real], "-", "-", program.title)
-
-
 def loop_lines(text: str, loops: Sequence[LoopBound]) -> dict[str, tuple[int, int]]:
     """First and last line of every printed loop."""
     lines = text.splitlines()
@@ -463,14 +422,4 @@ def loop_lines(text: str, loops: Sequence[LoopBound]) -> dict[str, tuple[int, in
     return found
 
 
-__all__ = [
-    "EmittedProgram",
-    "LoopBound",
-    "Port",
-    "PrintedPart",
-    "ProgramRenderer",
-    "emit_program",
-    "loop_lines",
-    "program_system",
-    "render_program",
-]
+__all__ = ["EmittedProgram", "LoopBound", "PrintedPart", "emit_program", "loop_lines"]

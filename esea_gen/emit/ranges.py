@@ -23,6 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise, product
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -32,6 +33,9 @@ from esea_gen.emit.formats import Format
 from esea_gen.emit.walker import Kernel, Node, fuse_selects, labelled_kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
+
+if TYPE_CHECKING:  # the q31 format is planned with this module's bounds
+    from esea_gen.emit.formats.base import Format
 
 # Largest error of the platform's float64 libm, in units in the last place (glibc documents 1).
 LIBM_ULP = 1.0
@@ -208,7 +212,7 @@ class _Arithmetic:
         r = math.expm1(c * math.log1p(x.r))
         if c < 1 and x.r < 1:
             r = -math.expm1(c * math.log1p(-x.r))  # then the lower side errs more
-        if self.fmt.name == "f32" and x.high > 0:
+        if not self.fmt.needs_libm and x.high > 0:
             # The exponent is stored in 27 fractional bits; below 2^-149 the power underflows.
             dc = abs(exponent_q27(c) * 2.0**-EXPONENT_FRACTION_BITS - c)
             logs = [abs(math.log(max(e, 1e-45))) for e in (x.low, x.high)]

@@ -5,10 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import re
-import tempfile
-import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,16 +14,13 @@ from typing import Any
 import casadi as ca
 import jinja2
 
-from esea_gen.emit.elementary import source_paths
-from esea_gen.emit.fixed.functions import source_files
-from esea_gen.emit.fixed.naming import Naming
-from esea_gen.emit.fixed.render import print_lowered
-from esea_gen.emit.fixed.search import plan_block
-from esea_gen.emit.formats import FORMATS, Q31, Format, PrintedKernel, print_kernel
-from esea_gen.emit.walker import Kernel, labelled_kernel, walk
-from esea_gen.errors import UserError
+from esea_gen.emit.formats.base import Format
+from esea_gen.emit.printed import EmittedBlock, comment
+from esea_gen.emit.program_c import EmittedProgram, emit_program
+from esea_gen.emit.walker import Kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
+from esea_gen.language.program import Program
 from esea_gen.language.system import External, Latch, Signal, System
 
 
@@ -70,35 +64,6 @@ def environment() -> jinja2.Environment:
     return env
 
 
-def comment(text: str, indent: int = 0, width: int = 98) -> str:
-    """A C comment, wrapped."""
-    pad = " " * indent
-    safe = " ".join(text.replace("*/", "* /").split())
-    lines = textwrap.wrap(safe, width - indent - 6)
-    if len(lines) <= 1:
-        return f"{pad}/* {safe} */"
-    return "\n".join(
-        [f"{pad}/* {lines[0]}"]
-        + [f"{pad} * {x}" for x in lines[1:-1]]
-        + [f"{pad} * {lines[-1]} */"]
-    )
-
-
-@dataclass(frozen=True)
-class EmittedBlock:
-    """A Block with its kernels printed in one number format.
-
-    stores: per statement of the step, the state that it completes.
-    """
-
-    block: Block
-    prepare: PrintedKernel | None
-    init: PrintedKernel
-    step: PrintedKernel
-    stores: tuple[tuple[str, ...], ...]  # per statement of the step, the state that it completes
-    template: str = "device/esea_block.c.j2"
-
-
 def block_kernels(block: Block) -> dict[str, Kernel]:
     """The kernels of a Block, as walked."""
     kernels = {"init": walk(block.init), "step": walk(block.step)}
@@ -107,96 +72,23 @@ def block_kernels(block: Block) -> dict[str, Kernel]:
     return kernels
 
 
-def _local(port: str, size: int, element: int) -> str:
-    return port if size == 1 else f"{port}_{element}"
-
-
-def _access(groups: list[tuple[str, tuple[Any, ...]]]) -> Callable[[int, int], tuple[str, str]]:
-    flat = [(pointer, p) for pointer, ports in groups for p in ports]
-    clash = {p.name for _, p in flat if [q.name for _, q in flat].count(p.name) > 1}
-
-    def access(argument: int, element: int) -> tuple[str, str]:
-        pointer, p = flat[argument]
-        size = getattr(p, "size", 1)
-        name = f"{pointer}_{p.name}" if p.name in clash else p.name
-        index = "" if size == 1 else f"[{element}]"
-        return _local(f"{name}_now" if pointer == "state" else name, size, element), (
-            f"{pointer}->{p.name}{index}"
-        )
-
-    return access
-
-
-def emit_block(block: Block, fmt: Format) -> EmittedBlock:
-    """Print a Block's kernels."""
-    emit = getattr(block, "emit", None)
-    if emit is not None:  # a Program prints itself
-        program: EmittedBlock = emit(fmt)
-        return program
-    if fmt is Q31:
-        return _emit_fixed(block)
-    coefficients = [("coeffs", block.coefficients)]
-    init = print_kernel(fmt.passes(walk(block.init)), fmt, _access(coefficients), {})
-    prepare = None
-    if block.tunables:
-        access = _access([("params", block.tunables)])
-        prepare = print_kernel(fmt.passes(walk(block.prepare)), fmt, access, {})
-
-    kernel, labels = labelled_kernel(block, fmt.passes)
-    names = {node: (name, comment) for node, name, comment in labels}
-    access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
-    step = print_kernel(kernel, fmt, access, names, block.flag_results)
-    return EmittedBlock(block, prepare, init, step, early_stores(block, step))
-
-
-def _emit_fixed(block: Block) -> EmittedBlock:
-    plan = plan_block(block)
-    step = print_lowered(plan.step)
-    names = {f.port.name: f.name for f in plan.fields["state"]}
-    return EmittedBlock(
-        block,
-        print_lowered(plan.prepare) if plan.prepare else None,
-        print_lowered(plan.init),
-        step,
-        early_stores(block, step, names),
-    )
-
-
-def early_stores(
-    block: Block, step: PrintedKernel, names: Mapping[str, str] | None = None
-) -> tuple[tuple[str, ...], ...]:
-    """Where in a step each state can be stored: as soon as the old one is read and the new known.
-
-    Stored at the end, every new state would stay alive until there; with ten stop operators and
-    sixteen registers that costs a tenth of the step.
-
-    return: per statement, the stores that follow it; the last one takes what waits for nothing.
-    """
-    count = len(step.statements)
-    defined = {s.name: i for i, s in enumerate(step.statements)}
-    read = {s.expression: i for i, s in enumerate(step.statements)}
-    after: list[list[str]] = [[] for _ in range(count)]
-    for p, atoms in zip(block.state, step.results, strict=False):
-        for i, atom in enumerate(atoms):
-            place = f"state->{(names or {}).get(p.name, p.name)}" + (
-                "" if p.size == 1 else f"[{i}]"
-            )
-            waits = [defined[w] for w in re.findall(r"[A-Za-z_]\w*", atom) if w in defined]
-            waits.append(read.get(place, 0))
-            after[max(waits)].append(f"{place} = {atom};")
-    return tuple(map(tuple, after))
+def emit_block(block: Block | Program, fmt: Format) -> EmittedBlock | EmittedProgram:
+    """Print a Block's, or a Program's, kernels."""
+    if block.kind == "program":
+        return emit_program(block, fmt)
+    return fmt.emit(block)
 
 
 def content_hash(
     system: System,
     device_digest: str,
     title: str,
-    formats: Iterable[Format] = tuple(FORMATS.values()),
+    formats: Iterable[Format],
 ) -> str:
     """The hash that runs through device, C, firmware, log and report.
 
-    It covers the device file's content, the text of every emitted C file in every number format,
-    the reference C, the dialect's templates and the versions that the emitted bytes depend on.
+    It covers the device file's content, the text of every emitted C file in the given number
+    formats, the reference C, the dialect's templates and the versions that the bytes depend on.
     """
     h = hashlib.sha256()
 
@@ -227,35 +119,6 @@ def versions() -> dict[str, str]:
     }
 
 
-def reference_c(system: System) -> dict[str, str]:
-    """CasADi's own C of every kernel, float64: the reference that ships beside ours."""
-    stem = f"esea_{system.name}_casadi"
-    generator = ca.CodeGenerator(
-        f"{stem}.c", {"with_header": True, "prefix": f"{stem}_", "casadi_int": "int"}
-    )
-    for block in system.kinds:
-        # A Program has no step in one piece; its kernels stand for it.
-        steps = block.kernels
-        for verb, function in {"prepare": block.prepare, "init": block.init, **steps}.items():
-            if verb == "prepare" and not block.tunables:
-                continue
-            renamed = _rename(function, f"{stem}_{block.name}_{verb}")
-            generator.add(renamed)
-    with tempfile.TemporaryDirectory() as folder:
-        generator.generate(folder + "/")
-        return {
-            f"reference/{stem}{ending}": (Path(folder) / f"{stem}{ending}").read_text()
-            for ending in (".c", ".h")
-        }
-
-
-def _rename(function: ca.Function, name: str) -> ca.Function:
-    arguments = function.sx_in()
-    return ca.Function(
-        name, arguments, function.call(arguments), function.name_in(), function.name_out()
-    )
-
-
 @dataclass(frozen=True)
 class ExampleSample:
     """A sample of the example program: step, deflection in lattice counts, expected torque."""
@@ -268,36 +131,52 @@ def example_stream(system: System) -> dict[str, Any]:
     """The example program's input and what it must give, from the symbolic System.
 
     The first input is a triangle on a lattice of a power of two, so that it is exact in every
-    format; the others are 0.
+    format: round zero, or, of a count, round a quarter of its range in steps of one.  The others
+    are 0, or, where they are the same kind of count, stay where the triangle starts.
 
-    return: ``shift`` (lattice 2**-shift), ``peak`` (counts), ``steps``, ``samples``, ``input``,
-        ``output`` and ``others`` (the inputs held at 0).
+    return: ``shift`` (lattice 2**-shift), ``peak`` (in steps of it), ``start``, ``steps``,
+        ``samples``, ``input``, ``output`` (the first that moves), ``others`` and ``held`` (what
+        these are held at, by name).
     """
     task = system.tasks[0]
     source, *others = system.task_inputs(task)
-    held = {x.name: 0.0 if x.port.size == 1 else [0.0] * x.port.size for x in others}
-    result = system.task_outputs(task)[0]
-    simulator = system.simulator()
-    reach = 0.5 * min(source.port.high, -source.port.low)
+    low, high = source.port.low, source.port.high
+    start = round(low + 0.25 * (high - low)) if low >= 0 else 0
+    reach = 0.5 * min(high - start, start - low)
     shift = 8 - math.frexp(reach)[1]
-    peak = int(reach * 2.0**shift)
+    shift = max(shift, 0) if low >= 0 else shift
+    peak = min(int(reach * 2.0**shift), 255)
     steps = 4 * peak
-    samples = []
+
+    def alike(port: Port) -> bool:
+        return (port.unit, port.low, port.high) == (source.port.unit, low, high)
+
+    held = {x.name: float(start) if alike(x.port) else 0.0 for x in others}
+    given = {
+        x.name: held[x.name] if x.port.size == 1 else [held[x.name]] * x.port.size for x in others
+    }
+    simulator = system.simulator()
+    seen = []
     for k in range(steps):
-        value = triangle(k, peak) * 2.0**-shift
-        out = simulator.step(task.name, **{source.name: value}, **held)
+        value = start + triangle(k, peak) * 2.0**-shift
+        out = simulator.step(task.name, **{source.name: value}, **given)
         if k % (steps // 12) == steps // 24:
-            samples.append(ExampleSample(k, round(out[result.name], 6)))
+            seen.append((k, out))
+    results = [x for x in system.task_outputs(task) if x.port.size == 1]
+    moving = [x for x in results if len({out[x.name] for _, out in seen}) > 1 and not x.port.flags]
+    result = (moving or results)[0]
     return {
         "shift": shift,
         "peak": peak,
+        "start": start,
         "steps": steps,
-        "samples": samples,
+        "samples": [ExampleSample(k, round(out[result.name], 6)) for k, out in seen],
         # Far above float32's rounding at any torque scale, far below what a wrong number does.
         "tolerance": float(f"{1e-5 * result.port.high:.1g}"),
         "task": task,
         "input": source,
         "others": others,
+        "held": held,
         "output": result,
     }
 
@@ -321,7 +200,7 @@ class Renderer:
         self.fmt = fmt
         self.prefix = f"esea_{system.name}"
         self.emitted = {b.name: emit_block(b, fmt) for b in system.kinds}
-        self.naming = Naming(system, fixed=fmt is Q31)
+        self.naming = fmt.naming(system)
         self.env = environment()
         self.env.globals |= {
             "fmt": fmt,
@@ -336,6 +215,7 @@ class Renderer:
             "cname": self.naming.field,
             "xname": self.naming.external,
             "lname": self.naming.latch,
+            "external_fraction": self.naming.external_fraction,
             "literal": self.literal,
             "port_text": self.port_text,
             "feed": self.feed,
@@ -355,9 +235,7 @@ class Renderer:
 
     def literal(self, block: Block, group: str, port: Any, value: float) -> str:
         """C literal of a port's value."""
-        if self.fmt is not Q31:
-            return self.fmt.literal(value)
-        return str(plan_block(block).field(group, port.name).raw(value))
+        return self.fmt.literal(self.naming.number(block, group, port.name, value))
 
     def port_text(self, port: Any, block: Block | None = None, group: str = "") -> str:
         """What a header says of a port."""
@@ -394,37 +272,13 @@ class Renderer:
         }
         for name, emitted in self.emitted.items():
             out[f"{p}_{name}.c"] = self.render(emitted.template, e=emitted)
-        if self.fmt.name == "f64":
-            out |= reference_c(self.system)
-        else:
-            sources = source_files() if self.fmt is Q31 else source_paths()
-            out |= {path.name: path.read_text() for path in sources}
-        return out
+        out |= {n: self.render(t) for n, t in self.fmt.templates(p).items()}
+        out |= self.fmt.reference(self.system)
+        return out | {path.name: path.read_text() for path in self.fmt.sources()}
 
     def example(self) -> dict[str, Any]:
-        """The example program's stream; in q31 with raw numbers.
-
-        return: as :func:`example_stream`; in q31 ``scale`` turns a count into a raw input, and the
-            samples and the tolerance are raw.
-        """
-        example = example_stream(self.system)
-        if self.fmt is not Q31:
-            return example
-        source, result = example["input"], example["output"]
-        fraction = self.naming.external_field(source).fraction
-        if fraction < example["shift"]:
-            raise UserError(
-                f"{self.system.name}: the example's input cannot be exact in q31 (lattice "
-                f"2^-{example['shift']}, format 2^-{fraction}).",
-                "Narrow the range of the first input.",
-            )
-        made = self.naming.external_field(result)
-        return example | {
-            "scale": 1 << (fraction - example["shift"]),
-            "samples": [ExampleSample(x.step, made.raw(x.expected)) for x in example["samples"]],
-            # Ten times what single precision gets: half a percent of a percent of the range.
-            "tolerance": made.raw(5e-5 * result.port.high),
-        }
+        """The example program's stream in this format's numbers."""
+        return self.fmt.example(self.naming, example_stream(self.system))
 
 
 def port_text(port: Any) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -257,3 +257,45 @@ def calls_first(kernel: Kernel) -> Kernel:
         ),
         tuple(tuple(position[i] for i in r) for r in kernel.results),
     )
+
+
+@dataclass(frozen=True)
+class StatusWord:
+    """A status word found in a kernel.
+
+    flags: node of the condition, and its bit.
+    """
+
+    flags: tuple[tuple[int, int], ...]
+    parts: frozenset[int]
+
+
+def status_words(
+    kernel: Kernel, words: Sequence[int], uses: Sequence[int]
+) -> dict[int, StatusWord]:
+    """Find the status words that ``flag_word`` built."""
+    # A sum of (condition ? power of two : 0), each power once, as flag_word builds it.
+    found = {}
+    for word in words:
+        (root,) = kernel.results[word]
+        flags, parts, todo = [], set(), [root]
+        while todo:
+            i = todo.pop()
+            n = kernel.nodes[i]
+            if i != root and uses[i] != 1:
+                break
+            if n.op == "add":
+                todo += n.args[::-1]
+            elif n.op == "if_else_zero" and kernel.nodes[n.args[0]].boolean:
+                value = kernel.nodes[n.args[1]]
+                power = value.value.hex().startswith("0x1.0000000000000p+")
+                if value.op != "const" or not power:
+                    break
+                flags.append((n.args[0], int(value.value).bit_length() - 1))
+            else:
+                break
+            parts.add(i)
+        else:
+            if len({k for _, k in flags}) == len(flags) > 0:
+                found[root] = StatusWord(tuple(flags), frozenset(parts - {root}))
+    return found

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.emit.fixed.naming import Naming
-from esea_gen.emit.fixed.search import plan_block, raw_tunable
+from esea_gen.emit.naming import Naming
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External
@@ -72,19 +71,14 @@ class Codec:
 
     def field(self, block: Block, group: str, port: Port) -> Field:
         """A field of a Block's own struct: ``in``, ``out`` or ``state``."""
-        c_name = self.naming.field(block, group, port)
-        if not self.naming.fixed:
-            return Field(port.name, c_name, port)
-        return Field(port.name, c_name, port, plan_block(block).field(group, port.name).fraction)
+        fraction = self.naming.fraction(block, group, port.name)
+        return Field(port.name, self.naming.field(block, group, port), port, fraction)
 
     def external(self, external: External) -> Field:
         """A field of a task's struct."""
-        c_name = self.naming.external(external)
-        if not self.naming.fixed:
-            return Field(external.name, c_name, external.port)
-        fraction = self.naming.external_field(external).fraction
-        return Field(external.name, c_name, external.port, fraction)
+        fraction = self.naming.external_fraction(external)
+        return Field(external.name, self.naming.external(external), external.port, fraction)
 
     def tunable(self, block: Block, name: str, value: Any) -> tuple[str, Any]:
         """C name and number of a tunable's value."""
-        return raw_tunable(block, name, value) if self.naming.fixed else (name, value)
+        return self.naming.tunable(block, name, value)

@@ -15,7 +15,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
-from esea_gen.emit.formats import ALL_FORMATS
+from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.codec import Codec
 from esea_gen.hostlib.compiler import compile_sources, declarations
@@ -156,7 +156,7 @@ def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> Host
     HostLibrary
         Loaded.
     """
-    return HostLibrary(system, Renderer(system, ALL_FORMATS[real], "-", "-", system.name), flags)
+    return HostLibrary(system, Renderer(system, FORMATS[real], "-", "-", system.name), flags)
 
 
 def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> HostLibrary:
@@ -177,5 +177,5 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
         Loaded.
     """
     digest = format_hash(device, real)
-    renderer = Renderer(device.system, ALL_FORMATS[real], digest, "-", device.title)
+    renderer = Renderer(device.system, FORMATS[real], digest, "-", device.title)
     return HostLibrary(device.system, renderer, flags)

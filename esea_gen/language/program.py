@@ -190,28 +190,6 @@ class Program(Component):
                     found.setdefault(id(s.kernel), s.kernel)
         return {f"k{i}_{f.name()}": f for i, f in enumerate(found.values(), 1)}
 
-    def emit(self, fmt: Any) -> Any:
-        """Print it: what :func:`esea_gen.emit.render.emit_block` hands over to.
-
-        Parameters
-        ----------
-        fmt : Format
-            Number format, f64 or f32.
-
-        Returns
-        -------
-        EmittedProgram
-            For the template that it names.
-
-        Raises
-        ------
-        UserError
-            For another number format.
-        """
-        from esea_gen.emit.program_c import emit_program
-
-        return emit_program(self, fmt)
-
     def simulator(self, tunables: Mapping[str, float] | None = None) -> ProgramSimulator:
         """The reference executor, float64.
 

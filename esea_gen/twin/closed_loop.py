@@ -16,8 +16,7 @@ import cffi
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.emit.fixed.search import raw_tunable
-from esea_gen.emit.formats import ALL_FORMATS, FORMATS
+from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources, declarations
@@ -27,7 +26,6 @@ from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import plant_system, start_state
 
 COMMAND = "u_Nm"
-REALS = ("f64", "f32", "q31")
 PATH = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise")
 STATE_REPAIRED = 2
 Array = npt.NDArray[Any]
@@ -116,9 +114,10 @@ class ClosedLoop:
         real: str = "f32",
         from_signals: Sequence[str] = (),
     ) -> None:
-        if real not in REALS:
+        if real not in FORMATS:
             raise UserError(
-                f"A closed loop has no number format '{real}'.", f"Choose from {', '.join(REALS)}."
+                f"A closed loop has no number format '{real}'.",
+                f"Choose from {', '.join(FORMATS)}.",
             )
         self.controller, self.variant, self.real = controller, plant, real
         self.tick_s = controller.base_period_s
@@ -126,7 +125,7 @@ class ClosedLoop:
         if controller.name == self.plant.name:
             raise UserError(f"A controller cannot be named '{controller.name}'.", "Rename it.")
         self._check_command()
-        self._control = Renderer(controller, ALL_FORMATS[real], "-", "-", controller.name)
+        self._control = Renderer(controller, FORMATS[real], "-", "-", controller.name)
         self._columns = self._record_columns()
         self._feeds, self.signals = self._wire(from_signals)
         self._compile()
@@ -165,16 +164,11 @@ class ClosedLoop:
         # C expressions of an output's elements, in its unit.
         naming = self._control.naming
         places = [f"{task}_out.{e}" for e in _elements(x, naming.external(x))]
-        if self.real != "q31" or x.port.flags:
-            return places
-        return [f"ESEA_Q31_TO({p}, {naming.external_field(x).fraction})" for p in places]
+        return [naming.to_units(x, p) for p in places]
 
     def _given(self, x: External, source: str) -> str:
         # C expression of a number in an input's format.
-        if self.real != "q31":
-            return f"({self._control.fmt.c_type}){source}"
-        fraction = self._control.naming.external_field(x).fraction
-        return f"ESEA_Q31_FROM({source}, {fraction})"
+        return self._control.naming.from_units(x, source)
 
     def _wire(
         self, from_signals: Sequence[str]
@@ -232,7 +226,7 @@ class ClosedLoop:
             "hostlib/closed_loop.c.j2",
             controller=self.controller,
             controller_prefix=self._prefix,
-            controller_fixed=self.real == "q31",
+            controller_header=control.fmt.header,
             plant_files=[n for n in parts if n.endswith(".inc")],
             encode_inputs=[x.name for x in self.plant.task_inputs(self.plant.task("encode"))],
             feeds=self._feeds,
@@ -277,8 +271,9 @@ class ClosedLoop:
                         f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
                     )
                 field, number = key, known[instance, key].taken(float(value))
-                if system is self.controller and self.real == "q31":
-                    field, number = raw_tunable(system.blocks[instance], key, number)
+                if system is self.controller:
+                    naming = self._control.naming
+                    field, number = naming.tunable(system.blocks[instance], key, number)
                 setattr(getattr(params, instance), field, number)
         refused = int(getattr(self._lib, f"{prefix}_prepare")(params, coeffs))
         if refused:

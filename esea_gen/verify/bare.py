@@ -18,7 +18,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
-from esea_gen.emit.formats import ALL_FORMATS
+from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.compiler import cache_folder, compile_sources, find_compiler
 from esea_gen.hostlib.library import HostLibrary, compile_device
@@ -149,7 +149,7 @@ def run_bare(
 
     inputs: the task's inputs, in units, shape (steps,).
     """
-    chosen, fmt = BARE_BOARDS[board], ALL_FORMATS[real]
+    chosen, fmt = BARE_BOARDS[board], FORMATS[real]
     system = device.system
     what = system.tasks[0] if task is None else system.task(task)
     renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
@@ -157,9 +157,6 @@ def run_bare(
     packed = runner.pack(inputs)
     host, _ = runner.run(inputs, trace=False, raw=True)
     names = packed.dtype.names or ()
-
-    def text(v: Any) -> str:
-        return str(int(v)) if real == "q31" else fmt.literal(float(v))
 
     words = []
     for x in system.task_outputs(what):
@@ -170,7 +167,7 @@ def run_bare(
     context = {
         "task": what,
         "steps": len(packed),
-        "rows": [[text(v) for n in names for v in np.atleast_1d(row[n])] for row in packed],
+        "rows": [[fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed],
         "words": words,
         "stack_top": chosen.ram + chosen.ram_bytes,
         "has_fpu": chosen.processor.fpu,
@@ -218,7 +215,7 @@ def run_bare_system(
     inputs: per task, its inputs in units, one element a run; nothing for a task without inputs.
     return: bits and figures; the instructions are those of a base tick with all tasks that are due.
     """
-    chosen, fmt = BARE_BOARDS[board], ALL_FORMATS[real]
+    chosen, fmt = BARE_BOARDS[board], FORMATS[real]
     system = device.system
     renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
     library = compile_device(device, real)
@@ -233,12 +230,7 @@ def run_bare_system(
         packed = library.task(task.name).pack(inputs[task.name])
         names = packed.dtype.names or ()
         rows[task.name] = [
-            [
-                str(int(v)) if real == "q31" else fmt.literal(float(v))
-                for n in names
-                for v in np.atleast_1d(row[n])
-            ]
-            for row in packed
+            [fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed
         ]
     words, expected = _scheduled(device, library, inputs, ticks, renderer)
     context = {
@@ -311,13 +303,7 @@ def _scheduled(
             if task.name not in held:
                 continue
             value = np.atleast_1d(held[task.name][x.name])[i]
-            if x.port.flags:
-                expected[tick, j] = int(value)
-            elif library.real == "q31":
-                raw = int(float(value) * 2.0 ** naming.external_field(x).fraction)
-                expected[tick, j] = raw & 0xFFFFFFFF
-            else:
-                expected[tick, j] = np.float32(value).view(np.uint32)
+            expected[tick, j] = naming.stored(x, value).view(np.uint32)
     return words, expected
 
 

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.emit.build import device_hash
+from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
@@ -201,7 +201,8 @@ class Difference:
 class EmulatorResult:
     """What a run in the emulator found.
 
-    identical: whether every bit of every output of every step equals the host's f32 library.
+    identical: whether every bit of every output of every step, as it is sent, equals the host's
+        library in the image's number format.
     expected_hash: hash of the device as it is now.
     instructions: ``min``, ``median`` and ``max`` instructions of a step, call included; empty on
         the host.
@@ -297,13 +298,18 @@ def _float32(device: Device, task: str, inputs: Mapping[str, Any]) -> dict[str, 
 
 
 def _host_outputs(
-    device: Device, inputs: Mapping[str, Mapping[str, Array]]
+    device: Device, real: str, inputs: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, dict[str, Array]]:
-    library = compile_device(device, "f32")
+    # In single precision, as the link carries numbers.
+    library = compile_device(device, real)
     if device.system.latches or len(inputs) > 1:
-        return run_schedule(library.board(), inputs)
-    # The same, with the loop in C.
-    return {t: library.task(t).run(columns, trace=False)[0] for t, columns in inputs.items()}
+        found = run_schedule(library.board(), inputs)
+    else:  # the same, with the loop in C
+        found = {t: library.task(t).run(columns, trace=False)[0] for t, columns in inputs.items()}
+    return {
+        t: {n: a if a.dtype == np.uint32 else a.astype(np.float32) for n, a in columns.items()}
+        for t, columns in found.items()
+    }
 
 
 def run_in_emulator(
@@ -315,7 +321,7 @@ def run_in_emulator(
     timeout_s: float = 10.0,
     options: Sequence[str] = (),
 ) -> EmulatorResult:
-    """Run an image over a stream and compare it with the host's f32 library, bit for bit.
+    """Run an image over a stream and compare it with the host's library, bit for bit.
 
     inputs: one array per external input of the task, shape (steps,) or (steps, size); rounded to
         float32.
@@ -341,17 +347,18 @@ def run_tasks_in_emulator(
     if not inputs:
         raise UserError("No task is given.", "Give the inputs of at least one.")
     arrays = {t: _float32(device, t, columns) for t, columns in inputs.items()}
-    host = _host_outputs(device, arrays)
+    host = _host_outputs(device, image.real, arrays)
     with RunningBoard(device, image, max(3.0, timeout_s), options) as board:
         board.reset()
         start_s = time.monotonic()
         outputs, ticks = board.stream_tasks(arrays, progress)
         duration_s = time.monotonic() - start_s
         info = board.info()
-    emulated = bool(find_board(image.board).machine)
+    chosen = find_board(image.board)
+    emulated = bool(chosen.machine)
     results = {}
     for name in arrays:
-        counted = ticks[name].astype(np.int64) - info.empty_ticks
+        counted = (ticks[name].astype(np.int64) - info.empty_ticks) * chosen.tick_instructions
         difference = first_difference(outputs[name], host[name])
         results[name] = EmulatorResult(
             device=device.name,
@@ -361,7 +368,7 @@ def run_tasks_in_emulator(
             identical=difference is None,
             first_difference=difference,
             content_hash=info.content_hash,
-            expected_hash=device_hash(device),
+            expected_hash=format_hash(device, image.real),
             instructions={
                 "min": int(counted.min()),
                 "median": int(np.median(counted)),

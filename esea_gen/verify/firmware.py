@@ -15,6 +15,7 @@ from typing import Any
 from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
+from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib import find_compiler
 from esea_gen.targets import (
@@ -50,6 +51,7 @@ class FirmwareImage:
 
     elf: Path
     board: str
+    real: str
     device: str
     content_hash: str
     flash_bytes: int
@@ -137,19 +139,20 @@ def build_firmware(
 ) -> FirmwareImage:
     """Build a device's firmware image.
 
-    board: what it runs on: a name of :func:`~esea_gen.targets.firmware_boards`.
-    control: files of the f32 folder to compile in place of the device's own; tests alter one to
-        prove that a comparison finds it.
+    board: what it runs on; it also says the number format of the control code.
+    control: files of the format's folder to compile in place of the device's own; tests alter one
+        to prove that a comparison finds it.
     """
     chosen = find_board(board)
     toolchain = chosen.processor.toolchain
     gcc = find_compiler(*toolchain.gcc)
     prefix = f"esea_{device.name}"
-    files = dict(control if control is not None else render_device(device, ["f32"])[0].files)
+    real = chosen.real
+    files = dict(control if control is not None else render_device(device, [real])[0].files)
     dialect = render_dialect(device).files
     with tempfile.TemporaryDirectory(prefix="esea-firmware-") as scratch:
         folder = Path(scratch)
-        for sub, texts in (("f32", files), ("dialect", dialect)):
+        for sub, texts in ((real, files), ("dialect", dialect)):
             for name, text in texts.items():
                 target = folder / sub / name
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -161,23 +164,24 @@ def build_firmware(
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         control_objects = []
         for name in sources:
-            item = f"f32/{name.removesuffix('.c')}.o"
+            item = f"{real}/{name.removesuffix('.c')}.o"
             measured = (*CONTROL_FLAGS, "-fcallgraph-info=su")
-            _run([*common, *measured, f"f32/{name}", "-o", item], folder, f"control file {name}")
+            _run([*common, *measured, f"{real}/{name}", "-o", item], folder, f"control file {name}")
             control_objects.append(folder / item)
         found = double_arithmetic(control_objects, toolchain) if chosen.machine else []
         if found:
-            raise RuntimeError("the control code is not float-only: " + ", ".join(found))
+            raise RuntimeError(f"the control code is not {real} only: " + ", ".join(found))
 
-        includes = ["-isystem", "dialect/mavlink", "-Idialect", "-If32", "-Iport", "-Iapp"]
-        header = f'-DESEA_LINK_HEADER="{prefix}_link.h"'
+        includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{real}", "-Iport", "-Iapp"]
+        header = f'-DESEA_LINK_HEADER="{FORMATS[real].link_header(prefix)}"'
+        script = f"boards/{board}/link.ld"
+        bare = (folder / script).is_file()
         app_objects = []
-        for name in ("app/app", f"boards/{board}/board"):
+        for name in ("app/app", f"boards/{board}/board", *(["port/cortex_m"] if bare else [])):
             flags = (*APP_FLAGS, *chosen.app_flags, *includes, header)
             _run([*common, *flags, f"{name}.c", "-o", f"{name}.o"], folder, f"{name}.c")
             app_objects.append(f"{name}.o")
-        script = f"boards/{board}/link.ld"
-        link = [*chosen.link, *(["-T", script] if (folder / script).is_file() else [])]
+        link = [*chosen.link, *(["-T", script] if bare else [])]
         built = folder / f"{prefix}_{board}.elf"
         objects: list[str | Path] = [*app_objects, *control_objects]
         _run([gcc, *chosen.compile_flags, *objects, *link, "-o", built], folder, "the image")
@@ -186,7 +190,7 @@ def build_firmware(
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
 
         sections = _sections(built, find_compiler(*toolchain.tool("size")))
-        graphs = sorted((folder / "f32").glob("*.ci"))
+        graphs = sorted((folder / real).glob("*.ci"))
         step_stack = {
             t.name: deepest_stack(graphs, f"{prefix}_{t.name}_step") for t in device.system.tasks
         }
@@ -194,6 +198,7 @@ def build_firmware(
     return FirmwareImage(
         elf=target,
         board=board,
+        real=real,
         device=device.name,
         content_hash=_hash_in(files[f"{prefix}.h"]),
         flash_bytes=sections.get(".text", 0) + sections.get(".data", 0),

@@ -27,7 +27,8 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
-from esea_gen.emit.formats import FORMATS, LOGICAL, SELECTING, Format
+from esea_gen.emit.formats import FLOATING_FORMATS, FORMATS, Format
+from esea_gen.emit.formats.floating import LOGICAL, SELECTING
 from esea_gen.emit.ranges import Bound, whole_nodes
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.walker import Kernel, fuse_selects
@@ -928,8 +929,10 @@ def run_mutation(
 
     blocks: mutate the files of these Blocks only; without it, all Blocks and the wiring.
     """
-    if real not in FORMATS:
-        raise UserError(f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}.")
+    if real not in FLOATING_FORMATS:
+        raise UserError(
+            f"Unknown number format '{real}'.", f"Choose from {', '.join(FLOATING_FORMATS)}."
+        )
     touched = chosen_blocks(device, blocks)
     say = progress or (lambda _: None)
     report = MutationReport(device.name, real)

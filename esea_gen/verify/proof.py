@@ -17,7 +17,7 @@ from pathlib import Path
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.fixed.search import plan_block
-from esea_gen.emit.formats import Q31
+from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, template_folder
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
@@ -91,7 +91,9 @@ def prove_block(
         it.
     """
     frama = _tool("frama-c", "frama-c-base")
-    renderer = Renderer(device.system, Q31, format_hash(device, "q31"), "-", device.title)
+    renderer = Renderer(
+        device.system, FORMATS["q31"], format_hash(device, "q31"), "-", device.title
+    )
     driver = renderer.render("proof/eva.c.j2", block=block, fields=plan_block(block).fields)
     files = renderer.files() | {"eva.c": driver}
     with tempfile.TemporaryDirectory() as scratch:

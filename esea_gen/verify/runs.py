@@ -9,7 +9,8 @@ from typing import Any
 import cffi
 import numpy as np
 
-from esea_gen.emit.render import reference_c, template_folder
+from esea_gen.emit.formats.f64 import reference_c
+from esea_gen.emit.render import template_folder
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block

@@ -31,11 +31,12 @@ _U64: Final = 0xFFFFFFFFFFFFFFFF
 def source_files() -> tuple[Path, ...]:
     """Files that travel with emitted q31 code.
 
-    return: header and source, and the tables shared with the single-precision functions.
+    return: header and source, the tables shared with the single-precision functions, and the
+        conversions from and to single precision.
     """
     here = Path(__file__).parent
     tables = next(p for p in source_paths() if p.name == "esea_f32_tables.h")
-    return here / "esea_q31.h", here / "esea_q31.c", tables
+    return here / "esea_q31.h", here / "esea_q31.c", tables, here / "esea_q31_units.h"
 
 
 @cache

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from esea_gen.emit.fixed.expression import C_TYPES, Expr, bare_text, c_text
-from esea_gen.emit.fixed.plan import BlockPlan, FieldPlan
+from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.fixed.values import LoweredKernel
-from esea_gen.emit.formats import PrintedKernel, Statement
+from esea_gen.emit.printed import PrintedKernel, Statement
 from esea_gen.language.ports import Port
 
 
@@ -55,9 +53,3 @@ def field_text(f: FieldPlan, group: str) -> str:
     if group == "state" and isinstance(f.port, Port) and f.port.size == 1:
         behaviour += "; outside: corrupt"
     return text + (f"; {behaviour}" if behaviour else "")
-
-
-def example(plan: BlockPlan, name: str, group: str, value: float) -> dict[str, Any]:
-    """A number of the example program as raw number."""
-    f = plan.field(group, name)
-    return {"raw": f.raw(value), "fraction": f.fraction}

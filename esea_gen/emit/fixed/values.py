@@ -9,8 +9,7 @@ from fractions import Fraction
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
-from esea_gen.emit.formats import status_words
-from esea_gen.emit.walker import Kernel
+from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words
 from esea_gen.language.ports import UNIT_SUFFIXES
 
 NARROW_LIMIT = 2**31 - 1
@@ -21,7 +20,7 @@ ZERO = -1  # stands for the missing arm of a select with zero
 EXACT = frozenset({"add", "sub", "neg", "fabs", "fmin", "fmax", "twice"})
 
 
-class LoweringError(Exception):
+class LoweringError(UnsupportedOperationError):
     """An operation that the q31 format cannot hold, with where, why and what would do."""
 
 

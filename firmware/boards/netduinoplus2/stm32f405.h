@@ -4,14 +4,7 @@
 #ifndef ESEA_STM32F405_H
 #define ESEA_STM32F405_H
 
-#include <stdint.h>
-
-#define ESEA_REG(address) (*(volatile uint32_t *)(address))
-
-/* Cortex-M4 system control. */
-#define ESEA_CPACR ESEA_REG(0xE000ED88u)
-#define ESEA_CPACR_FPU_FULL (0xFu << 20)
-#define ESEA_NVIC_ISER1 ESEA_REG(0xE000E104u)
+#include "cortex_m.h"
 
 /* Clocks.  After reset the core runs from the internal oscillator, 16 MHz. */
 #define ESEA_RCC_AHB1ENR ESEA_REG(0x40023830u)

@@ -1,0 +1,89 @@
+"""Double precision: the host's reference, equal to CasADi's own C bit for bit."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import casadi as ca
+import numpy as np
+
+from esea_gen.emit.formats.floating import FloatingFormat, float_operations
+from esea_gen.emit.walker import Kernel, Node
+from esea_gen.language.system import System
+
+_CALLS = frozenset({"sqrt", "exp", "log", "tanh", "pow"})
+
+
+class F64(FloatingFormat):
+    """The f64 format."""
+
+    name = "f64"
+    c_type = "double"
+    dtype = np.dtype(np.float64)
+    epsilon = 2.0**-53
+    needs_libm = True
+    libraries = " -lm"
+    joins_words = False  # CasADi adds them up as numbers
+    operations = float_operations(
+        "f64",
+        "double",
+        "#include <math.h>\n"
+        "\n"
+        "#define esea_fabs(x) fabs(x)\n"
+        "#define esea_fmin(x, y) fmin((x), (y))\n"
+        "#define esea_fmax(x, y) fmax((x), (y))\n",
+    )
+
+    def passes(self, kernel: Kernel) -> Kernel:
+        """The kernel as it is: CasADi's own C has its operations in this order."""
+        return kernel
+
+    def _literal(self, value: float) -> str:
+        text = repr(float(value))
+        return text if "." in text or "e" in text else text + ".0"
+
+    def _call(self, node: Node, args: Sequence[str], kernel: Kernel) -> str | None:
+        return f"{node.op}({', '.join(args)})" if node.op in _CALLS else None
+
+    def sources(self) -> tuple[Path, ...]:
+        """None: functions are libm's."""
+        return ()
+
+    def reference(self, system: System) -> dict[str, str]:
+        """CasADi's own C of every kernel."""
+        return reference_c(system)
+
+
+def reference_c(system: System) -> dict[str, str]:
+    """CasADi's own C of every kernel, float64: the reference that ships beside ours."""
+    stem = f"esea_{system.name}_casadi"
+    generator = ca.CodeGenerator(
+        f"{stem}.c", {"with_header": True, "prefix": f"{stem}_", "casadi_int": "int"}
+    )
+    for block in system.kinds:
+        # A Program has no step in one piece; its kernels stand for it.
+        whole = block.kind == "block"
+        steps = {"step": block.step} if whole else cast(Any, block).kernels
+        for verb, function in {"prepare": block.prepare, "init": block.init, **steps}.items():
+            if verb == "prepare" and not block.tunables:
+                continue
+            generator.add(_renamed(function, f"{stem}_{block.name}_{verb}"))
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(folder + "/")
+        return {
+            f"reference/{stem}{ending}": (Path(folder) / f"{stem}{ending}").read_text()
+            for ending in (".c", ".h")
+        }
+
+
+def _renamed(function: ca.Function, name: str) -> ca.Function:
+    arguments = function.sx_in()
+    return ca.Function(
+        name, arguments, function.call(arguments), function.name_in(), function.name_out()
+    )
+
+
+FORMAT = F64()

@@ -1,0 +1,215 @@
+"""What the floating-point formats share: how a kernel's operations are written in C."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from esea_gen.emit.formats.base import Format
+from esea_gen.emit.naming import Naming
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, early_stores
+from esea_gen.emit.walker import (
+    Kernel,
+    Node,
+    UnsupportedOperationError,
+    labelled_kernel,
+    status_words,
+    walk,
+)
+from esea_gen.language.block import Block
+from esea_gen.language.system import System
+
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+_COMPARE = {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "||"}
+# Where a boolean operand is taken as it is, without turning it into a number.
+LOGICAL = frozenset({"not", "and", "or"})
+SELECTING = frozenset({"if_else_zero", "select"})
+
+
+def float_operations(name: str, c_type: str, own: str) -> str:
+    """Text of a device's ``_real.h``: a format's own operations, and those of every format."""
+    return (
+        f"/* Small operations of the {name} format.  Every value that reaches a minimum or maximum "
+        "has\n"
+        " * passed its port's check, so none of them is NaN; a NaN in the first operand would pass "
+        "through\n"
+        " * and not turn into a limit. */\n"
+        f"{own}"
+        f"static inline {c_type} esea_sign({c_type} x) {{ return ({c_type})((x > 0) - (x < 0)); }}"
+    )
+
+
+class FloatingFormat(Format):
+    """A floating-point format.
+
+    joins_words: whether a status word is put together as an integer.
+    """
+
+    default = True
+    floating = True
+    verified_by = "esea-gen verify"
+    compiler_flags = " -ffp-contract=off"
+    header = ""
+    notes: ClassVar[tuple[str, ...]] = (
+        "   Without -ffp-contract=off (or a -std=c.. option of gcc) a compiler may fuse multiply "
+        "and add:",
+        "   results then differ in the last bits from those that were verified.",
+    )
+    printf = ("%14.6f", "double")
+    joins_words: ClassVar[bool]
+
+    @abstractmethod
+    def _literal(self, value: float) -> str:
+        """Literal of a finite number."""
+
+    @abstractmethod
+    def _call(self, node: Node, args: Sequence[str], kernel: Kernel) -> str | None:
+        """C expression of an elementary function; None for what is none."""
+
+    def literal(self, value: float) -> str:
+        """Shortest C literal that reads back as the value in this format."""
+        if not np.isfinite(value):
+            raise UnsupportedOperationError(f"constant {value} cannot be emitted")
+        return self._literal(value)
+
+    def naming(self, system: System) -> Naming:
+        """The ports' own names, in their units."""
+        return Naming(system, self.c_type, self.dtype)
+
+    def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
+        """C expression of one operation.
+
+        args: c text of its operands, each an atom (a name, literal or bracketed expression).
+        """
+        op = node.op
+        if op in _INFIX:
+            return f"{args[0]} {_INFIX[op]} {args[1]}"
+        if op in _COMPARE:
+            return f"{args[0]} {_COMPARE[op]} {args[1]}"
+        simple: dict[str, Callable[[], str]] = {
+            "neg": lambda: f"-{args[0]}",
+            "not": lambda: f"!{args[0]}",
+            "sq": lambda: f"{args[0]} * {args[0]}",
+            "twice": lambda: f"{self.literal(2.0)} * {args[0]}",
+            "inv": lambda: f"{self.literal(1.0)} / {args[0]}",
+            "if_else_zero": lambda: f"{args[0]} ? {args[1]} : {self.literal(0.0)}",
+            "select": lambda: f"{args[0]} ? {args[1]} : {args[2]}",
+            "fabs": lambda: f"esea_fabs({args[0]})",
+            "fmin": lambda: f"esea_fmin({args[0]}, {args[1]})",
+            "fmax": lambda: f"esea_fmax({args[0]}, {args[1]})",
+            "sign": lambda: f"esea_sign({args[0]})",
+        }
+        if op in simple:
+            return simple[op]()
+        call = self._call(node, args, kernel)
+        if call is not None:
+            return call
+        raise UnsupportedOperationError(
+            f"{kernel.name}: the {self.name} format has no operation '{op}'"
+        )
+
+    def emit(self, block: Block) -> EmittedBlock:
+        """Print a Block's kernels."""
+        coefficients = [("coeffs", block.coefficients)]
+        init = print_kernel(self.passes(walk(block.init)), self, _access(coefficients), {})
+        prepare = None
+        if block.tunables:
+            access = _access([("params", block.tunables)])
+            prepare = print_kernel(self.passes(walk(block.prepare)), self, access, {})
+
+        kernel, labels = labelled_kernel(block, self.passes)
+        names = {node: (name, comment) for node, name, comment in labels}
+        access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
+        step = print_kernel(kernel, self, access, names, block.flag_results)
+        return EmittedBlock(block, prepare, init, step, early_stores(block, step))
+
+
+def _access(groups: list[tuple[str, tuple[Any, ...]]]) -> Callable[[int, int], tuple[str, str]]:
+    flat = [(pointer, p) for pointer, ports in groups for p in ports]
+    clash = {p.name for _, p in flat if [q.name for _, q in flat].count(p.name) > 1}
+
+    def access(argument: int, element: int) -> tuple[str, str]:
+        pointer, p = flat[argument]
+        size = getattr(p, "size", 1)
+        name = f"{pointer}_{p.name}" if p.name in clash else p.name
+        index = "" if size == 1 else f"[{element}]"
+        local = f"{name}_now" if pointer == "state" else name
+        return local if size == 1 else f"{local}_{element}", f"{pointer}->{p.name}{index}"
+
+    return access
+
+
+def print_kernel(
+    kernel: Kernel,
+    fmt: FloatingFormat,
+    access: Callable[[int, int], tuple[str, str]],
+    labels: dict[int, tuple[str, str]],
+    words: Sequence[int] = (),
+) -> PrintedKernel:
+    """Print a kernel as a list of C definitions.
+
+    access: ``access(argument, element) -> (local name, C expression that reads it)``.
+    words: results that are status words.
+    """
+    uses = [0] * len(kernel.nodes)
+    for n in kernel.nodes:
+        for a in n.args:
+            uses[a] += 1
+    wanted = {i for r in kernel.results for i in r}
+    bits = status_words(kernel, words, uses) if fmt.joins_words else {}
+    parts = {i for word in bits.values() for i in word.parts}
+    atoms: list[str] = []
+    statements: list[Statement] = []
+    arguments = set()
+    for i, n in enumerate(kernel.nodes):
+        if i in bits:
+            flags = (f"((uint32_t){atoms[c]} << {k})" for c, k in bits[i].flags)
+            statements.append(Statement("uint32_t", f"v{i}", " | ".join(flags)))
+            atoms.append(f"v{i}")
+            continue
+        if i in parts:
+            atoms.append("")
+            continue
+        if n.op == "const":
+            text = fmt.literal(n.value)
+            atoms.append(f"({text})" if text.startswith("-") else text)
+            continue
+        if n.op == "input":
+            local, source = access(*n.source)
+            arguments.add(n.source[0])
+            statements.append(Statement(fmt.c_type, local, source))
+            atoms.append(local)
+            continue
+        operands = []
+        for position, a in enumerate(n.args):
+            is_condition = n.op in LOGICAL or (n.op in SELECTING and position == 0)
+            text = atoms[a]
+            if kernel.nodes[a].boolean and not is_condition:
+                text = f"({fmt.c_type}){text}"
+            elif is_condition and not kernel.nodes[a].boolean:
+                text = f"({text} != {fmt.literal(0.0)})"
+            operands.append(text)
+        text = fmt.expression(n, operands, kernel)
+        named = labels.get(i)
+        # A boolean used once reads best where it is used; so does a short product or difference.
+        inline = (
+            named is None
+            and i not in wanted
+            and uses[i] == 1
+            and (n.boolean or (n.op in ("mul", "sub", "add", "neg") and len(text) <= 34))
+        )
+        if inline:
+            atoms.append(f"({text})")
+            continue
+        c_type = "int" if n.boolean else fmt.c_type
+        name, comment = named if named else (f"v{i}", "")
+        statements.append(Statement(c_type, name, text, comment))
+        atoms.append(name)
+    results = tuple(
+        tuple(f"({fmt.c_type}){atoms[i]}" if kernel.nodes[i].boolean else atoms[i] for i in r)
+        for r in kernel.results
+    )
+    return PrintedKernel(tuple(statements), results, frozenset(arguments))

@@ -1,0 +1,124 @@
+"""Whole numbers: boards without an FPU.  Kernels are printed from a range plan (``emit.fixed``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.emit.fixed.functions import source_files
+from esea_gen.emit.fixed.lowering import rewrite
+from esea_gen.emit.fixed.naming import FixedNaming
+from esea_gen.emit.fixed.render import print_lowered
+from esea_gen.emit.fixed.search import plan_block
+from esea_gen.emit.formats.base import Format
+from esea_gen.emit.naming import Naming
+from esea_gen.emit.printed import EmittedBlock, early_stores
+from esea_gen.emit.walker import Kernel, fuse_selects
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block
+from esea_gen.language.system import System
+
+
+class Q31(Format):
+    """The q31 format."""
+
+    name = "q31"
+    c_type = "int32_t"
+    dtype = np.dtype(np.int32)
+    epsilon = 2.0**-31
+    default = False
+    floating = False
+    needs_libm = False
+    verified_by = "esea-gen fixed"
+    compiler_flags = ""
+    libraries = ""
+    header = "esea_q31.h"
+    operations = '/* Arithmetic of the q31 format. */\n#include "esea_q31.h"'
+    notes = (
+        "   Whole numbers only: no float operation, no library but, on a Cortex-M0, the compiler's "
+        "own for",
+        "   64-bit products and shifts.",
+        "",
+        " NUMBERS",
+        "   A field theta_q0_31 holds a number of units of 2^-31: 0 integer and 31 fraction bits "
+        "(Qm.n).",
+        "   Its comment gives the raw range, the value of one unit and what happens outside.  "
+        "Rounding is",
+        "   to the nearest unit.  No operation can overflow, whatever bit pattern an input or a "
+        "state has.",
+        "   ESEA_Q31_FROM(x, n) and ESEA_Q31_TO(raw, n) of esea_q31.h convert, for hosts with "
+        "double.",
+    )
+    printf = ("%14ld", "long")
+
+    def passes(self, kernel: Kernel) -> Kernel:
+        """What the range plan starts from."""
+        return rewrite(fuse_selects(kernel))
+
+    def literal(self, value: float) -> str:
+        """A raw number."""
+        return str(int(value))
+
+    def emit(self, block: Block) -> EmittedBlock:
+        """Print a Block's plan."""
+        plan = plan_block(block)
+        step = print_lowered(plan.step)
+        names = {f.port.name: f.name for f in plan.fields["state"]}
+        return EmittedBlock(
+            block,
+            print_lowered(plan.prepare) if plan.prepare else None,
+            print_lowered(plan.init),
+            step,
+            early_stores(block, step, names),
+        )
+
+    def naming(self, system: System) -> FixedNaming:
+        """Names that end in the field's format."""
+        return FixedNaming(system)
+
+    def sources(self) -> tuple[Path, ...]:
+        """Arithmetic and functions in whole numbers, and the tables that they share with f32."""
+        return source_files()
+
+    def templates(self, prefix: str) -> dict[str, str]:
+        """The tasks with numbers in units, and bound to the device's messages."""
+        return {
+            f"{prefix}_units.h": "device/esea_units.h.j2",
+            self.link_header(prefix): "device/esea_units_link.h.j2",
+        }
+
+    def link_header(self, prefix: str) -> str:
+        """The dialect's binding over numbers in units."""
+        return f"{prefix}_units_link.h"
+
+    def example(self, naming: Naming, example: Mapping[str, Any]) -> dict[str, Any]:
+        """The stream as raw numbers."""
+        assert isinstance(naming, FixedNaming)
+        source, result = example["input"], example["output"]
+        fraction = naming.external_field(source).fraction
+        if fraction < example["shift"]:
+            raise UserError(
+                f"{naming.system.name}: the example's input cannot be exact in q31 (lattice "
+                f"2^-{example['shift']}, format 2^-{fraction}).",
+                "Narrow the range of the first input.",
+            )
+        made = naming.external_field(result)
+        more = f" + {example['start'] << fraction}" if example["start"] else ""
+        return {
+            **example,
+            "given": f"triangle(k) * {1 << (fraction - example['shift'])}{more}",
+            "held": {
+                x.name: naming.external_field(x).raw(example["held"][x.name])
+                for x in example["others"]
+            },
+            "samples": [replace(s, expected=made.raw(s.expected)) for s in example["samples"]],
+            # Ten times what single precision gets: half a percent of a percent of the range.
+            "tolerance": made.raw(5e-5 * result.port.high),
+        }
+
+
+FORMAT = Q31()

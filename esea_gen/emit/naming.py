@@ -1,0 +1,76 @@
+"""C names of a System's fields, and how a number in units becomes one of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
+from esea_gen.language.system import External, Latch, Signal, System
+
+
+class Naming:
+    """Fields that have their ports' names and units.
+
+    c_type, dtype: of a number, in C and in numpy.
+    """
+
+    def __init__(self, system: System, c_type: str, dtype: np.dtype[Any]) -> None:
+        self.system, self.c_type, self.dtype = system, c_type, dtype
+
+    def field(self, block: Block, group: str, port: Any) -> str:
+        """Name of a Block's field.
+
+        group: struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
+        """
+        return str(port.name)
+
+    def external(self, external: External) -> str:
+        """Name of an external value's field."""
+        return external.name
+
+    def latch(self, latch: Latch) -> str:
+        """Name of a latch's field."""
+        return latch.name
+
+    def text(self, block: Block | None, group: str, port: Any) -> str:
+        """What a header adds to a port's description."""
+        return ""
+
+    def convert(self, text: str, source: Signal | None, block: Block, port: Port) -> str:
+        """A value, as C text, in the format of the port that it feeds.
+
+        source: output that it comes from; None for an external input, which has the port's format.
+        """
+        return text
+
+    def number(self, block: Block, group: str, name: str, value: float) -> float:
+        """What a Block's field holds for a value inside the port's range, in its unit."""
+        return value
+
+    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
+        """C field of a tunable, and what it holds for any value in its unit."""
+        return name, value
+
+    def fraction(self, block: Block, group: str, name: str) -> int | None:
+        """Fraction bits of a Block's field; None where it is in units."""
+        return None
+
+    def external_fraction(self, external: External) -> int | None:
+        """Fraction bits of an external value's field; None where it is in units."""
+        return None
+
+    def from_units(self, external: External, text: str) -> str:
+        """C expression of a double in the external value's unit as a number of its field."""
+        return f"({self.c_type}){text}"
+
+    def to_units(self, external: External, text: str) -> str:
+        """C expression of the field's number in the external value's unit."""
+        return text
+
+    def stored(self, external: External, value: Any) -> npt.NDArray[Any]:
+        """The field's number, for a value in units that one stands for exactly."""
+        return np.asarray(value, np.uint32 if external.port.flags else self.dtype)
