@@ -560,6 +560,6 @@ def test_devices_that_cannot_be_limited_are_refused(drive, elbow):
 def test_library_of_both(drive):
     require_tool("gcc")
     library: HostLibrary = compile_system(two_tasks(drive), "f32")
-    assert {"u_Nm", "fault", "status"} == set(
-        library.task("sense").run({n: np.zeros(3) for n, _ in library.task("sense").inputs})[0]
-    )
+    runner = library.task("sense")
+    found, _ = runner.run({f.name: np.zeros(3) for f in runner.inputs})
+    assert set(found) == {"u_Nm", "fault", "status"}

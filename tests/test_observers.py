@@ -150,7 +150,7 @@ def test_gain_at_rest_is_one_in_float32(drive):
     slow = changed(drive, load_velocity_Hz=4.0, human_1_s=0.1)
     library = compile_system(observers(slow), "f32")
     runner = library.block("load_rate")
-    assert library.prepare(runner, {"cutoff_Hz": 2.0}) == 0
+    assert runner.prepare({"cutoff_Hz": 2.0}) == 0
     ramp = single(np.arange(2500) / 1024)  # exact in float32: 0.9765625 rad/s
     y, _ = runner.run({"theta_rad": ramp})
     assert y["omega_rad_s"][-1] == pytest.approx(1000 / 1024, rel=1e-5)
