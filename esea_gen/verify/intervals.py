@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from esea_gen.emit.formats import Format
+from esea_gen.emit.formats.base import Format
 from esea_gen.emit.walker import Kernel, Node, fuse_selects
 
 

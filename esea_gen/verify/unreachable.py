@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from esea_gen.emit.formats import Format
+from esea_gen.emit.formats.base import Format
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
