@@ -25,7 +25,7 @@ from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats import FORMATS, Q31, Format, PrintedKernel, print_kernel
 from esea_gen.emit.walker import Kernel, prune, walk
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Port
+from esea_gen.language.block import Block, Flag, Port
 from esea_gen.language.system import External, Latch, Signal, System
 
 
@@ -83,6 +83,10 @@ def comment(text: str, indent: int = 0, width: int = 98) -> str:
     )
 
 
+# A counter of the steps in which a flag was set.
+COUNTER = "{n} += (uint32_t)((out->{port} & {bit}) != 0u && {n} != UINT32_MAX);"
+
+
 @dataclass(frozen=True)
 class EmittedBlock:
     """A Block with its kernels printed in one number format.
@@ -134,21 +138,34 @@ def emit_block(block: Block, fmt: Format) -> EmittedBlock:
         return program
     if fmt is Q31:
         return _emit_fixed(block)
-    coefficients = [("coeffs", block.coefficients)]
-    init = print_kernel(fmt.passes(walk(block.init)), fmt, _access(coefficients), {})
-    prepare = None
-    if block.tunables:
-        access = _access([("params", block.tunables)])
-        prepare = print_kernel(fmt.passes(walk(block.prepare)), fmt, access, {})
-
     labelled = fmt.passes(walk(block.labelled_step))
     count = block.step.n_out()
     names = dict(zip((r[0] for r in labelled.results[count:]), block.labels, strict=True))
     kernel = Kernel(labelled.name, labelled.nodes, labelled.results[:count])
     kernel, names = _prune_with(kernel, names)
-    access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
-    step = print_kernel(kernel, fmt, access, names, block.flag_results)
+    init = print_function(block, fmt, "init", fmt.passes(walk(block.init)))
+    prepare = None
+    if block.tunables:
+        prepare = print_function(block, fmt, "prepare", fmt.passes(walk(block.prepare)))
+    step = print_function(block, fmt, "step", kernel, names)
     return EmittedBlock(block, prepare, init, step, early_stores(block, step))
+
+
+def print_function(
+    block: Block,
+    fmt: Format,
+    function: str,
+    kernel: Kernel,
+    names: dict[int, tuple[str, str]] | None = None,
+) -> PrintedKernel:
+    """Print a kernel as one of a Block's functions: ``prepare``, ``init`` or ``step``."""
+    if function == "prepare":
+        return print_kernel(kernel, fmt, _access([("params", block.tunables)]), {})
+    coefficients = [("coeffs", block.coefficients)]
+    if function == "init":
+        return print_kernel(kernel, fmt, _access(coefficients), {})
+    access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
+    return print_kernel(kernel, fmt, access, names or {}, block.flag_results)
 
 
 def _emit_fixed(block: Block) -> EmittedBlock:
@@ -359,6 +376,7 @@ class Renderer:
             "literal": self.literal,
             "port_text": self.port_text,
             "feed": self.feed,
+            "counter": self.counter,
             "versions": versions(),
         }
 
@@ -372,6 +390,11 @@ class Renderer:
             return f"uint32_t {name};"
         size = getattr(port, "size", 1)
         return f"{self.fmt.c_type} {name}{'' if size == 1 else f'[{size}]'};"
+
+    def counter(self, block: Block, port: Port, flag: Flag, form: str = COUNTER) -> str:
+        """C statement that counts a flag."""
+        bit = f"{self.prefix}_{block.name}_{flag.name}".upper()
+        return form.format(n=f"state->n_{flag.name.lower()}", port=port.name, bit=bit)
 
     def literal(self, block: Block, group: str, port: Any, value: float) -> str:
         """C literal of a port's value."""
