@@ -17,7 +17,8 @@ from esea_gen.emit.walker import BOOLEAN, COMMUTATIVE, Kernel, Node
 from esea_gen.verify.intervals import Interval
 
 HALVES = 0.4  # what a sum of a whole number is compared with is this far from any, at least
-DEEP = 40  # choices of choices that a comparison is taken into
+# How many choices one comparison is taken into, and how deep in its operands they may stand.
+CHOICES, DEEP = 64, 4
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Numbering:
         self.whole: set[int] = set()
         self.reasons: dict[int, dict[str, None]] = {}
         self.why: dict[str, None] = {}
+        self.left = CHOICES
         self.numbers: list[int] = []
         for i, n in enumerate(kernel.nodes):
             number = self.number(kernel.nodes, i, self.numbers, self.reasons.setdefault(i, {}))
@@ -90,7 +92,8 @@ class Numbering:
     def make(self, op: str, *args: int) -> int:
         """Number of an operation on numbered values."""
         if op in ("lt", "le", "eq", "ne"):
-            return self._compare(op, args[0], args[1], DEEP)
+            self.left = CHOICES
+            return self._compare(op, *args)
         if op in ("and", "or", "not"):
             return self._logic(op, args)
         if op in ("if_else_zero", "select"):
@@ -219,7 +222,7 @@ class Numbering:
 
     # -- comparisons -----------------------------------------------------------------------------
 
-    def _compare(self, op: str, x: int, y: int, deep: int) -> int:
+    def _compare(self, op: str, x: int, y: int) -> int:
         a, b = self._value(x), self._value(y)
         if a is not None and b is not None:
             made = {"lt": a < b, "le": a <= b, "eq": a == b, "ne": a != b}[op]
@@ -227,11 +230,11 @@ class Numbering:
         settled = self._apart(op, x, y)
         if settled is not None:
             return settled
-        lifted = self._into_choices(op, x, y, deep) if deep else None
+        lifted = self._into_choices(op, x, y)
         if lifted is not None:
             return lifted
         if a is not None or b is not None:
-            found = self._with_constant(op, x, y, deep)
+            found = self._with_constant(op, x, y)
             if found is not None:
                 return found
         return self._put(op, tuple(sorted((x, y))) if op in COMMUTATIVE else (x, y))
@@ -248,32 +251,34 @@ class Numbering:
             return self.constant(float(true))
         return None
 
-    def _into_choices(self, op: str, x: int, y: int, deep: int) -> int | None:
+    def _into_choices(self, op: str, x: int, y: int) -> int | None:
         # A comparison with a choice that has a constant arm is a choice of comparisons.
         for k, i in enumerate((x, y)):
-            split = self._split(i)
+            split = self._split(i, DEEP) if self.left else None
             if split is None:
                 continue
+            self.left -= 1
             condition, first, second = split
             first, second = (
-                self._compare(op, *((arm, y) if k == 0 else (x, arm)), deep - 1)
-                for arm in (first, second)
+                self._compare(op, *((arm, y) if k == 0 else (x, arm))) for arm in (first, second)
             )
             return self._select(condition, first, second)
         return None
 
-    def _split(self, i: int) -> tuple[int, int, int] | None:
+    def _split(self, i: int, deep: int) -> tuple[int, int, int] | None:
         # A choice, or a sign, a magnitude, a sum or a product of one, as a choice.
+        if not deep:
+            return None
         form = self.forms[i]
         if form.op in ("select", "either"):
             condition, first, second = form.args
             inner = [self._value(first), self._value(second)]
             constant = any(v is not None for v in inner)
-            if constant or any(self._split(a) for a in (first, second)):
+            if constant or any(self._split(a, deep - 1) for a in (first, second)):
                 return condition, first, second
             return None
         for k, a in enumerate(form.args if form.op in ("neg", "fabs", "add", "mul") else ()):
-            found = self._split(a)
+            found = self._split(a, deep - 1)
             if found is not None:
                 rest = form.args
                 first, second = (
@@ -282,7 +287,7 @@ class Numbering:
                 return found[0], first, second
         return None
 
-    def _with_constant(self, op: str, x: int, y: int, deep: int) -> int | None:
+    def _with_constant(self, op: str, x: int, y: int) -> int | None:
         left = self._value(x) is None  # value op constant; else constant op value
         value, c = (x, self._value(y)) if left else (y, self._value(x))
         assert c is not None
@@ -290,10 +295,10 @@ class Numbering:
         if form.op == "neg":
             minus = self.constant(-c)
             pair = (minus, form.args[0]) if left else (form.args[0], minus)
-            return self._compare(op, *pair, deep)
+            return self._compare(op, *pair)
         if c == 0:
             if form.op == "fabs" and op in ("eq", "ne"):
-                return self._compare(op, form.args[0], self.constant(0.0), deep)
+                return self._compare(op, form.args[0], self.constant(0.0))
             factors = [self._value(a) for a in form.args] if form.op == "mul" else []
             for factor, other in zip(factors, form.args[::-1], strict=False):
                 # A factor of at least 1 underflows nothing.
@@ -301,7 +306,7 @@ class Numbering:
                     self.why["only its sign, or whether it is zero, is looked at"] = None
                     zero = self.constant(0.0)
                     first = left == (factor > 0)
-                    return self._compare(op, *((other, zero) if first else (zero, other)), deep)
+                    return self._compare(op, *((other, zero) if first else (zero, other)))
         if value in self.whole:
             return self._whole(op, value, c, left)
         if form.op == "add":
