@@ -68,14 +68,18 @@ class Prover:
         # Where the values differ, no result looks at them.
         if edit.result is not None:
             return ""
+        changed = {edit.site}  # what ranges settle there may be otherwise now
+        for i, n in enumerate(self.kernel.nodes):
+            changed |= {i} if changed & set(n.args) else set()
+        settled = {i: value for i, value in self.settled.items() if i not in changed}
         found = []
         for case in self._cases(edit):
-            known: dict[int, float] = {}
+            known = dict(settled)
             for i, truth in case:
                 known |= imply(self.kernel, i, truth, without=edit.site)
             if any(known[i] != truth for i, truth in case):
                 continue  # both cannot be
-            if self._reaches_a_result(edit.site, self.settled | known):
+            if self._reaches_a_result(edit.site, known):
                 return ""
             found.append(" and ".join(f"v{i} is {str(t).lower()}" for i, t in case))
         when = ", nor when ".join(x for x in found if x)
@@ -105,8 +109,6 @@ class Prover:
 
     def _reaches_a_result(self, i: int, known: Mapping[int, float]) -> bool:
         # Whether a change of a value can change a result, given some values.
-        if i in known and i in self.settled:
-            return True
         results = {k for r in self.kernel.results for k in r}
         reached, front = {i}, [i]
         while front:

@@ -16,6 +16,7 @@ from esea_gen.emit.formats import Format
 from esea_gen.emit.walker import BOOLEAN, COMMUTATIVE, Kernel, Node
 from esea_gen.verify.intervals import Interval
 
+LARGE = 2.0**20  # below, halves are numbers of every format
 HALVES = 0.4  # what a sum of a whole number is compared with is this far from any, at least
 # How many choices one comparison is taken into, and how deep in its operands they may stand.
 CHOICES, DEEP = 64, 4
@@ -307,7 +308,7 @@ class Numbering:
                     zero = self.constant(0.0)
                     first = left == (factor > 0)
                     return self._compare(op, *((other, zero) if first else (zero, other)))
-        if value in self.whole:
+        if value in self.whole and abs(c) < LARGE:
             return self._whole(op, value, c, left)
         if form.op == "add":
             return self._whole_sum(op, form, c, left)
@@ -321,7 +322,7 @@ class Numbering:
             if addend is None or other not in self.whole or op not in ("lt", "le"):
                 continue
             limit = c - addend
-            if abs(limit - round(limit)) > HALVES and max(abs(c), abs(addend)) < 2.0**20:
+            if abs(limit - round(limit)) > HALVES and max(abs(c), abs(addend)) < LARGE:
                 return self._whole(op, other, limit, left)
         return None
 
