@@ -278,7 +278,9 @@ class Numbering:
             if constant or any(self._split(a, deep - 1) for a in (first, second)):
                 return condition, first, second
             return None
-        for k, a in enumerate(form.args if form.op in ("neg", "fabs", "add", "mul") else ()):
+        inner = form.args if form.op in ("neg", "fabs", "add", "mul") else ()
+        # Choices before sums that hold some: the order must not hang on a constant.
+        for k, a in sorted(enumerate(inner), key=lambda x: self.forms[x[1]].op != "select"):
             found = self._split(a, deep - 1)
             if found is not None:
                 rest = form.args
