@@ -273,8 +273,7 @@ class Numbering:
         form = self.forms[i]
         if form.op in ("select", "either"):
             condition, first, second = form.args
-            inner = [self._value(first), self._value(second)]
-            constant = any(v is not None for v in inner)
+            constant = any(self._value(a) is not None for a in (first, second))
             if constant or any(self._split(a, deep - 1) for a in (first, second)):
                 return condition, first, second
             return None
