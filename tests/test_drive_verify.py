@@ -12,9 +12,11 @@ from esea_gen.cli import app
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.verify import equivalence, mutation
+from esea_gen.verify import equivalence
 from esea_gen.verify.equivalence import verify
-from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
+from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
+from esea_gen.verify.mutation.equivalent import Prover
+from esea_gen.verify.mutation.mutants import mutants
 from esea_gen.verify.sanitize import GivenRenderer, replay_device, undefined_behaviour
 from esea_gen.verify.verdict import EXACT, LASTING, ONE_STEP, RESIDUAL
 
@@ -224,21 +226,19 @@ def test_all_mutants_of_the_drive(drive, real):
         assert report.contradicted == []
 
 
-def test_a_proof_holds_for_the_step_alone(drive):
-    """The names of values start anew in every function: in prepare they are no values of the step.
+def test_a_proof_holds_for_its_own_kernel_alone(drive):
+    """What the step knows of its values says nothing of those that ``prepare`` computes.
 
     A mutant of the Butterworth filter's prewarping that the bits show was once called equivalent,
     because the value of that name in the step is only looked at for its sign.
     """
-    files = GivenRenderer(drive, "f32").files()
-    text = files["esea_elbow_drive_motor_rate.c"]
-    block = next(b for b in drive.system.kinds if b.name == "motor_rate")
-    prover = mutation._Prover(block, FORMATS["f32"], text)
-    name = "esea_elbow_drive_motor_rate.c"
-    own = [m for m in mutation.mutants(drive, "f32", files) if m.file == name]
-    before = [m for m in own if m.line < prover.first and m.kind == "result negated"]
+    file = "esea_elbow_drive_motor_rate.c"
+    own = [m for m in mutants(drive, "f32") if m.file == file and m.kernel]
+    before = [m for m in own if m.function == "prepare" and m.kind == "result negated"]
     assert len(before) > 8
-    assert not any(prover(m) for m in before)
-    # The same lines, taken for lines of the step, are what went wrong.
-    prover.first = 0
-    assert any(prover(m) for m in before)
+    prove = Prover(before[0].kernel, FORMATS["f32"])
+    assert not any(prove(m.edit) for m in before)
+    step = next(m.kernel for m in own if m.function == "step")
+    block = before[0].block
+    prove = Prover(step, FORMATS["f32"], block)
+    assert any(prove(m.edit) for m in own if m.function == "step")

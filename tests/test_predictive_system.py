@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import subprocess
 
@@ -14,6 +15,7 @@ from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
+from esea_gen.emit.fixed.report import range_report
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
@@ -31,6 +33,8 @@ from esea_gen.twin.run import compiled_loop, plant_variant, previews, run_case
 from esea_gen.twin.trajectories import Trajectory
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.gates import TARGETS, check_objects
+from esea_gen.verify.mutation.campaign import run_mutation
+from esea_gen.verify.mutation.mutants import mutants
 from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import run_c, run_executor
 from esea_gen.verify.sanitize import (
@@ -482,17 +486,23 @@ def test_a_loop_that_breaks_its_stated_total_is_found(passes, total):
         p.simulator().step(x_Nm=1.0)
 
 
-def test_what_reads_straight_line_blocks_says_so(tmp_path, capsys, monkeypatch):
-    # What a Program is not taken by ends with one paragraph and exit code 2, not a traceback.
-    from esea_gen.cli import main
+def test_ranges_cover_the_other_blocks_and_name_the_program(small):
+    system = copy.copy(small.system)
+    system.blocks = {n: small.system.blocks[n] for n in ("joint", "predictive")}
+    report = range_report("small", system)
+    assert [b.name for b in report.blocks] == ["joint"]
+    assert report.to_dict()["not_covered"] == ["predictive"]
+    assert "not covered, a program of loops: predictive" in report.table()
 
-    path = tmp_path / "mine.toml"
-    path.write_text(
-        f'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "T"\n{PREDICTIVE}'
-    )
-    for command in ("ranges", "mutate"):
-        monkeypatch.setattr("sys.argv", ["esea-gen", command, str(path)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == 2
-        assert "predictive is a program of loops" in " ".join(capsys.readouterr().err.split())
+
+def test_the_kernels_of_a_program_are_mutated(small):
+    require_tool("gcc")
+    report = run_mutation(small, "f64", sample=6, seed=2, blocks=["predictive"])
+    assert report.tried == 6
+    assert report.rejected == 0
+    assert report.killed >= 4, [str(m) for m in report.survivors]
+    assert report.contradicted == []
+    program = small.system.blocks["predictive"]
+    named = {m.function for m in mutants(small, "f64") if m.block is program}
+    assert named <= set(program.kernels)
+    assert len(named) > 80  # a copy has no place for a fault

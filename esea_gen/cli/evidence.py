@@ -18,7 +18,6 @@ from esea_gen.cli.options import (
     JsonOption,
     RealOption,
     chosen_formats,
-    no_programs,
     recorded_streams,
 )
 from esea_gen.cli.output import picture, progress_line, show, write_json
@@ -187,11 +186,10 @@ def mutate(
     controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Change the emitted C one place at a time and see whether the tests notice."""
-    from esea_gen.verify.mutation import REQUIRED_SCORE, run_mutation
+    """Put one fault at a time into kernels and wiring and see whether the tests notice."""
+    from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 
     loaded = load_device(device, controller)
-    no_programs(loaded, "mutation")
     reports = {}
     with progress_line() as say:
         for name in chosen_formats(real):
@@ -246,7 +244,6 @@ def ranges(
     from esea_gen.emit.fixed.report import range_report
 
     loaded = load_device(device, controller)
-    no_programs(loaded, "fixed point")
     with progress_line() as say:
         result = range_report(loaded.name, loaded.system, say)
     show(result, json_file)

@@ -155,14 +155,3 @@ def recorded_streams(loaded: Device, recording: Path | None, data: Path | None) 
     from esea_gen.identify import recorded_deflections
 
     return recorded_deflections(loaded, recording, data)
-
-
-def no_programs(loaded: Device, what: str) -> None:
-    """Refuse a device with a Program, which ``what`` does not read."""
-    for block in loaded.system.kinds:
-        if block.kind == "program":
-            raise UserError(
-                f"{loaded.origin}: {block.name} is a program of loops; {what} reads straight-line "
-                "Blocks.",
-                "verify and gates take it; give the device that it extends for the other Blocks.",
-            )

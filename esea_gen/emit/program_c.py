@@ -81,14 +81,19 @@ class EmittedProgram:
     template: str = "device/esea_program.c.j2"
 
 
-def emit_program(program: Program, fmt: Format) -> EmittedProgram:
-    """Print a Program."""
+def emit_program(
+    program: Program, fmt: Format, kernels: Mapping[int, Kernel] | None = None
+) -> EmittedProgram:
+    """Print a Program.
+
+    kernels: what is printed instead of the kernel with that ``id``.
+    """
     if not isinstance(fmt, FloatingFormat):  # its arrays declare no ranges to plan whole numbers
         raise UserError(
             f"The program {program.name} cannot be emitted in {fmt.name}.",
             f"Choose from {', '.join(EPSILON)}.",
         )
-    return _Writer(program, fmt, program.name).emit()
+    return _Writer(program, fmt, program.name, kernels or {}).emit()
 
 
 def _frozen(env: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
@@ -167,10 +172,12 @@ class _Context:
 
 
 class _Writer:
-    def __init__(self, program: Program, fmt: FloatingFormat, stem: str) -> None:
+    def __init__(
+        self, program: Program, fmt: FloatingFormat, stem: str, kernels: Mapping[int, Kernel]
+    ) -> None:
         # Tables and parts are static: they need no prefix.
         self.program, self.fmt, self.stem = program, fmt, stem
-        self.kernels: dict[int, Kernel] = {}
+        self.kernels = dict(kernels)
         self.loops: list[LoopBound] = []
         self.totals = loop_totals(program)
         self.count = 0

@@ -19,7 +19,7 @@ from esea_gen.emit.printed import EmittedBlock, comment
 from esea_gen.emit.program_c import EmittedProgram, emit_program
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.language.block import Block
-from esea_gen.language.ports import Port
+from esea_gen.language.ports import Flag, Port
 from esea_gen.language.program import Program
 from esea_gen.language.system import External, Latch, Signal, System
 
@@ -62,6 +62,10 @@ def environment() -> jinja2.Environment:
     env.filters["comment"] = comment
     env.filters["number"] = lambda v: f"{v:.9g}"
     return env
+
+
+# A counter of the steps in which a flag was set.
+COUNTER = "{n} += (uint32_t)((out->{port} & {bit}) != 0u && {n} != UINT32_MAX);"
 
 
 def block_kernels(block: Block) -> dict[str, Kernel]:
@@ -219,6 +223,7 @@ class Renderer:
             "literal": self.literal,
             "port_text": self.port_text,
             "feed": self.feed,
+            "counter": self.counter,
             "versions": versions(),
         }
 
@@ -232,6 +237,11 @@ class Renderer:
             return f"uint32_t {name};"
         size = getattr(port, "size", 1)
         return f"{self.fmt.c_type} {name}{'' if size == 1 else f'[{size}]'};"
+
+    def counter(self, block: Block, port: Port, flag: Flag, form: str = COUNTER) -> str:
+        """C statement that counts a flag."""
+        bit = f"{self.prefix}_{block.name}_{flag.name}".upper()
+        return form.format(n=f"state->n_{flag.name.lower()}", port=port.name, bit=bit)
 
     def literal(self, block: Block, group: str, port: Any, value: float) -> str:
         """C literal of a port's value."""

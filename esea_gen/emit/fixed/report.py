@@ -13,6 +13,7 @@ from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.table import NARROW, ROOM, WIDE, RangeRow, draw_headroom, range_rows
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.emit.ranges import Bound, RangeError
+from esea_gen.language.program import Program
 from esea_gen.language.system import System
 
 if TYPE_CHECKING:
@@ -126,19 +127,29 @@ class BlockRanges:
 
 @dataclass(frozen=True)
 class RangeReport:
-    """All Blocks of a device."""
+    """All Blocks of a device.
+
+    not_covered: Programs, whose loops no range plan follows.
+    """
 
     device: str
     blocks: tuple[BlockRanges, ...]
+    not_covered: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
-        return {"device": self.device, "blocks": {b.name: b.to_dict() for b in self.blocks}}
+        return {
+            "device": self.device,
+            "blocks": {b.name: b.to_dict() for b in self.blocks},
+            "not_covered": list(self.not_covered),
+        }
 
     def table(self) -> list[str]:
         """The report as lines of text: every Block, then what to look at first."""
         out = [line for b in self.blocks for line in [*b.lines(), ""]]
         refused = [b.name for b in self.blocks if b.plan is None]
+        if self.not_covered:
+            out.append(f"not covered, a program of loops: {', '.join(self.not_covered)}")
         if refused:
             out.append(f"cannot be lowered: {', '.join(refused)}")
         unbounded = [b.name for b in self.blocks if b.bound and not math.isinf(b.bound.steps)]
@@ -192,11 +203,12 @@ def range_report(
 ) -> RangeReport:
     """Ranges, formats and proven errors of a System's Blocks.
 
-    return: a Block that cannot be lowered stands in it with the reason.
+    return: a Block that cannot be lowered stands in it with the reason; a Program only by name.
     """
     say = progress or (lambda _: None)
     found = []
-    for block in system.kinds:
+    programs = tuple(b.name for b in system.kinds if isinstance(b, Program))
+    for block in (b for b in system.kinds if b.name not in programs):
         say(f"ranges of {block.name}")
         try:
             plan = plan_block(block)
@@ -209,7 +221,7 @@ def range_report(
         except RangeError as error:
             refusal = f"no proven error: {error}"
         found.append(BlockRanges(block.name, plan, tuple(range_rows(plan)), bound, refusal))
-    return RangeReport(name, tuple(found))
+    return RangeReport(name, tuple(found), programs)
 
 
 __all__ = ["BlockRanges", "RangeReport", "range_report"]

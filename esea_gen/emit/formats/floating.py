@@ -113,18 +113,30 @@ class FloatingFormat(Format):
 
     def emit(self, block: Block) -> EmittedBlock:
         """Print a Block's kernels."""
-        coefficients = [("coeffs", block.coefficients)]
-        init = print_kernel(self.passes(walk(block.init)), self, _access(coefficients), {})
-        prepare = None
-        if block.tunables:
-            access = _access([("params", block.tunables)])
-            prepare = print_kernel(self.passes(walk(block.prepare)), self, access, {})
-
         kernel, labels = labelled_kernel(block, self.passes)
         names = {node: (name, comment) for node, name, comment in labels}
-        access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
-        step = print_kernel(kernel, self, access, names, block.flag_results)
+        init = self.function(block, "init", self.passes(walk(block.init)))
+        prepare = None
+        if block.tunables:
+            prepare = self.function(block, "prepare", self.passes(walk(block.prepare)))
+        step = self.function(block, "step", kernel, names)
         return EmittedBlock(block, prepare, init, step, early_stores(block, step))
+
+    def function(
+        self,
+        block: Block,
+        function: str,
+        kernel: Kernel,
+        names: dict[int, tuple[str, str]] | None = None,
+    ) -> PrintedKernel:
+        """Print a kernel as one of a Block's functions: ``prepare``, ``init`` or ``step``."""
+        if function == "prepare":
+            return print_kernel(kernel, self, _access([("params", block.tunables)]), {})
+        coefficients = [("coeffs", block.coefficients)]
+        if function == "init":
+            return print_kernel(kernel, self, _access(coefficients), {})
+        access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
+        return print_kernel(kernel, self, access, names or {}, block.flag_results)
 
 
 def _access(groups: list[tuple[str, tuple[Any, ...]]]) -> Callable[[int, int], tuple[str, str]]:

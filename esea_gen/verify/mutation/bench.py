@@ -1,0 +1,297 @@
+"""Mutants compiled, many at a time, and what tells them from the C that ships.
+
+The mutants of one file stand in one library under names of their own, behind functions of the
+file's names that call the one that is chosen.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import signal
+import subprocess
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from esea_gen.device import Device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.program_c import EmittedProgram
+from esea_gen.emit.ranges import Bound
+from esea_gen.emit.render import Renderer
+from esea_gen.hostlib.codec import Array
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.library import HostLibrary
+from esea_gen.language.block import Block
+from esea_gen.language.program import Program
+from esea_gen.language.stream import Stream
+from esea_gen.verify.bounds import bounds_or_rule
+from esea_gen.verify.compare import compare
+from esea_gen.verify.coverage import recorded_arguments
+from esea_gen.verify.executor import (
+    Trajectory,
+    coefficients_of,
+    emitted_kernel,
+    exact_trajectory,
+    expected_setup,
+    float32_reference,
+    initial_state,
+    setup_difference,
+)
+from esea_gen.verify.memories import other_memories
+from esea_gen.verify.mutation.mutants import Mutant
+from esea_gen.verify.mutation.tasks import task_signature
+from esea_gen.verify.one_step import StepRule
+from esea_gen.verify.program import compare_program, program_streams
+from esea_gen.verify.runs import AS_WRITTEN, CasadiReference, run_c, run_executor, run_symbolic
+from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
+
+# Fast to compile; without optimisation float arithmetic has the same bits.
+MUTANT_FLAGS = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC", "-w")
+# Characters of C in one library; a Program that a fault sends astray may run no longer, seconds.
+BATCH_SIZE, ASTRAY_S = 600_000, 20
+
+
+@dataclass
+class Judged:
+    """One stream, with what the C must give, bit for bit.
+
+    symbolic: what the looser criterion compares with; None where formats may decide differently.
+    """
+
+    exact: Trajectory
+    symbolic: tuple[dict[str, Array], dict[str, Array]] | None
+
+
+class Bench:
+    """Compiles mutants and holds them against what the C must give.
+
+    loose: whether the looser criterion is asked too.
+    """
+
+    def __init__(
+        self, device: Device, real: str, folder: Path, loose: bool, kinds: Sequence[Any]
+    ) -> None:
+        self.device, self.folder, self.fmt, self.loose = device, folder, FORMATS[real], loose
+        self.gcc = find_compiler("gcc", "gcc libc6-dev")
+        self.renderer = Renderer(device.system, self.fmt, "-", "-", device.title)
+        self.library = HostLibrary(device.system, self.renderer, AS_WRITTEN)
+        self.library.ffi.cdef("void esea_choose_mutant(int which);", override=True)
+        texts = {n: t for n, t in self.library.files.items() if "/" not in n and n != "main.c"}
+        texts["driver.c"] = self.renderer.render("hostlib/driver.c.j2")
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        self.objects = {name: f"{name}.o" for name in texts if name.endswith(".c")}
+        for name, made in self.objects.items():
+            self._gcc("-c", name, "-o", made, check=True)
+        self.programs = [b for b in kinds if isinstance(b, Program)]
+        self.blocks = [b for b in kinds if not isinstance(b, Program)]
+        self.limits: dict[str, tuple[dict[str, Bound], StepRule | None]] = {}
+        self.reference = CasadiReference(device.system) if real == "f64" else None
+        self.judged = {b.name: self._judge(b) for b in self.blocks}
+        self.setups = {b.name: expected_setup(b, self.fmt) for b in self.blocks}
+        self.executed = {
+            p.name: [(s, run_executor(p, s)) for s in program_streams(p)] for p in self.programs
+        }
+        self.batches = 0
+
+    @cached_property
+    def wiring(self) -> list[bytes]:
+        """What the tasks that ship do."""
+        return task_signature(self.library)
+
+    def _gcc(self, *arguments: str, check: bool = False) -> bool:
+        command = [self.gcc, *MUTANT_FLAGS, *arguments]
+        done = subprocess.run(command, cwd=self.folder, capture_output=True, check=check)
+        return done.returncode == 0
+
+    def _judge(self, block: Block) -> list[Judged]:
+        if self.loose:
+            single = self.fmt.name == "f32"
+            self.limits[block.name] = bounds_or_rule(self.device, block) if single else ({}, None)
+        recorded = recorded_stream(self.device, domain_chirp(self.device, 2.0), "chirp in domain")
+        out = []
+        for stream in [*streams(block), *(s for n, s in recorded.items() if n == block.name)]:
+            exact = exact_trajectory(block, self.library, stream, self.reference)
+            out.append(Judged(exact, run_symbolic(block, stream) if self.loose else None))
+        # Bit by bit only: there, formats may decide differently.
+        dtype = self.fmt.dtype
+        for stream in (at_the_limits(block, dtype), *other_memories(block, dtype)):
+            out.append(Judged(self._exact(block, stream), None))
+        return out
+
+    def _exact(self, block: Block, stream: Stream) -> Trajectory:
+        # As exact_trajectory, with the coefficients that the stream puts in.
+        if self.reference is not None or not stream.coefficients:
+            return exact_trajectory(block, self.library, stream, self.reference)
+        coefficients = coefficients_of(block, self.fmt, {})
+        _, trace = run_c(self.library.block(block.name), stream)
+        initial = initial_state(block, self.fmt, coefficients)
+        arguments = recorded_arguments(block, stream, trace, initial, coefficients, self.fmt)
+        kernel, _ = emitted_kernel(block, self.fmt)
+        return float32_reference(kernel, block, stream, arguments)
+
+    # -- compiling -------------------------------------------------------------------------------
+
+    def loaded(self, mutants: Sequence[Mutant]) -> Iterator[tuple[Mutant, HostLibrary | None]]:
+        """Every mutant of one file, compiled and loaded while it is looked at.
+
+        return: without a library when the compiler refuses it.
+        """
+        batch: list[tuple[Mutant, str]] = []
+        size = 0
+        for mutant in mutants:
+            batch.append((mutant, mutant.text(self.renderer)))
+            size += len(batch[-1][1])
+            if size > BATCH_SIZE:
+                yield from self._batch(batch)
+                batch, size = [], 0
+        yield from self._batch(batch)
+
+    def _batch(
+        self, batch: Sequence[tuple[Mutant, str]]
+    ) -> Iterator[tuple[Mutant, HostLibrary | None]]:
+        if not batch:
+            return
+        file = batch[0][0].file
+        # A new name each time: the loader takes the same path for the same library.
+        self.batches += 1
+        target = self.folder / f"mutants{self.batches}.so"
+        private, shared = self._symbols(batch[0][0])
+        (self.folder / "mutants.c").write_text(_renamed([t for _, t in batch], private + shared))
+        (self.folder / "choose.c").write_text(self._choosing(len(batch), shared))
+        others = [o for n, o in self.objects.items() if n != file]
+        link = ["-lm"] if self.fmt.needs_libm else []
+        if not self._gcc("-shared", "mutants.c", "choose.c", *others, "-o", target.name, *link):
+            if len(batch) == 1:
+                yield batch[0][0], None
+                return
+            middle = len(batch) // 2
+            yield from self._batch(batch[:middle])
+            yield from self._batch(batch[middle:])
+            return
+        library = copy.copy(self.library)
+        library.path, library.lib = target, self.library.ffi.dlopen(str(target))
+        for k, (mutant, _) in enumerate(batch):
+            library.lib.esea_choose_mutant(k)
+            yield mutant, library
+        library.ffi.dlclose(library.lib)
+        target.unlink()
+
+    def _symbols(self, mutant: Mutant) -> tuple[list[str], list[str]]:
+        # What a file defines: for itself, and for others.
+        prefix = self.library.prefix
+        if mutant.block is None:
+            names = ["default_params", "prepare", "init", "release"]
+            names += [f"{t.name}_step" for t in self.library.system.tasks]
+            stem = prefix
+        else:
+            names, stem = ["prepare", "init", "step"], f"{prefix}_{mutant.block.name}"
+        shared = [f"{stem}_{n}" for n in names if hasattr(self.library.lib, f"{stem}_{n}")]
+        private: list[str] = []
+        emitted: Any = self.renderer.emitted[mutant.block.name] if mutant.block else None
+        if isinstance(emitted, EmittedProgram):
+            private = [f"{emitted.block.name}_{p.name}" for p in emitted.parts]
+            private += [name for _, name, _ in emitted.tables]
+        return private, shared
+
+    def _choosing(self, count: int, names: Sequence[str]) -> str:
+        # Without the header: all structs come by pointer, and a pointer is a pointer.
+        ffi, lines = self.library.ffi, ["#include <stdint.h>", "static int chosen;"]
+        lines.append("void esea_choose_mutant(int which) { chosen = which; }")
+        for name in names:
+            kind = ffi.typeof(getattr(self.library.lib, name))
+            made, types = kind.result.cname, [_c_type(a) for a in kind.args]
+            taken, table = ", ".join(types), ", ".join(f"m{k}_{name}" for k in range(count))
+            named = ", ".join(f"{t} a{k}" for k, t in enumerate(types))
+            given = ", ".join(f"a{k}" for k in range(len(types)))
+            word = "" if made == "void" else "return "
+            lines += [f"{made} m{k}_{name}({taken});" for k in range(count)]
+            lines.append(f"static {made} (*const table_{name}[])({taken}) = {{{table}}};")
+            lines.append(f"{made} {name}({named}) {{ {word}table_{name}[chosen]({given}); }}")
+        return "\n".join(lines) + "\n"
+
+    # -- comparing -------------------------------------------------------------------------------
+
+    def check(self) -> None:
+        """Hold the C that ships against what it must give."""
+        found = [self.block_difference(self.library, j) for j in self.blocks]
+        found += [self.program_difference(self.library, p) for p in self.programs]
+        if any(found):
+            raise RuntimeError(f"the C that ships already differs: {max(found)}")
+
+    def difference(self, library: HostLibrary, mutant: Mutant) -> str:
+        """The first difference in any bit from what the C must give; empty without one."""
+        block = mutant.block
+        if block is None:
+            same = task_signature(library) == self.wiring
+            return "" if same else "the task differs from the one that ships"
+        if isinstance(block, Program):
+            return self._program_difference(library, block)
+        return self.block_difference(library, block, mutant.function)
+
+    def block_difference(self, library: HostLibrary, block: Block, function: str = "") -> str:
+        """As :meth:`difference`; what only ``prepare`` and ``init`` do is left out of a step."""
+        found = ""
+        if function != "step":
+            found = setup_difference(block, library, self.setups[block.name])
+        for judged in self.judged[block.name]:
+            if found:
+                break
+            run = run_c(library.block(block.name), judged.exact.stream)
+            found = judged.exact.first_difference(*run)
+        return found
+
+    def _program_difference(self, library: HostLibrary, program: Program) -> str:
+        # In a process of its own: numbers of a Program index arrays and count passes.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # the child starts no thread
+            child = os.fork()
+        if child == 0:
+            signal.alarm(ASTRAY_S)
+            code = 1
+            try:
+                code = int(bool(self.program_difference(library, program)))
+            finally:
+                os._exit(code)
+        _, status = os.waitpid(child, 0)
+        return "the Program differs from its executor" if status else ""
+
+    def program_difference(self, library: HostLibrary, program: Program) -> str:
+        """Where a Program's C fails against its executor; empty when it holds on all streams."""
+        for stream, expected in self.executed[program.name]:
+            found = compare_program(self.device, program, library, stream, expected)
+            if not found.passed:
+                return f"{stream.name}: {found.problems or 'bits differ'}"
+        return ""
+
+    def outside_bound(self, library: HostLibrary, mutant: Mutant) -> bool:
+        """Whether the looser comparison sees the mutant; the wiring and Programs have no other."""
+        block = mutant.block
+        if block is None or isinstance(block, Program):
+            return True
+        bounds, rule = self.limits[block.name]
+        return any(
+            not compare(
+                *(self.device, block, library, j.exact.stream, bounds, None, rule, j.symbolic)
+            ).passed
+            for j in self.judged[block.name]
+            if j.symbolic is not None
+        )
+
+
+def _c_type(kind: Any) -> str:
+    return "void *" if kind.kind == "pointer" else str(kind.cname)
+
+
+def _renamed(texts: Sequence[str], names: Sequence[str]) -> str:
+    # Each text with names of its own for what it defines.
+    lines = []
+    for k, text in enumerate(texts):
+        lines += [f"#define {name} m{k}_{name}" for name in names]
+        lines.append(text)
+        lines += [f"#undef {name}" for name in names]
+    return "\n".join(lines)
