@@ -40,11 +40,11 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "models": (
         "Models, observers, control",
         (
-            *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "cubic")),
-            *(f"model.{m}" for m in ("published_inverse", "joint", "sensing", "symbolic")),
+            *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
+            *(f"model.{m}" for m in ("sensing", "symbolic")),
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
-            *(f"control.{m}" for m in ("reference", "setpoint", "sliding_mode", "surface")),
-            *(f"control.{m}" for m in ("limits", "faults", "predictive_drive", "system")),
+            *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
+            *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
         ),
     ),
     "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library", "hostlib.runner")),
@@ -52,11 +52,10 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "identify": (
         "Identification, twin, analysis",
         (
-            *(f"identify.{m}" for m in ("mapping", "recording", "replay", "identification")),
-            *(f"twin.{m}" for m in ("people", "closed_loop")),
-            *(f"analysis.{m}" for m in ("step", "impedance", "linear_loop")),
+            *(f"identify.{m}" for m in ("mapping", "replay", "identification")),
+            "twin.closed_loop",
             *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),
-            *(f"analysis.{m}" for m in ("gain_region", "campaign", "journal", "monte_carlo")),
+            *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),
             "studies.torque_check.check",
             "plotting",
         ),

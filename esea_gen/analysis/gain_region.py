@@ -24,20 +24,12 @@ from esea_gen.errors import UserError
 class GainRegion:
     """Stability and passivity over gains, from the linear loop.
 
-    Parameters
-    ----------
-    kp_Nm_rad, kd_Nms_rad : ndarray
-        Gains, shapes (p,) and (d,).
-    hands : tuple of Hand
-        Hands that the loop was closed with, h of them.
-    radius : ndarray
-        Largest eigenvalue's magnitude, shape (p, d, h).
-    passive : ndarray of bool
-        Whether the port is passive without any hand, shape (p, d).
-    least : ndarray
-        Least relative real part of the port's admittance, shape (p, d).
-    least_Hz : ndarray
-        Its frequency, shape (p, d).
+    kp_Nm_rad, kd_Nms_rad: gains, shapes (p,) and (d,).
+    hands: hands that the loop was closed with, h of them.
+    radius: largest eigenvalue's magnitude, shape (p, d, h).
+    passive: whether the port is passive without any hand, shape (p, d).
+    least: least relative real part of the port's admittance, shape (p, d).
+    least_Hz: its frequency, shape (p, d).
     """
 
     kp_Nm_rad: Array
@@ -78,28 +70,8 @@ def gain_region(
 ) -> GainRegion:
     """Map stability with each hand and passivity of the port over gains.
 
-    Parameters
-    ----------
-    loop : callable
-        ``loop(kp, kd) -> (Plant, Controller)``, linearised at rest.
-    kp_Nm_rad, kd_Nms_rad : sequence of float
-        Gains, rising.
-    hands : iterable of Hand
-        The hands.
-    parts : int
-        As for `close_loop`.
-    progress : callable, optional
-        Told after each pair of gains how many of how many are done.
-
-    Returns
-    -------
-    GainRegion
-        The maps.
-
-    Raises
-    ------
-    UserError
-        On gains that do not rise, or no hands.
+    loop: ``loop(kp, kd) -> (Plant, Controller)``, linearised at rest.
+    progress: told after each pair of gains how many of how many are done.
     """
     kp, kd, people = (
         checked_gains("kp_Nm_rad", kp_Nm_rad),
@@ -131,27 +103,12 @@ def required_damping(
 ) -> float:
     """Damping that a rigid port needs to render a sampled impedance passively.
 
-    Parameters
-    ----------
-    transfer : callable
-        H(z), resisting torque per angle, Nm/rad, for an array of z.
-    period_s : float
-        Sampling period T; the torque is held.
-    points : int
-        Frequencies to look at, from near 0 to half the rate.
+    transfer: h(z), resisting torque per angle, Nm/rad, for an array of z.
+    return: nms/rad: the port is passive if, and only if, its own damping is more.
 
-    Returns
-    -------
-    float
-        Nms/rad: the port is passive if, and only if, its own damping is more.
-
-    Notes
-    -----
     b > T/2 / (1 - cos wT) Re{(1 - exp(-j wT)) H(exp(j wT))} for 0 <= w <= pi/T, from [1]_; for the
     spring and damper H = K + B (z - 1)/(T z) its largest value is K T/2 + |B|.
 
-    References
-    ----------
     .. [1] J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems: application
        to haptic interfaces, Journal of Robotic Systems 14 (1), 1997, 37-47.
     """

@@ -19,16 +19,10 @@ GOOD_FIT = 0.2
 class ImpedanceFit:
     """Inertia, damping and stiffness that a port shows in a band.
 
-    Parameters
-    ----------
-    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad : float
-        The fit; nothing keeps them above 0: a negative damping is what an active port shows.
-    inertia_std, damping_std, stiffness_std : float
-        Standard deviations, from the misfit.
-    low_Hz, high_Hz : float
-        Band of the fit.
-    misfit : float
-        RMS of the relative complex misfit.
+    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad: the fit; nothing keeps them above 0: a negative
+        damping is what an active port shows.
+    inertia_std, damping_std, stiffness_std: standard deviations, from the misfit.
+    misfit: RMS of the relative complex misfit.
     """
 
     inertia_kgm2: float
@@ -44,15 +38,7 @@ class ImpedanceFit:
     def per_angle(self, frequency_Hz: Array) -> npt.NDArray[np.complex128]:
         """Torque per angle of the fit.
 
-        Parameters
-        ----------
-        frequency_Hz : ndarray
-            Shape (n,).
-
-        Returns
-        -------
-        ndarray
-            Complex, Nm/rad, shape (n,).
+        frequency_Hz: shape (n,).
         """
         s = 2j * np.pi * frequency_Hz
         value = self.stiffness_Nm_rad + self.damping_Nms_rad * s + self.inertia_kgm2 * s * s
@@ -63,10 +49,7 @@ class ImpedanceFit:
 class Impedance:
     """Torque with which a port resists a prescribed motion, over frequency.
 
-    Parameters
-    ----------
-    angle : FrequencyResponse
-        Resisting torque per angle, Nm/rad.
+    angle: resisting torque per angle, Nm/rad.
     """
 
     angle: FrequencyResponse
@@ -90,20 +73,7 @@ class Impedance:
     def fit(self, low_Hz: float = 0.0, high_Hz: float = math.inf) -> ImpedanceFit:
         """Equivalent inertia, damping and stiffness: K + j w B - w^2 J.
 
-        Parameters
-        ----------
-        low_Hz, high_Hz : float
-            Band; take one in which the port behaves as one mass.
-
-        Returns
-        -------
-        ImpedanceFit
-            Linear least squares of the relative misfit, so that each frequency counts alike.
-
-        Raises
-        ------
-        UserError
-            When fewer than four frequencies lie in the band.
+        return: linear least squares of the relative misfit, so that each frequency counts alike.
         """
         used = self.angle.band(low_Hz, high_Hz)
         w = 2 * np.pi * used.frequency_Hz
@@ -140,17 +110,7 @@ class Impedance:
     def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
         """Some frequencies as lines of text, and the fit in a band.
 
-        Parameters
-        ----------
-        rows : int
-            How many frequencies.
-        low_Hz, high_Hz : float
-            Band of the fit.
-
-        Returns
-        -------
-        list of str
-            Torque per angle, then the fit; a warning where the port behaves as no such mass.
+        return: torque per angle, then the fit; a warning where the port behaves as no such mass.
         """
         fit = self.fit(low_Hz, high_Hz)
         poor = (
@@ -173,25 +133,10 @@ def impedance(
 ) -> Impedance:
     """Output impedance from the response of a torque to a prescribed motion.
 
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Of the torque (Nm) to the motion, by any of the estimators.
-    motion : str
-        ``"angle"`` (rad) or ``"rate"`` (rad/s).
-    sign : float
-        -1 when the torque acts on what is moved (tau_e of the thesis: a spring pulls back), 1 when
-        it is the torque that the moving needs.
-
-    Returns
-    -------
-    Impedance
-        A passive port has a phase per rate between -90 and 90 deg.
-
-    Raises
-    ------
-    ValueError
-        On another motion or sign.
+    response: of the torque (Nm) to the motion, by any of the estimators.
+    sign: -1 when the torque acts on what is moved (tau_e of the thesis: a spring pulls back), 1
+        when it is the torque that the moving needs.
+    return: a passive port has a phase per rate between -90 and 90 deg.
     """
     if motion not in ("angle", "rate") or sign not in (-1.0, 1.0):
         raise ValueError(f"motion {motion!r} must be 'angle' or 'rate', sign {sign} -1 or 1")

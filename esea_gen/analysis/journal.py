@@ -21,23 +21,7 @@ from esea_gen.errors import UserError
 
 
 def canonical(content: Any) -> str:
-    """JSON of one form: sorted keys, shortest numbers, nothing that is not finite.
-
-    Parameters
-    ----------
-    content : object
-        JSON-ready content.
-
-    Returns
-    -------
-    str
-        One line.
-
-    Raises
-    ------
-    UserError
-        When something in it is not JSON-ready.
-    """
+    """JSON of one form: sorted keys, shortest numbers, nothing that is not finite."""
     try:
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -47,28 +31,14 @@ def canonical(content: Any) -> str:
 
 
 def files_digest(files: Mapping[str, str]) -> str:
-    """SHA-256 of generated files, for a configuration.
-
-    Parameters
-    ----------
-    files : mapping of str to str
-        Text by name.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-    """
+    """SHA-256 of generated files, for a configuration."""
     return hashlib.sha256(json.dumps(sorted(files.items())).encode()).hexdigest()
 
 
 def rooms_digest() -> str:
     """SHA-256 of what the figures of a study depend on beside the C that runs.
 
-    Returns
-    -------
-    str
-        Hexadecimal, of every source and number file of the rooms twin, analysis and studies.
+    return: hexadecimal, of every source and number file of the rooms twin, analysis and studies.
     """
     top = Path(__file__).parents[1]
     found = [p for room in ("twin", "analysis", "studies") for p in (top / room).rglob("*")]
@@ -82,23 +52,7 @@ def rooms_digest() -> str:
 
 
 def file_digest(path: Path | str) -> str:
-    """SHA-256 of a file, for a configuration.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-
-    Raises
-    ------
-    UserError
-        When it cannot be read.
-    """
+    """SHA-256 of a file, for a configuration."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
@@ -121,10 +75,7 @@ def versions() -> dict[str, str]:
 class Configuration:
     """Everything beside the case that the numbers depend on.
 
-    Parameters
-    ----------
-    parts : dict
-        JSON-ready: content hash of the controller, digest of the plant file, settings.
+    parts: JSON-ready: content hash of the controller, digest of the plant file, settings.
     """
 
     parts: dict[str, Any]
@@ -140,14 +91,7 @@ class Configuration:
 class Result:
     """One case.
 
-    Parameters
-    ----------
-    case : dict
-        Its arguments.
-    values : dict of str to float or None
-        What came out; None when it failed.
-    failure : str
-        Why it failed, else empty.
+    values: what came out; None when it failed.
     """
 
     case: dict[str, Any]
@@ -159,15 +103,7 @@ class Result:
 
 
 class Journal:
-    """Finished cases of one configuration, one JSON line each, in a file that survives kill -9.
-
-    Parameters
-    ----------
-    folder : Path
-        Made when missing.
-    configuration : Configuration
-        Names the file.
-    """
+    """Finished cases of one configuration, one JSON line each, in a file that survives kill -9."""
 
     def __init__(self, folder: Path | str, configuration: Configuration) -> None:
         self.configuration = configuration
@@ -177,15 +113,7 @@ class Journal:
     def opened(self) -> Iterator[tuple[dict[str, Result], Callable[[Result], None]]]:
         """The finished cases by key, and a function that adds one; for one process at a time.
 
-        Yields
-        ------
-        tuple
-            ``(finished, add)``; ``add`` returns when the line is on the disk.
-
-        Raises
-        ------
-        UserError
-            When the file cannot be written, is in use, or is damaged other than at its end.
+        Yield: ``(finished, add)``; ``add`` returns when the line is on the disk.
         """
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)

@@ -33,18 +33,11 @@ def _matrix(name: str, value: npt.ArrayLike, rows: int, columns: int) -> Array:
 class Plant:
     """A linear plant between a sampled controller and a port, in continuous time.
 
-    Parameters
-    ----------
-    a : ndarray
-        States, shape (n, n).
-    b_u : ndarray
-        Controller's inputs, held over a period, shape (n, m).
-    b_tau : ndarray
-        Torque of the hand on the port, shape (n,).
-    c_y : ndarray
-        Measurements, sampled once a period, shape (q, n).
-    c_theta, c_omega : ndarray
-        Angle and rate of the port, shape (n,).
+    a: states, shape (n, n).
+    b_u: controller's inputs, held over a period, shape (n, m).
+    b_tau: torque of the hand on the port, shape (n,).
+    c_y: measurements, sampled once a period, shape (q, n).
+    c_theta, c_omega: angle and rate of the port, shape (n,).
     """
 
     a: Array
@@ -72,18 +65,7 @@ class Plant:
             )
 
     def holding(self, hand: Hand) -> Plant:
-        """The plant with a hand on its port.
-
-        Parameters
-        ----------
-        hand : Hand
-            The hand; its inertia adds to the port's.
-
-        Returns
-        -------
-        Plant
-            Its port is still there, for another torque.
-        """
+        """The plant with a hand on its port."""
         freed = 1 + hand.inertia_kgm2 * float(self.c_omega @ self.b_tau)
         row = -(
             hand.inertia_kgm2 * self.c_omega @ self.a
@@ -105,12 +87,8 @@ class Plant:
 class Controller:
     """A linear controller in discrete time, observers and computing delay included.
 
-    Parameters
-    ----------
-    a, b, c, d : ndarray
-        x(k+1) = a x(k) + b y(k), u(k) = c x(k) + d y(k); shapes (s, s), (s, q), (m, s), (m, q).
-    period_s : float
-        Its period.
+    a, b, c, d: x(k+1) = a x(k) + b y(k), u(k) = c x(k) + d y(k); shapes (s, s), (s, q), (m, s), (m,
+        q).
     """
 
     a: Array
@@ -142,27 +120,9 @@ def linearise(
 ) -> Controller:
     """Linear controller from a step function, by central differences.
 
-    Parameters
-    ----------
-    step : callable
-        ``step(state, inputs) -> (state', outputs)``, arrays of shapes (s,), (q,), (m,).
-    state, inputs : ndarray
-        Point to linearise at: a fixed point, or the result is no linear system.
-    period_s : float
-        Period of a step.
-    move : float or ndarray
-        Size of the differences; an array gives one for each of (state, inputs).
-
-    Returns
-    -------
-    Controller
-        The four matrices.
-
-    Raises
-    ------
-    UserError
-        When the point is not a fixed point, or a kink (saturation, dead zone) lies within a move:
-        then both sides differ.
+    step: ``step(state, inputs) -> (state', outputs)``, arrays of shapes (s,), (q,), (m,).
+    state, inputs: point to linearise at: a fixed point, or the result is no linear system.
+    move: size of the differences; an array gives one for each of (state, inputs).
     """
     x, y = np.asarray(state, dtype=np.float64), np.asarray(inputs, dtype=np.float64)
     at = np.concatenate([x, y])
@@ -201,13 +161,8 @@ def linearise(
 class Loop:
     """Closed loop over one period, port torque and mean port rate in equal parts of it.
 
-    Parameters
-    ----------
-    a, b, c, d : ndarray
-        x(k+1) = a x(k) + b w(k), v(k) = c x(k) + d w(k): w the hand's torque, held in each of the
-        parts, shape (parts,); v the mean rate of the port in each part, shape (parts,).
-    period_s : float
-        Period of the controller.
+    a, b, c, d: x(k+1) = a x(k) + b w(k), v(k) = c x(k) + d w(k): w the hand's torque, held in each
+        of the parts, shape (parts,); v the mean rate of the port in each part, shape (parts,).
     """
 
     a: Array
@@ -237,15 +192,7 @@ class Loop:
     def admittance(self, frequency_Hz: npt.ArrayLike) -> npt.NDArray[np.complex128]:
         """Mean port rates over port torques.
 
-        Parameters
-        ----------
-        frequency_Hz : array_like
-            Up to half the controller's rate (the parts hold what is above), shape (f,).
-
-        Returns
-        -------
-        ndarray
-            Complex, rad/s per Nm, shape (f, parts, parts).
+        frequency_Hz: up to half the controller's rate (the parts hold what is above), shape (f,).
         """
         f = np.atleast_1d(np.asarray(frequency_Hz, dtype=np.float64))
         z = np.exp(2j * np.pi * f * self.period_s)
@@ -256,15 +203,8 @@ class Loop:
     def resistance(self, frequency_Hz: npt.ArrayLike) -> Array:
         """Least real part of the admittance: whether the port takes power or gives it.
 
-        Parameters
-        ----------
-        frequency_Hz : array_like
-            Where, shape (f,).
-
-        Returns
-        -------
-        ndarray
-            Least eigenvalue of the admittance's Hermitian part over its Frobenius norm, shape
+        frequency_Hz: where, shape (f,).
+        return: least eigenvalue of the admittance's Hermitian part over its Frobenius norm, shape
             (f,): between -1 and 1, below 0 where some torque draws power.
         """
         y = self.admittance(frequency_Hz)
@@ -274,11 +214,8 @@ class Loop:
     def passivity(self) -> tuple[bool, float, float]:
         """Positive-realness of the port admittance.
 
-        Returns
-        -------
-        tuple
-            Whether the port is passive (stable by itself, and no frequency at which it gives out
-            power), the least `resistance`, and its frequency in Hz.
+        return: whether the port is passive (stable by itself, and no frequency at which it gives
+            out power), the least `resistance`, and its frequency in Hz.
         """
         half = 0.5 / self.period_s
         grid = np.unique(
@@ -300,27 +237,8 @@ class Loop:
 def close_loop(plant: Plant, controller: Controller, *, parts: int = 8) -> Loop:
     """Sampled controller on a continuous plant, exact between the samples.
 
-    Parameters
-    ----------
-    plant : Plant
-        The plant, with or without a hand.
-    controller : Controller
-        The controller.
-    parts : int
-        Into how many equal parts of a period the port's torque is divided.
+    parts: into how many equal parts of a period the port's torque is divided.
 
-    Returns
-    -------
-    Loop
-        One period.
-
-    Raises
-    ------
-    UserError
-        When measurements or inputs do not fit.
-
-    Notes
-    -----
     In a part of length h the hand's torque w is held, so the work it does is exactly
     w (theta(end) - theta(start)) = h w v.  Positive-realness of the lifted w -> v therefore says
     exactly that no hand torque of that form draws energy; with more parts every torque is

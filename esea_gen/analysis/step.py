@@ -23,27 +23,16 @@ LINE_SHARE = 0.5
 class StepMetrics:
     """A step response in numbers; levels in the unit of the response.
 
-    Parameters
-    ----------
-    verdict : str
-        ``stable``, ``growing``, ``sustained oscillation``, ``diverged`` or ``no response``.
-    reason : str
-        What the verdict rests on.
-    initial, final : float or None
-        Level before the step and mean of the record's tail.
-    rise_s : float or None
-        From 10 to 90 % of the way from initial to final, first crossings.
-    settling_2_s, settling_5_s : float or None
-        From the step until the response stays within 2 or 5 % of that way round the final level;
-        None when it does not within the record, its tail excluded.
-    overshoot_percent : float or None
-        Highest excess over the final level, in % of that way.
-    steady_error, steady_error_percent : float or None
-        Reference minus final level, and in % of the reference's step.
-    tail_rms : float or None
-        RMS of the tail about its mean: noise, creep or ringing.
-    oscillation_Hz : float or None
-        Frequency of an oscillation in the last third.
+    verdict: ``stable``, ``growing``, ``sustained oscillation``, ``diverged`` or ``no response``.
+    initial, final: level before the step and mean of the record's tail.
+    rise_s: from 10 to 90 % of the way from initial to final, first crossings.
+    settling_2_s, settling_5_s: from the step until the response stays within 2 or 5 % of that way
+        round the final level; None when it does not within the record, its tail excluded.
+    overshoot_percent: highest excess over the final level, in % of that way.
+    steady_error, steady_error_percent: reference minus final level, and in % of the reference's
+        step.
+    tail_rms: RMS of the tail about its mean: noise, creep or ringing.
+    oscillation_Hz: frequency of an oscillation in the last third.
     """
 
     verdict: Verdict
@@ -212,33 +201,13 @@ def step_metrics(
 ) -> StepMetrics:
     """Judge a step response: first whether it is stable, then how good.
 
-    Parameters
-    ----------
-    time_s : array_like
-        Sample times in s, rising, regular or not, shape (n,).
-    response : array_like
-        The response, shape (n,); a value that is not finite counts as diverged.
-    step_s : float
-        Time of the reference's step.
-    before, after : float
-        Reference before and after it, in the unit of the response.
-    tail : float
-        Share of the record after the step whose mean is the final level.
-    limit : float
-        The response has diverged when it is further than this many steps from its first level.
+    time_s: sample times in s, rising, regular or not, shape (n,).
+    response: the response, shape (n,); a value that is not finite counts as diverged.
+    before, after: reference before and after it, in the unit of the response.
+    tail: share of the record after the step whose mean is the final level.
+    limit: the response has diverged when it is further than this many steps from its first level.
+    return: figures of an unstable response that mean nothing are None.
 
-    Returns
-    -------
-    StepMetrics
-        Figures of an unstable response that mean nothing are None.
-
-    Raises
-    ------
-    UserError
-        On bad times, a step outside the record, or no step in the reference.
-
-    Notes
-    -----
     Verdicts, in this order.  Diverged: not finite, beyond ``limit``, or moving by more than the
     whole step before there was one.  Growing or sustained: in the last third after the step, an
     oscillation (half of the power within two bins of the spectrum's peak) of more than 2 % of the

@@ -45,18 +45,7 @@ FAULT_TEXT = {
 
 
 def limit_flags(energy_max: float) -> tuple[Flag, ...]:
-    """Bits of the status word of the limits.
-
-    Parameters
-    ----------
-    energy_max : float
-        Energy within the window that trips, in J.
-
-    Returns
-    -------
-    tuple of Flag
-        Least significant first.
-    """
+    """Bits of the status word of the limits."""
     return (
         Flag("INPUT_INVALID", FAULT_TEXT[Fault.INPUT_INVALID], True),
         Flag("STATE_REPAIRED", "the state was corrupt; the latch was closed afresh", True),

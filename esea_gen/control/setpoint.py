@@ -34,32 +34,12 @@ def setpoint_rates(
 ) -> Block:
     """Rate and acceleration of the deflection set-point.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    kind : {"observer", "differences"}
-        ``observer``: a third-order tracking observer with a triple real pole, which follows a
-        constant acceleration without error.  ``differences``: plain first and second difference,
-        as printed.
-    bandwidth_Hz : float, optional
-        Default of the observer's tunable bandwidth.
-
-    Returns
-    -------
-    Block
-        Input ``theta_set_rad``, the inverse's set-point; outputs ``delta_set_rad``,
+    kind: ``observer``: a third-order tracking observer with a triple real pole, which follows a
+        constant acceleration without error. ``differences``: plain first and second difference, as
+        printed.
+    return: input ``theta_set_rad``, the inverse's set-point; outputs ``delta_set_rad``,
         ``delta_rate_rad_s``, ``delta_acc_rad_s2`` and a status word.
 
-    Raises
-    ------
-    UserError
-        When the device has no drive.
-    ValueError
-        For another kind.
-
-    Notes
-    -----
     The set-point carries no encoder noise, but it has corners: where the motion turns round, all
     stop operators of the inverse begin to move at once and the stiffness jumps.  A second
     difference makes spikes of these.  The observer gives angle, rate and acceleration that belong

@@ -32,10 +32,8 @@ WANTED_ACCELERATION = SET_ACC + 2 * LAMBDA * ERROR_RATE + LAMBDA**2 * ERROR
 def equivalent_control() -> sp.Expr:
     """Equivalent control: the motor torque that keeps the surface (5.16, 5.17).
 
-    Returns
-    -------
-    sympy.Expr
-        Solution of s' = 0 for u_a, with the plant (5.2) put in for the motor side's acceleration.
+    return: solution of s' = 0 for u_a, with the plant (5.2) put in for the motor side's
+        acceleration.
     """
     t = sp.Symbol("t")
     theta_d, theta_m, integral = (sp.Function(n)(t) for n in ("theta_d", "theta_m", "I"))
@@ -56,13 +54,6 @@ def equivalent_control() -> sp.Expr:
 def switching_gain() -> sp.Expr:
     """Smallest switching gain that reaches the surface whatever the uncertain numbers are (5.20).
 
-    Returns
-    -------
-    sympy.Expr
-        Motor torque, at the motor shaft.
-
-    Notes
-    -----
     With the equivalent control of the model put into the plant with true numbers, ``J_true s'`` is
     linear in the numbers' errors.  Each error at its largest, against ``s``, and J_max eta on top
     for the reaching rate, gives the sum of magnitudes.  J_max is J + J_unc.
@@ -87,10 +78,7 @@ def switching_gain() -> sp.Expr:
 def surface_equations() -> tuple[Equation, ...]:
     """What the law implements, for documents.
 
-    Returns
-    -------
-    tuple of Equation
-        Surface, equivalent control, switching gain, law, and our lead.
+    return: surface, equivalent control, switching gain, law, and our lead.
     """
     return (
         equation("(5.12)", "s", SURFACE, "surface of second order with integral"),

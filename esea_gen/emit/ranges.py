@@ -29,7 +29,6 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.emit.elementary import ACCURACY_ULP, EXPONENT_FRACTION_BITS, exponent_q27
-from esea_gen.emit.formats.base import Format
 from esea_gen.emit.walker import Kernel, Node, fuse_selects, labelled_kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port

@@ -36,16 +36,8 @@ MAT_MAGIC = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n")
 class Cycle:
     """One cycle, from a reversal to the next one of the same kind.
 
-    Parameters
-    ----------
-    start, stop : int
-        Samples [start, stop).
-    amplitude_rad : float
-        Half of the deflection's range.
-    block : int
-        Number of the block of equal amplitude, from 0.
-    role : str
-        What it serves for.
+    amplitude_rad: half of the deflection's range.
+    block: number of the block of equal amplitude, from 0.
     """
 
     start: int
@@ -59,22 +51,11 @@ class Cycle:
 class DataSet:
     """What one error figure is given for: a block of equal amplitude, or a whole file.
 
-    Parameters
-    ----------
-    label : str
-        Name in reports.
-    amplitude_rad : float
-        Median amplitude of its cycles.
-    training, held_out : ndarray of int
-        Samples of the recording.
-    cycles : dict
-        Number of cycles by role.
-    asymmetry : float, optional
-        Stiffness to the positive extreme minus that to the negative one, over their mean; None
-        when the deflection does not change sign.
-    work_first_J, work_last_J : float, optional
-        Loss of the block's first full cycle and of its last; None with fewer than two
-        cycles, without loss, or for a whole file.
+    amplitude_rad: median amplitude of its cycles.
+    asymmetry: stiffness to the positive extreme minus that to the negative one, over their mean;
+        None when the deflection does not change sign.
+    work_first_J, work_last_J: loss of the block's first full cycle and of its last; None with fewer
+        than two cycles, without loss, or for a whole file.
     """
 
     label: str
@@ -98,24 +79,11 @@ class DataSet:
 class Recording:
     """A recording in SI units, at its own samples.
 
-    Parameters
-    ----------
-    label : str
-        Name in reports.
-    file : str
-        File name as the mapping gives it.
-    digest : str
-        First 16 hexadecimal digits of the file's SHA-256.
-    time_s, theta_rad, tau_Nm : ndarray
-        Shape (n,).
-    timed : bool
-        Whether the time was recorded (or a period is published), not assumed.
-    dropped : int
-        Samples dropped by the glitch rule.
-    cycles : tuple of Cycle
-        In order.
-    sets : tuple of DataSet
-        Blocks or the whole file.
+    file: file name as the mapping gives it.
+    digest: first 16 hexadecimal digits of the file's SHA-256.
+    time_s, theta_rad, tau_Nm: shape (n,).
+    timed: whether the time was recorded (or a period is published), not assumed.
+    dropped: samples dropped by the glitch rule.
     """
 
     label: str
@@ -131,25 +99,7 @@ class Recording:
 
 
 def load_recordings(source: MappingFile) -> list[Recording]:
-    """Load every recording of a mapping.
-
-    Parameters
-    ----------
-    source : MappingFile
-        Validated mapping.
-
-    Returns
-    -------
-    list of Recording
-        In the mapping's order.
-
-    Raises
-    ------
-    UserError
-        For a missing or unreadable file, a wrong column, a cell that is no number, NaN, time going
-        backwards, too few samples, constant deflection, negative stiffness, or a deflection or
-        torque beyond what a device file can hold.
-    """
+    """Load every recording of a mapping."""
     files = list(source.paths())
     labels = _labels(source.origin, [(name, table) for _, name, table in files])
     loaded = [
@@ -483,17 +433,9 @@ def _zeroed(x: Array, zero: str) -> Array:
 def reversals(theta: Array, threshold: float) -> list[int]:
     """Find the turning points of a deflection, first and last sample included.
 
-    Parameters
-    ----------
-    theta : ndarray
-        Deflection, shape (n,).
-    threshold : float
-        A reversal counts when the deflection has come back by this much, so that noise makes none.
-
-    Returns
-    -------
-    list of int
-        Samples, ascending.
+    theta: deflection, shape (n,).
+    threshold: a reversal counts when the deflection has come back by this much, so that noise makes
+        none.
     """
     points = [0]
     direction, best = 0, 0
@@ -527,19 +469,8 @@ def divide(theta: Array, rules: Cycles, use: str) -> tuple[Cycle, ...]:
     A cycle runs from one reversal to the next of the same kind.  Before the first reversal is the
     lead-in; a cycle that no neighbour equals in amplitude leads from one block to the next.
 
-    Parameters
-    ----------
-    theta : ndarray
-        Deflection, shape (n,).
-    rules : Cycles
-        Rules of the mapping file.
-    use : {"cycles", "train", "held_out"}
-        Whether the rules apply, or the whole file serves one purpose.
-
-    Returns
-    -------
-    tuple of Cycle
-        In order, without the lead-in and the incomplete end.
+    theta: deflection, shape (n,).
+    use: whether the rules apply, or the whole file serves one purpose.
     """
     points = reversals(theta, rules.hysteresis * float(np.ptp(theta)))
     # Loaded to one side, a specimen rests at the recording's ends: they are reversals.
@@ -650,17 +581,8 @@ def _sets(
 def resample(time_s: Array, values: Array, grid_s: Array) -> Array:
     """Linear interpolation onto a grid.
 
-    Parameters
-    ----------
-    time_s, values : ndarray
-        Recording, shape (n,).
-    grid_s : ndarray
-        New times, shape (m,).
-
-    Returns
-    -------
-    ndarray
-        Shape (m,).
+    time_s, values: recording, shape (n,).
+    grid_s: new times, shape (m,).
     """
     out: Any = np.interp(grid_s, time_s, values)
     return np.asarray(out, dtype=np.float64)

@@ -37,21 +37,7 @@ ROOT_WHOLE = ROOT_SIZE.subs(RATIO, ROOT_RATIO)
 def cubic_root(k3: float, linear: Any, load: Any, label: Labels | None = None) -> ca.SX:
     """Real root of ``k3 x^3 + linear x = load``, accurate near zero (4.13 without cancellation).
 
-    Parameters
-    ----------
-    k3 : float
-        Cubic stiffness, not negative.
-    linear : float or casadi.SX
-        Linear stiffness, above 0.
-    load : casadi.SX
-        Torque.
-    label : Labels, optional
-        Names the parts of the root, of which :func:`root_facts` knows the ranges.
-
-    Returns
-    -------
-    casadi.SX
-        The root; relative error below 2e-7 in float32.
+    label: names the parts of the root, of which :func:`root_facts` knows the ranges.
     """
     if k3 == 0:
         return ca.SX(load / linear)
@@ -76,22 +62,8 @@ def root_facts(
 ) -> dict[str, tuple[float, float]]:
     """Ranges of the labelled parts of :func:`cubic_root`, which intervals cannot see.
 
-    Parameters
-    ----------
-    k3 : float
-        Cubic stiffness in Nm/rad^3, not negative.
-    linear : (float, float)
-        Least, above 0, and largest linear stiffness in Nm/rad.
-    load_high : float
-        Largest torque in Nm.
+    linear: least, above 0, and largest linear stiffness in Nm/rad.
 
-    Returns
-    -------
-    dict of str to (float, float)
-        By label; empty without a cubic term.
-
-    Notes
-    -----
     With ``a = linear / (3 k3) > 0`` and ``b = |load| / (2 k3) >= 0`` the radicand of ``c`` is
     ``b + sqrt(a^3 + b^2) >= sqrt(a^3)``, so ``c >= sqrt(a)`` and ``a / c <= sqrt(a)``; ``c`` rises
     with both.  The torque ``k3 x^3 + linear x`` rises with ``x`` and with ``linear``: the root of
@@ -116,10 +88,7 @@ def root_facts(
 def segment_equations() -> tuple[Equation, ...]:
     """Equations of the segment and of its root, for documents.
 
-    Returns
-    -------
-    tuple of Equation
-        Segment, breakpoint, stiffness, and the parts of the root.
+    return: segment, breakpoint, stiffness, and the parts of the root.
     """
     x, f_i, r_i, p_i = sp.symbols("x F_i r_i p_i")
     s = sp.Symbol("s")

@@ -49,22 +49,9 @@ PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
 def filter_taps(name: FilterName) -> tuple[float, ...]:
     """Coefficients of the disturbance observer's low-pass, newest sample first.
 
-    Parameters
-    ----------
-    name : str
-        ``a``: order 30, 10 Hz at 1 kHz, rectangular window, unscaled, as it was used (gain 0.588 at
-        rest).  ``b``: the eleven printed numbers.  ``..._normalised``: scaled to gain 1 at rest.
+    name: ``a``: order 30, 10 Hz at 1 kHz, rectangular window, unscaled, as it was used (gain 0.588
+        at rest). ``b``: the eleven printed numbers. ``..._normalised``: scaled to gain 1 at rest.
         ``b_rounding``: scaled to 1.0165, inside the rounding of the printed digits.
-
-    Returns
-    -------
-    tuple of float
-        The coefficients.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name.
     """
     if name not in get_args(FilterName):
         raise ValueError(f"filter must be one of {get_args(FilterName)}, got {name!r}")
@@ -82,15 +69,7 @@ def filter_taps(name: FilterName) -> tuple[float, ...]:
 def play_parameters(device: DeviceData) -> tuple[Constant, ...]:
     """Parameters of the play operators: the device file's, table 4.2 where it has none.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Its section ``[inverse]`` may hold ``kappa_rad``, ``phi_1_rad`` and ``chi_rad``.
-
-    Returns
-    -------
-    tuple of Constant
-        These three, in this order, with source and status.
+    device: its section ``[inverse]`` may hold ``kappa_rad``, ``phi_1_rad`` and ``chi_rad``.
     """
     given = device.file.inverse
     out = []
@@ -151,32 +130,14 @@ def published_inverse(
 ) -> Block:
     """The thesis' partial inverse, with or without its disturbance observer, as a Block.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Parameters of the forward model, limits and rate.
-    filter : str, optional
-        Low-pass of the disturbance observer (:func:`filter_taps`); none leaves the observer out.
-    kappa, phi, chi : float, optional
-        Weight (rad), decay (1/rad) and spacing (rad) of the play operators in place of the device
-        file's (:func:`play_parameters`).
-    tunable : bool
-        Make these three tunables instead of constants: what identification runs.
+    filter: low-pass of the disturbance observer (:func:`filter_taps`); none leaves the observer
+        out.
+    kappa, phi, chi: weight (rad), decay (1/rad) and spacing (rad) of the play operators in place of
+        the device file's (:func:`play_parameters`).
+    tunable: make these three tunables instead of constants: what identification runs.
+    return: input ``tau_Nm``; outputs the set-point ``theta_rad``, the corrected request ``u_Nm``
+        and a status word.
 
-    Returns
-    -------
-    Block
-        Input ``tau_Nm``; outputs the set-point ``theta_rad``, the corrected request ``u_Nm`` and a
-        status word.
-
-    Raises
-    ------
-    UserError
-        When the device's linear stiffness is 0: the envelope's slope at zero torque is then
-        infinite.
-
-    Notes
-    -----
     The observer closes a loop inside one step: request less the filtered disturbance of the last
     samples, play operators, forward model driven by the set-point, new disturbance.  The forward
     model's viscosity takes the set-point's difference over this step as its rate.

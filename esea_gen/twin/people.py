@@ -41,18 +41,7 @@ _PERSON_BOUNDS = {
 
 
 def person_tunables(person: Person) -> tuple[Tunable, ...]:
-    """A person as tunables of the Block ``plant``.
-
-    Parameters
-    ----------
-    person : Person
-        Whose numbers are the defaults.
-
-    Returns
-    -------
-    tuple of Tunable
-        One a number.
-    """
+    """A person as tunables of the Block ``plant``."""
     values = person.values()
     return tuple(
         Tunable(k, values[k], low, high, text, "reference people, plants.toml", "assumed")
@@ -61,18 +50,7 @@ def person_tunables(person: Person) -> tuple[Tunable, ...]:
 
 
 def random_person(seed: int) -> Person:
-    """A person drawn from the family.
-
-    Parameters
-    ----------
-    seed : int
-        Same seed, same person.
-
-    Returns
-    -------
-    Person
-        What the family leaves out is as in ``uncertain``.
-    """
+    """A person drawn from the family."""
     rng = np.random.default_rng([seed, 2])
     family = vars(PLANTS.random)
     keys = [f.name for f in dataclasses.fields(Person) if f.name in family]
@@ -84,16 +62,9 @@ def random_person(seed: int) -> Person:
 class PlantVariant:
     """A plant: how it is built, and the tunables that differ from the Blocks' defaults.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Whose drive, elastomer and encoders.
-    cable : bool
-        Whether the cable is compliant.
-    values : mapping of str to float
-        Tunables of the Blocks ``plant`` and ``encoders``, the person's among them.
-    step_s : float
-        Period of the plant's step.
+    device: whose drive, elastomer and encoders.
+    cable: whether the cable is compliant.
+    values: tunables of the Blocks ``plant`` and ``encoders``, the person's among them.
     """
 
     device: DeviceData
@@ -102,20 +73,7 @@ class PlantVariant:
     step_s: float = STEP_S
 
     def having(self, person: Person | None = None, **values: float) -> PlantVariant:
-        """A copy with another person, or other tunables.
-
-        Parameters
-        ----------
-        person : Person, optional
-            Who holds the load.
-        **values : float
-            Tunables by name.
-
-        Returns
-        -------
-        PlantVariant
-            The copy.
-        """
+        """A copy with another person, or other tunables."""
         more = (person.values() if person else {}) | values
         return dataclasses.replace(self, values={**self.values, **more})
 
@@ -125,37 +83,12 @@ def ideal_plant(device: DeviceData, person: str = "ideal") -> PlantVariant:
 
     The cable is rigid by construction and not merely stiff: a stiff one would need a shorter step
     for a motion that nobody looks at, and would not obey (5.2) exactly.
-
-    Parameters
-    ----------
-    device : DeviceData
-        With ``[actuator]`` and ``[joint]``.
-    person : str
-        Key of ``PEOPLE``.
-
-    Returns
-    -------
-    PlantVariant
-        The plant.
     """
     return PlantVariant(device, False).having(PEOPLE[person])
 
 
 def gear_disturbance(rms_rad_s2: float, seed: int) -> dict[str, float]:
-    """A gear disturbance drawn from the bands.
-
-    Parameters
-    ----------
-    rms_rad_s2 : float
-        Effective value.
-    seed : int
-        Same seed, same disturbance.
-
-    Returns
-    -------
-    dict of str to float
-        Tunables of the Block ``plant``.
-    """
+    """A gear disturbance drawn from the bands."""
     rng = np.random.default_rng([seed, 1])
     out = {"gear_disturbance_rms_rad_s2": rms_rad_s2}
     for i, band in enumerate(PLANTS.disturbance.bands_1_rad, 1):
@@ -186,22 +119,7 @@ def _bits(device: DeviceData) -> dict[str, float]:
 
 
 def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> PlantVariant:
-    """The reference plant: more friction, cable with backlash and loss, disturbance, encoders.
-
-    Parameters
-    ----------
-    device : DeviceData
-        With ``[actuator]`` and ``[joint]``.
-    person : str
-        Key of ``PEOPLE``.
-    seed : int
-        Of the gear disturbance.
-
-    Returns
-    -------
-    PlantVariant
-        The plant.
-    """
+    """The reference plant: more friction, cable with backlash and loss, disturbance, encoders."""
     r, a = PLANTS.real, device.file.actuator
     assert a is not None
     values = {k: float(getattr(r, k)) for k in _CABLE_KEYS} | _bits(device)
@@ -214,20 +132,7 @@ def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> 
 
 
 def random_plant(device: DeviceData, seed: int) -> PlantVariant:
-    """A plant and a person drawn from the families.
-
-    Parameters
-    ----------
-    device : DeviceData
-        With ``[actuator]`` and ``[joint]``.
-    seed : int
-        Same seed, same plant and person.
-
-    Returns
-    -------
-    PlantVariant
-        What the families leave out is as in :func:`real_plant`.
-    """
+    """A plant and a person drawn from the families."""
     a, family = device.file.actuator, PLANTS.random
     assert a is not None
     rng = np.random.default_rng([seed, 0])
