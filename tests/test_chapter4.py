@@ -16,7 +16,7 @@ from esea_gen.studies.discretisation import (
     OURS,
     REFINE_HZ,
     SCHEMES,
-    Motion,
+    EncodedMotion,
     discretisation,
     reference_torque,
 )
@@ -153,7 +153,7 @@ def tables():
 
 def test_reference_against_an_adaptive_integrator(elbow):
     require_tool("gcc")
-    motion = Motion(10.0, 1.0, 4.0)
+    motion = EncodedMotion(10.0, 1.0, 4.0)
     got = reference_torque(elbow, motion, 4.0)
 
     def slope(t, tau):

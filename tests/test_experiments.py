@@ -14,10 +14,10 @@ import pytest
 
 from esea_gen.errors import UserError
 from esea_gen.studies import simulation as room
-from esea_gen.studies.impedance import Impedance
+from esea_gen.studies.impedance import ImpedanceStudy
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
-from esea_gen.studies.step import Step
+from esea_gen.studies.step import StepStudy
 from esea_gen.studies.tuning import TuningCase
 from esea_gen.studies.twists import Twists
 from esea_gen.twin.case import IMPEDANCE, Case, Setting
@@ -194,7 +194,7 @@ def test_a_wrong_model_shows_in_the_true_torque_only():
 
 
 def test_impedance_asks_for_spring_and_damper():
-    case = shorter(Impedance().cases()[2], 6)
+    case = shorter(ImpedanceStudy().cases()[2], 6)
     assert case.mode == IMPEDANCE
     case = dataclasses.replace(case, trajectory=dataclasses.replace(case.trajectory, start=3000))
     run = run_case(case, Setting(person="uncertain"), 0)
@@ -212,7 +212,7 @@ def test_impedance_asks_for_spring_and_damper():
 
 
 def test_step_frequency_and_output_impedance():
-    steps = Step().metrics(simulate("step", Setting("smc", "ideal")))
+    steps = StepStudy().metrics(simulate("step", Setting("smc", "ideal")))
     for name in ("1 Nm", "2 Nm"):
         assert steps[name].stable, name
         assert abs(steps[name].steady_error_percent) < 5

@@ -31,7 +31,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System, Task
-from esea_gen.verify.fixed import Executor, bounds_of, compare_fixed, raw_stream
+from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_stream
 from esea_gen.verify.runs import run_c, run_symbolic
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 
@@ -111,7 +111,7 @@ def test_any_bit_pattern_in_any_input_and_state(elbow, elbow_q31, data):
         state, inputs = draw(plan.fields["state"], 1), draw(plan.fields["in"], 1)
         runner.put_state(state)
         y, s = runner.run(inputs, raw=True)
-        expected_y, expected_s = Executor(plan).steps(state, inputs)
+        expected_y, expected_s = RawExecutor(plan).steps(state, inputs)
         for name, value in {**expected_y, **{f"s {n}": v for n, v in expected_s.items()}}.items():
             got = s[name[2:]] if name.startswith("s ") else y[name]
             assert np.array_equal(got, value), name
@@ -153,7 +153,7 @@ def test_any_small_block(seed, gains):
     plan = Planner(block).plan()
     bound = block_bound(plan)
     x = np.random.default_rng(seed).integers(-(2**30), 2**30 + 1, 60).astype(np.int32)
-    y, _ = Executor(plan).run({"x_rad": x})
+    y, _ = RawExecutor(plan).run({"x_rad": x})
     f = plan.field("in", "x_rad").fraction
     exact, _ = run_symbolic(block, Stream("random", {"x_rad": x * 2.0**-f}))
     error = np.abs(y["y"] * plan.field("out", "y").lsb - exact["y"])
@@ -216,7 +216,7 @@ def test_a_wrong_coefficient_is_noticed(elbow, elbow_q31):
     plan = plan_block(elbow.velocity)
     y, _ = run_c(elbow_q31.block("velocity"), stream, raw=True)
     for off, same in ((0, True), (64, False)):
-        executor = Executor(plan)
+        executor = RawExecutor(plan)
         executor.coefficients[1][0] += off
         expected, _ = executor.run(raw_stream(plan, stream))
         assert np.array_equal(y["omega_rad_s"], expected["omega_rad_s"]) is same
@@ -278,7 +278,7 @@ def _unguarded(plan):
         }
         ends = [f.low, f.high, max(f.low - 1, -(2**31)), min(f.high + 1, 2**31 - 1)]
         inputs[f.port.name] = np.array(ends)[:, None]
-        places, count = Executor(plan).places(init, inputs)
+        places, count = RawExecutor(plan).places(init, inputs)
         ok = lowered_values(plan.step, places, count).get(node[f"{f.port.name}_ok"])
         expected = [1, 1, int(ends[2] == f.low), int(ends[3] == f.high)]
         if ok is not None and [int(v) for v in ok] != expected:
@@ -405,7 +405,7 @@ def test_tunables_are_prepared_and_refused(elbow, elbow_q31):
     plan = plan_block(elbow.velocity)
     for bandwidth in (2.0, 7.7, 15.0, 60.0, 100.0):
         exact = elbow.velocity.simulator({"bandwidth_Hz": bandwidth}).coefficients
-        raw = Executor(plan, {"bandwidth_Hz": bandwidth}).coefficients
+        raw = RawExecutor(plan, {"bandwidth_Hz": bandwidth}).coefficients
         for f, (r,) in zip(plan.fields["coeffs"], raw, strict=True):
             value = float(exact[f.port.name][0])
             assert abs(r * f.lsb - value) <= f.lsb + 2e-6 * value, f.name

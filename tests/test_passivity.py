@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from esea_gen.analysis.gain_region import gain_region, required_damping
-from esea_gen.analysis.linear_loop import Controller, Plant, close_loop, linearise
+from esea_gen.analysis.linear_loop import Controller, LinearPlant, close_loop, linearise
 from esea_gen.analysis.passivity import (
     Hand,
     PortRun,
@@ -31,7 +31,7 @@ NONE = np.zeros((0, 0))
 def mass(m, b, *, rate=False):
     """A mass with friction; the controller sees its angle, and its rate on request."""
     c = np.eye(2) if rate else np.array([[1.0, 0.0]])
-    return Plant(
+    return LinearPlant(
         np.array([[0, 1], [0, -b / m]]),
         np.array([[0], [1 / m]]),
         np.array([0, 1 / m]),
@@ -255,7 +255,7 @@ def test_two_masses_with_an_elastomer_between():
     a = np.array(
         [[0, 1, 0, 0], [-k / j, -0.55 / j, k / j, 0], [0, 0, 0, 1], [k / jh, 0, -k / jh, 0]]
     )
-    plant = Plant(
+    plant = LinearPlant(
         a,
         np.array([[0], [1 / j], [0], [0]]),
         np.array([0, 0, 0, 1 / jh]),
@@ -310,8 +310,8 @@ def test_matrices_that_do_not_fit_are_refused():
         Controller(np.eye(1), np.zeros((2, 1)), np.eye(1), np.eye(1), T)
     good = mass(0.1, 0.1)
     with pytest.raises(UserError, match="no inertia"):
-        Plant(good.a, good.b_u, 0 * good.b_tau, good.c_y, good.c_theta, good.c_omega)
+        LinearPlant(good.a, good.b_u, 0 * good.b_tau, good.c_y, good.c_theta, good.c_omega)
     with pytest.raises(UserError, match="not the rate"):
-        Plant(good.a, good.b_u, good.b_tau, good.c_y, good.c_theta, 2 * good.c_omega)
+        LinearPlant(good.a, good.b_u, good.b_tau, good.c_y, good.c_theta, 2 * good.c_omega)
     with pytest.raises(UserError, match="finite"):
-        Plant(good.a * np.nan, good.b_u, good.b_tau, good.c_y, good.c_theta, good.c_omega)
+        LinearPlant(good.a * np.nan, good.b_u, good.b_tau, good.c_y, good.c_theta, good.c_omega)

@@ -25,7 +25,7 @@ from esea_gen.language.statements import ProgramError
 from esea_gen.observe.extrapolation import parabola, parabola_weights
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
-from esea_gen.studies.step import Step
+from esea_gen.studies.step import StepStudy
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.judge import judge
@@ -220,7 +220,7 @@ def held_torque(controller: str, kp: float, offset_rad: float) -> float:
     n = 3000
     t = np.arange(n) / 1000
     rest = np.zeros(n)
-    path = Step().cases()[0].trajectory
+    path = StepStudy().cases()[0].trajectory
     signals = {
         **dict.fromkeys(("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2"), rest),
         **dict.fromkeys(("tau_desired_Nm", "omega_desired_rad_s", "stop"), rest),

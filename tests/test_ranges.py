@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import esea_gen
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError, Value, analyse, block_bound
+from esea_gen.emit.ranges import RangeError, RangeValue, analyse, block_bound
 from esea_gen.emit.walker import walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
@@ -83,7 +83,7 @@ def build(tree, x):
 def test_the_bound_holds_for_any_expression(tree, centre, width):
     x = ca.SX.sym("x", 3)
     kernel = walk(ca.Function("f", [x], [build(tree, x)]))
-    ranges = [[Value(c - width, c + width) for c in centre]]
+    ranges = [[RangeValue(c - width, c + width) for c in centre]]
     try:
         bound = analyse(kernel, F32, ranges).results[0][0]
     except RangeError:
@@ -105,7 +105,7 @@ def test_the_bound_holds_for_any_expression(tree, centre, width):
 def test_a_division_by_a_range_with_zero_is_refused():
     x = ca.SX.sym("x")
     with pytest.raises(RangeError, match="holds zero"):
-        analyse(walk(ca.Function("f", [x], [1 / x])), F32, [[Value(-1, 1)]])
+        analyse(walk(ca.Function("f", [x], [1 / x])), F32, [[RangeValue(-1, 1)]])
 
 
 def leaky(gain: float) -> Block:
@@ -173,9 +173,9 @@ def test_an_integrator_has_none_in_a_narrow_range_either():
 def test_powers_and_roots():
     x = ca.SX.sym("x")
     power = walk(ca.Function("f", [x], [x**0.77]))
-    point = analyse(power, F32, [[Value(1e-30, 1e-30)]]).results[0][0]
+    point = analyse(power, F32, [[RangeValue(1e-30, 1e-30)]]).results[0][0]
     assert point.error >= 2.64e-7 * 1e-30**0.77  # what the emitted power errs there
-    rough = analyse(power, F32, [[Value(0.25, 0.25, 0.0, 0.5)]]).results[0][0]
+    rough = analyse(power, F32, [[RangeValue(0.25, 0.25, 0.0, 0.5)]]).results[0][0]
     assert rough.error >= 0.25**0.77 - 0.125**0.77
     root = walk(ca.Function("f", [x], [ca.sqrt(x)]))
-    assert analyse(root, F32, [[Value(0.0, 1.0, 1e-8)]]).results[0][0].error >= 1e-4
+    assert analyse(root, F32, [[RangeValue(0.0, 1.0, 1e-8)]]).results[0][0].error >= 1e-4

@@ -23,7 +23,7 @@ from esea_gen.studies.torque_check.procedure import (
     procedure,
     static_torque_Nm,
 )
-from esea_gen.studies.torque_check.recording import Recording, apply_recording, read_recording
+from esea_gen.studies.torque_check.recording import CheckRecording, apply_recording, read_recording
 from esea_gen.studies.torque_check.study import instructions
 
 from .conftest import require_tool
@@ -52,7 +52,7 @@ def sensor(
     labelled: bool = True,
     repeats: int = 3,
     seed: int = 1,
-) -> Recording:
+) -> CheckRecording:
     """What a sensor with known errors records of the whole procedure.
 
     Offset and what stays ``left`` after the first load in Nm; ``scatter`` is added to the second
@@ -78,10 +78,12 @@ def sensor(
     values = np.concatenate(tau)
     values = values + rng.normal(0, noise, len(values))
     time = 12.5 + np.arange(len(values)) / RATE_HZ
-    return Recording("rig.csv", time, values, tuple(labels) if labelled else None)
+    return CheckRecording("rig.csv", time, values, tuple(labels) if labelled else None)
 
 
-def checked(device, recording: Recording, reference: Reference = REFERENCE, **more) -> TorqueCheck:
+def checked(
+    device, recording: CheckRecording, reference: Reference = REFERENCE, **more
+) -> TorqueCheck:
     check = TorqueCheck(device, reference, **more)
     apply_recording(check, recording)
     return check
@@ -322,7 +324,7 @@ def test_it_goes_on_where_it_stopped(elbow, tmp_path):
     labels = np.array(whole.step)
     middle = int(np.flatnonzero(labels == "plus_3")[0])
     parts = [
-        Recording("a.csv", whole.time_s[s], whole.tau_Nm[s], tuple(labels[s]))
+        CheckRecording("a.csv", whole.time_s[s], whole.tau_Nm[s], tuple(labels[s]))
         for s in (slice(None, middle), slice(middle, None))
     ]
     first = checked(elbow, parts[0])
@@ -371,7 +373,7 @@ def test_only_an_earlier_check_is_gone_on_with(elbow, change, message):
 # -- recordings ---------------------------------------------------------------------------------
 
 
-def write(path, recording: Recording):
+def write(path, recording: CheckRecording):
     columns = {"time_s": recording.time_s.tolist(), "tau_Nm": recording.tau_Nm.tolist()}
     if recording.step is not None:
         columns["step"] = list(recording.step)
@@ -390,7 +392,7 @@ def test_phases_without_labels(elbow):
     # The last load left out: the phase after it is not what comes next.
     start = by_label.measurements[11].start_s - SETTLE_S
     cut = (recorded.time_s < start - HANDLING_S) | (recorded.time_s > start + 16)
-    short = Recording("cut.csv", recorded.time_s[cut], recorded.tau_Nm[cut], None)
+    short = CheckRecording("cut.csv", recorded.time_s[cut], recorded.tau_Nm[cut], None)
     check = TorqueCheck(elbow, REFERENCE)
     apply_recording(check, short)
     assert check.verdict == "incomplete"
@@ -472,7 +474,7 @@ def test_the_emitted_sensor_behind_real_encoders(elbow, rig, spoil, seen):
     measured = np.round(spoil(theta) / count) * count
     sense = compile_device(elbow, "f32").task("sense")
     got, _ = sense.run({"theta_rad": measured}, trace=False)
-    recording = Recording(
+    recording = CheckRecording(
         "board.csv", np.arange(len(theta)) * 1e-3, got["tau_Nm"].astype(float), tuple(labels)
     )
     check = checked(elbow, recording, repeats=2)
@@ -525,7 +527,7 @@ def test_the_command_goes_on(tmp_path, command):
     whole = sensor()
     middle = whole.step.index("minus_1")
     for name, part in (("a", slice(None, middle)), ("b", slice(middle, None))):
-        piece = Recording(name, whole.time_s[part], whole.tau_Nm[part], whole.step[part])
+        piece = CheckRecording(name, whole.time_s[part], whole.tau_Nm[part], whole.step[part])
         write(tmp_path / f"{name}.csv", piece)
     code, shown, _ = command("elbow", *LOAD, "--recording", "a.csv", "--json", "a.json")
     assert code == 1

@@ -20,7 +20,7 @@ from esea_gen.devices.fields import SlidingMode
 from esea_gen.errors import UserError
 from esea_gen.studies.tuning import TuningCase
 from esea_gen.studies.tuning_sweep.choice import choose_error, choose_layer
-from esea_gen.studies.tuning_sweep.study import Sweep, tune
+from esea_gen.studies.tuning_sweep.study import TunableSweep, tune
 from esea_gen.studies.tuning_sweep.trial import Trial, extremes
 
 from .conftest import require_tool
@@ -104,7 +104,7 @@ def test_a_smaller_error_does_not_pay_for_overshoot():
 
 def test_what_is_not_there_is_null_in_json_and_a_dash_in_the_table():
     rows = (trial(1.0, surface_rad_s=math.nan, outside_share=math.nan), trial(2.0))
-    sweep = Sweep("a.b", {}, rows, rows[1], "why")
+    sweep = TunableSweep("a.b", {}, rows, rows[1], "why")
     content = json.loads(json.dumps(sweep.to_dict(), allow_nan=False))
     assert content["trials"][0]["surface_rad_s"] is None
     lines = sweep.table()

@@ -16,7 +16,7 @@ from esea_gen.cli import app
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.fit import Plant, with_values
+from esea_gen.identify.fit import FittedPlant, with_values
 from esea_gen.identify.fit import uncertainty as identified
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings
@@ -247,7 +247,7 @@ def test_identified_spread_is_the_identifications_own(tmp_path):
     spread = identified_spread(device, mapping, DATA)
     recordings = load_recordings(load_mapping(mapping, DATA))
     values = elastomer_values(device)
-    known = identified(Plant(device, recordings), values)
+    known = identified(FittedPlant(device, recordings), values)
     root = spread.root
     # Directions below the cap have the identification's standard deviations.
     capped = np.linalg.norm(root, axis=0) > 0.499

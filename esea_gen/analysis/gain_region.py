@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.linear_loop import Controller, Plant, close_loop
+from esea_gen.analysis.linear_loop import Controller, LinearPlant, close_loop
 from esea_gen.analysis.passivity import Bools, Hand, checked_gains, letters
 from esea_gen.analysis.response import Array, checked_period, plain
 from esea_gen.errors import UserError
@@ -60,7 +60,7 @@ class GainRegion:
 
 
 def gain_region(
-    loop: Callable[[float, float], tuple[Plant, Controller]],
+    loop: Callable[[float, float], tuple[LinearPlant, Controller]],
     kp_Nm_rad: Sequence[float] | Array,
     kd_Nms_rad: Sequence[float] | Array,
     hands: Iterable[Hand],

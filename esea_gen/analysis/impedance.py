@@ -46,7 +46,7 @@ class ImpedanceFit:
 
 
 @dataclass(frozen=True)
-class Impedance:
+class OutputImpedance:
     """Torque with which a port resists a prescribed motion, over frequency.
 
     angle: resisting torque per angle, Nm/rad.
@@ -130,7 +130,7 @@ class Impedance:
 
 def impedance(
     response: FrequencyResponse, *, motion: Literal["angle", "rate"] = "angle", sign: float = -1.0
-) -> Impedance:
+) -> OutputImpedance:
     """Output impedance from the response of a torque to a prescribed motion.
 
     response: of the torque (Nm) to the motion, by any of the estimators.
@@ -141,7 +141,7 @@ def impedance(
     if motion not in ("angle", "rate") or sign not in (-1.0, 1.0):
         raise ValueError(f"motion {motion!r} must be 'angle' or 'rate', sign {sign} -1 or 1")
     s = 2j * np.pi * response.frequency_Hz if motion == "rate" else np.ones(1)
-    return Impedance(
+    return OutputImpedance(
         FrequencyResponse(
             response.frequency_Hz,
             np.asarray(sign * response.response * s, dtype=np.complex128),

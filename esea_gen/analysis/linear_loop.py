@@ -30,7 +30,7 @@ def _matrix(name: str, value: npt.ArrayLike, rows: int, columns: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Plant:
+class LinearPlant:
     """A linear plant between a sampled controller and a port, in continuous time.
 
     a: states, shape (n, n).
@@ -64,7 +64,7 @@ class Plant:
                 "Keep a load inertia between hand and elastomer.",
             )
 
-    def holding(self, hand: Hand) -> Plant:
+    def holding(self, hand: Hand) -> LinearPlant:
         """The plant with a hand on its port."""
         freed = 1 + hand.inertia_kgm2 * float(self.c_omega @ self.b_tau)
         row = -(
@@ -73,7 +73,7 @@ class Plant:
             + hand.stiffness_Nm_rad * self.c_theta
         )
         pushed = -hand.inertia_kgm2 * self.c_omega @ self.b_u
-        return Plant(
+        return LinearPlant(
             self.a + np.outer(self.b_tau, row) / freed,
             self.b_u + np.outer(self.b_tau, pushed) / freed,
             self.b_tau / freed,
@@ -234,7 +234,7 @@ class Loop:
         return self.stable and least >= -ROUNDING, least, at
 
 
-def close_loop(plant: Plant, controller: Controller, *, parts: int = 8) -> Loop:
+def close_loop(plant: LinearPlant, controller: Controller, *, parts: int = 8) -> Loop:
     """Sampled controller on a continuous plant, exact between the samples.
 
     parts: into how many equal parts of a period the port's torque is divided.

@@ -69,7 +69,7 @@ class CodeBlock:
 
 
 @dataclass(frozen=True)
-class Bound:
+class InstructionBound:
     """The bound and where it comes from.
 
     by_function: instructions and entries of each function on the dearest path.
@@ -265,7 +265,7 @@ def step_bound(
     ranges: Mapping[str, tuple[int, int]],
     loops: Sequence[LoopBound],
     objdump: str = "arm-none-eabi-objdump",
-) -> Bound:
+) -> InstructionBound:
     """Largest number of instructions from entry to return of a step.
 
     ranges: first and last line of each loop (:func:`esea_gen.emit.program_c.loop_lines`).
@@ -335,7 +335,7 @@ def step_bound(
         )
         for f, g in graphs.items()
     }
-    return Bound(int(np.ceil(-solved.fun - 1e-6)), by_function, stack)
+    return InstructionBound(int(np.ceil(-solved.fun - 1e-6)), by_function, stack)
 
 
 def _sparse(rows: Sequence[tuple[dict[int, float], float]], count: int) -> csr_array | None:

@@ -22,7 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.bench.bound import Bound, step_bound
+from esea_gen.bench.bound import InstructionBound, step_bound
 from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import step_times
 from esea_gen.control.box_qp import box_qp
@@ -55,7 +55,7 @@ class Cost:
         tables, and the caller's state.
     """
 
-    bound: Bound
+    bound: InstructionBound
     code_bytes: int
     table_bytes: int
     state_bytes: int

@@ -40,12 +40,12 @@ def verify(
     json_file: JsonOption = None,
 ) -> None:
     """Compare the generated C, compiled for this machine, with the symbolic model."""
-    from esea_gen.verify.equivalence import verify as run
+    from esea_gen.verify.equivalence import verify as compare_c
 
     loaded = load_device(device, controller)
     recorded = recorded_streams(loaded, recording, data)
     with progress_line() as say:
-        result = run(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
+        result = compare_c(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
     _print_verification(loaded, result)
     write_json(json_file, result.to_dict())
     if not result.passed:

@@ -76,14 +76,14 @@ def simulate(
     from esea_gen.emit.formats import FORMATS
     from esea_gen.studies.registry import load_study
     from esea_gen.studies.simulation import ClosedLoopStudy, default_person
-    from esea_gen.studies.simulation import simulate as run
+    from esea_gen.studies.simulation import simulate as run_study
     from esea_gen.twin.case import Setting
 
     few = jobs == -1 and runs * len(load_study(study, ClosedLoopStudy).cases()) <= FEW_RUNS
     (real,) = chosen_formats([real], FORMATS)
     who = person or default_person(study, plant)
     with counted(f"{study}, {controller}") as tell:
-        result = run(
+        result = run_study(
             study,
             Setting(controller, plant, who, real),
             seed=seed,
@@ -154,7 +154,7 @@ def tune(
     figure: FigureOption = None,
 ) -> None:
     from esea_gen.analysis.campaign import Workers
-    from esea_gen.studies.tuning_sweep.study import tune as run
+    from esea_gen.studies.tuning_sweep.study import tune as sweep_tunables
 
     try:
         row = [float(v) for v in values.split(",")] if values.strip() else []
@@ -163,7 +163,7 @@ def tune(
             f"--values {values}: not a list of numbers.", "Write them as 1,1.5,2."
         ) from None
     with counted(f"tuning, {controller}") as tell:
-        result = run(
+        result = sweep_tunables(
             controller,
             plant,
             parameter=parameter,

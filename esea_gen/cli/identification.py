@@ -31,7 +31,7 @@ def identify(
     json_file: JsonOption = None,
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
-    from esea_gen.identify import identify as run
+    from esea_gen.identify import identify as identify_recording
     from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page
 
@@ -40,7 +40,7 @@ def identify(
         def tell(share: float, what: str) -> None:
             say(f"{100 * share:.0f} % {what}")
 
-        result, refit = run(mapping, data, progress=tell), None
+        result, refit = identify_recording(mapping, data, progress=tell), None
         if inverse:
             result, refit = refit_identified(result, tell)
     target = folder or Path("identified") / result.device.name

@@ -54,7 +54,7 @@ FAULTS = (
 
 
 @dataclass(frozen=True)
-class Field:
+class MessageField:
     """A field of a message.
 
     size: elements; above 1 the field is an array.
@@ -87,7 +87,7 @@ class Message:
     id: int
     name: str
     description: str
-    fields: tuple[Field, ...]
+    fields: tuple[MessageField, ...]
 
     @property
     def payload_bytes(self) -> int:
@@ -96,7 +96,7 @@ class Message:
 
 
 @dataclass(frozen=True)
-class StatusWord:
+class MessageStatus:
     """Enum of a status word's bits.
 
     flags: its bits, least significant first.
@@ -119,50 +119,52 @@ def mavlink_units() -> frozenset[str]:
     return frozenset()
 
 
-def _port_field(system: System, external: External) -> Field:
+def _port_field(system: System, external: External) -> MessageField:
     port: Port = external.port
     if port.flags:
         enum = f"ESEA_{system.name}_{external.name}".upper()
-        return Field("uint32_t", external.name, port_text(port), enum=enum)
+        return MessageField("uint32_t", external.name, port_text(port), enum=enum)
     units = port.unit if port.unit in mavlink_units() else ""
-    return Field("float", external.name, port_text(port), port.size, units)
+    return MessageField("float", external.name, port_text(port), port.size, units)
 
 
 _INFO = (
-    Field("uint32_t", "tick_us", "Base tick of the tasks.", units="us"),
-    Field("uint32_t", "fault", "Latched fault.", enum="ESEA_FAULT"),
-    Field("uint32_t", "steps", "Steps since the last reset, all tasks."),
-    Field(
+    MessageField("uint32_t", "tick_us", "Base tick of the tasks.", units="us"),
+    MessageField("uint32_t", "fault", "Latched fault.", enum="ESEA_FAULT"),
+    MessageField("uint32_t", "steps", "Steps since the last reset, all tasks."),
+    MessageField(
         "uint32_t",
         "sequence_gaps",
         "Inputs since the last reset that did not follow their predecessor.",
     ),
-    Field("uint32_t", "bad_frames", "Frames since boot whose checksum was wrong."),
-    Field(
+    MessageField("uint32_t", "bad_frames", "Frames since boot whose checksum was wrong."),
+    MessageField(
         "uint32_t", "unknown_messages", "Frames since boot whose message the board does not take."
     ),
-    Field(
+    MessageField(
         "uint32_t",
         "lost_bytes",
         "Bytes since boot for which the receive buffer had no room.",
         units="bytes",
     ),
-    Field(
+    MessageField(
         "uint32_t",
         "receive_buffer_bytes",
         "Size of the receive buffer: the host keeps fewer bytes on the way.",
         units="bytes",
     ),
-    Field(
+    MessageField(
         "uint32_t",
         "empty_ticks",
         "Timer ticks of measuring a step that does nothing; to be taken off step_ticks.",
     ),
-    Field("uint32_t", "stack_bytes", "Size of the stack.", units="bytes"),
-    Field("uint32_t", "stack_peak_bytes", "Most of the stack in use since boot.", units="bytes"),
-    Field("char", "content_hash", "Content hash of the C that runs here.", 16),
-    Field("char", "device", "Device name.", 16),
-    Field("char", "board", "Board name.", 16),
+    MessageField("uint32_t", "stack_bytes", "Size of the stack.", units="bytes"),
+    MessageField(
+        "uint32_t", "stack_peak_bytes", "Most of the stack in use since boot.", units="bytes"
+    ),
+    MessageField("char", "content_hash", "Content hash of the C that runs here.", 16),
+    MessageField("char", "device", "Device name.", 16),
+    MessageField("char", "board", "Board name.", 16),
 )
 
 
@@ -175,8 +177,8 @@ def messages(system: System) -> tuple[Message, ...]:
     ]
     for i, task in enumerate(system.tasks):
         period = f"{task.every * system.base_period_s * 1000:.9g} ms"
-        sequence = Field("uint32_t", "sequence", "Base tick of this run of the task.")
-        ticks = Field(
+        sequence = MessageField("uint32_t", "sequence", "Base tick of this run of the task.")
+        ticks = MessageField(
             "uint32_t", "step_ticks", "Timer ticks of the step, measuring included (empty_ticks)."
         )
         sources = tuple(_port_field(system, x) for x in system.task_inputs(task))
@@ -208,10 +210,10 @@ def messages(system: System) -> tuple[Message, ...]:
     return tuple(found)
 
 
-def status_words(system: System) -> tuple[StatusWord, ...]:
+def status_words(system: System) -> tuple[MessageStatus, ...]:
     """Enums of the status words among a System's outputs."""
     return tuple(
-        StatusWord(f"ESEA_{system.name}_{x.name}".upper(), x.port.meaning, x.port.flags)
+        MessageStatus(f"ESEA_{system.name}_{x.name}".upper(), x.port.meaning, x.port.flags)
         for x in system.outputs
         if x.port.flags
     )

@@ -45,7 +45,7 @@ class RangeError(Exception):
 
 
 @dataclass(slots=True)
-class Value:
+class RangeValue:
     """Range and error of one value; never changed once made.
 
     a, r: error model: ``|computed - exact| <= a + r |exact|``.
@@ -84,11 +84,11 @@ class Analysis:
     assumptions: decisions that rounding could turn: taken as equal.
     """
 
-    results: tuple[tuple[Value, ...], ...]
+    results: tuple[tuple[RangeValue, ...], ...]
     assumptions: tuple[str, ...]
 
 
-def _either(x: Value, y: Value, magnitude: float) -> tuple[float, float]:
+def _either(x: RangeValue, y: RangeValue, magnitude: float) -> tuple[float, float]:
     # Error model of a result z that is one of two values: |error| <= max_i (a_i + r_i |z|).
     for p, q in ((x, y), (y, x)):
         if p.a <= q.a and p.r <= q.r:
@@ -102,34 +102,36 @@ class _Arithmetic:
         self.tiny = float(np.finfo(fmt.dtype).smallest_subnormal)
         self.fmt = fmt
         self.most = 1 / self.u  # all whole numbers up to here are numbers of the format
-        self._constants: dict[float, Value] = {}
+        self._constants: dict[float, RangeValue] = {}
 
     def elementary(self, name: str) -> float:
         # Relative error of a function: one unit in the last place is at most 2 u relative.
         ulp = LIBM_ULP if self.fmt.needs_libm else ACCURACY_ULP[name]
         return 2 * ulp * self.u
 
-    def rounded(self, low: float, high: float, a: float, r: float, u: float | None = None) -> Value:
+    def rounded(
+        self, low: float, high: float, a: float, r: float, u: float | None = None
+    ) -> RangeValue:
         u = self.u if u is None else u
-        return Value(low, high, a * (1 + u) + self.tiny, r * (1 + u) + u)
+        return RangeValue(low, high, a * (1 + u) + self.tiny, r * (1 + u) + u)
 
-    def const(self, c: float) -> Value:
+    def const(self, c: float) -> RangeValue:
         known = self._constants.get(c)
         if known is None:
             stored = float(self.fmt.dtype.type(c))
             whole = c == math.floor(c) and abs(c) <= self.most
-            known = Value(c, c, abs(stored - c), 0.0, stored, stored, whole)
+            known = RangeValue(c, c, abs(stored - c), 0.0, stored, stored, whole)
             self._constants[c] = known
         return known
 
-    def kept_whole(self, low: float, high: float, *operands: Value) -> bool:
+    def kept_whole(self, low: float, high: float, *operands: RangeValue) -> bool:
         # Whether a whole result of whole operands is a number of the format, so without rounding.
         return all(x.whole for x in operands) and max(high, -low) <= self.most
 
-    def add(self, x: Value, y: Value) -> Value:
+    def add(self, x: RangeValue, y: RangeValue) -> RangeValue:
         low, high = x.low + y.low, x.high + y.high
         if self.kept_whole(low, high, x, y):
-            return Value(low, high, whole=True)
+            return RangeValue(low, high, whole=True)
         absolute = self.rounded(low, high, x.error + y.error, 0.0)
         if (x.low >= 0 and y.low >= 0) or (x.high <= 0 and y.high <= 0):
             # Nothing cancels: the relative errors do not grow.  Keep that form unless the absolute
@@ -139,22 +141,22 @@ class _Arithmetic:
                 return relative
         return absolute
 
-    def neg(self, x: Value) -> Value:
-        return Value(-x.high, -x.low, x.a, x.r, -x.computed_high, -x.computed_low, x.whole)
+    def neg(self, x: RangeValue) -> RangeValue:
+        return RangeValue(-x.high, -x.low, x.a, x.r, -x.computed_high, -x.computed_low, x.whole)
 
-    def mul(self, x: Value, y: Value) -> Value:
+    def mul(self, x: RangeValue, y: RangeValue) -> RangeValue:
         corners = [p * q for p in (x.low, x.high) for q in (y.low, y.high)]
         if self.kept_whole(min(corners), max(corners), x, y):
-            return Value(min(corners), max(corners), whole=True)
+            return RangeValue(min(corners), max(corners), whole=True)
         a = x.magnitude * y.a * (1 + x.r) + y.magnitude * x.a * (1 + y.r) + x.a * y.a
         return self.rounded(min(corners), max(corners), a, x.r + y.r + x.r * y.r)
 
-    def sq(self, x: Value) -> Value:
+    def sq(self, x: RangeValue) -> RangeValue:
         full = self.mul(x, x)
         low = 0.0 if x.low <= 0 <= x.high else min(x.low**2, x.high**2)
-        return Value(low, x.magnitude**2, full.a, full.r, whole=full.whole)
+        return RangeValue(low, x.magnitude**2, full.a, full.r, whole=full.whole)
 
-    def div(self, x: Value, y: Value) -> Value:
+    def div(self, x: RangeValue, y: RangeValue) -> RangeValue:
         if y.low <= 0 <= y.high:
             raise RangeError(f"division by a range that holds zero: [{y.low:g}, {y.high:g}]")
         floor = min(abs(y.low), abs(y.high))
@@ -166,20 +168,20 @@ class _Arithmetic:
             min(corners), max(corners), x.a / (floor * (1 - k)), (x.r + k) / (1 - k)
         )
 
-    def fabs(self, x: Value) -> Value:
+    def fabs(self, x: RangeValue) -> RangeValue:
         low = 0.0 if x.low <= 0 <= x.high else min(abs(x.low), abs(x.high))
-        return Value(low, x.magnitude, x.a, x.r, whole=x.whole)
+        return RangeValue(low, x.magnitude, x.a, x.r, whole=x.whole)
 
-    def sign(self, x: Value) -> Value:
+    def sign(self, x: RangeValue) -> RangeValue:
         low, high = (float((e > 0) - (e < 0)) for e in (x.low, x.high))
         # A sign that rounding may turn is wrong by as much as 2.
         turns = min(x.low, x.computed_low) <= 0 <= max(x.high, x.computed_high) and not x.exact
-        return Value(low, high, 2.0, 0.0) if turns else Value(low, high, whole=True)
+        return RangeValue(low, high, 2.0, 0.0) if turns else RangeValue(low, high, whole=True)
 
-    def extreme(self, x: Value, y: Value, pick: str) -> Value:
+    def extreme(self, x: RangeValue, y: RangeValue, pick: str) -> RangeValue:
         f = min if pick == "fmin" else max
         low, high = f(x.low, y.low), f(x.high, y.high)
-        return Value(
+        return RangeValue(
             low,
             high,
             *_either(x, y, max(abs(low), abs(high))),
@@ -188,9 +190,9 @@ class _Arithmetic:
             x.whole and y.whole,
         )
 
-    def hull(self, x: Value, y: Value) -> Value:
+    def hull(self, x: RangeValue, y: RangeValue) -> RangeValue:
         low, high = min(x.low, y.low), max(x.high, y.high)
-        return Value(
+        return RangeValue(
             low,
             high,
             *_either(x, y, max(abs(low), abs(high))),
@@ -199,7 +201,7 @@ class _Arithmetic:
             x.whole and y.whole,
         )
 
-    def pow(self, x: Value, c: float) -> Value:
+    def pow(self, x: RangeValue, c: float) -> RangeValue:
         if x.low < 0 or c <= 0:
             raise RangeError("only a power of a value that is not negative, by a positive constant")
         top = x.high * (1 + x.r) + x.a
@@ -218,7 +220,7 @@ class _Arithmetic:
             r += math.expm1(dc * max(logs))
         return self.rounded(x.low**c, x.high**c, a, r, self.elementary("powk"))
 
-    def monotone(self, x: Value, name: str) -> Value:
+    def monotone(self, x: RangeValue, name: str) -> RangeValue:
         f = {"exp": math.exp, "sqrt": math.sqrt, "log": math.log, "tanh": math.tanh}[name]
         e = x.error
         if name == "exp":
@@ -240,11 +242,11 @@ def _arithmetic_of(fmt: Format) -> _Arithmetic:
     return _Arithmetic(fmt)
 
 
-def _decide(op: str, x: Value, y: Value) -> Value | None:
+def _decide(op: str, x: RangeValue, y: RangeValue) -> RangeValue | None:
     # True or false in exact and in computed arithmetic alike, from the intervals; else None.
     high, low = max(x.high, x.computed_high), min(x.low, x.computed_low)
     other_low, other_high = min(y.low, y.computed_low), max(y.high, y.computed_high)
-    yes, no = Value(1, 1, whole=True), Value(0, 0, whole=True)
+    yes, no = RangeValue(1, 1, whole=True), RangeValue(0, 0, whole=True)
     if op == "le":
         return yes if high <= other_low else no if low > other_high else None
     if op == "lt":
@@ -255,7 +257,7 @@ def _decide(op: str, x: Value, y: Value) -> Value | None:
 def analyse(
     kernel: Kernel,
     fmt: Format,
-    arguments: Sequence[Sequence[Value]],
+    arguments: Sequence[Sequence[RangeValue]],
     flag_results: Sequence[int] = (),
     facts: Mapping[int, tuple[float, float]] | None = None,
 ) -> Analysis:
@@ -268,9 +270,9 @@ def analyse(
         kernel = fuse_selects(kernel)
     known = facts or {}
     arithmetic = _arithmetic_of(fmt)
-    values: list[Value] = []
+    values: list[RangeValue] = []
     turned = []
-    unknown = Value(0, 1, whole=True)
+    unknown = RangeValue(0, 1, whole=True)
     for i, n in enumerate(kernel.nodes):
         v = [values[k] for k in n.args]
         if n.op == "const":
@@ -285,7 +287,7 @@ def analyse(
             result = decided or unknown
         elif n.op == "not":
             settled = _settled(v[0])
-            result = Value(1 - v[0].high, 1 - v[0].low, whole=True) if settled else unknown
+            result = RangeValue(1 - v[0].high, 1 - v[0].low, whole=True) if settled else unknown
         elif n.op in ("and", "or"):
             result = _logic(n.op, v[0], v[1])
         else:
@@ -293,7 +295,7 @@ def analyse(
         if i in known:
             low, high = known[i]
             low, high = max(result.low, low), min(result.high, high)
-            result = Value(low, high, result.a, result.r, whole=result.whole)
+            result = RangeValue(low, high, result.a, result.r, whole=result.whole)
         if not math.isfinite(result.error) or not math.isfinite(result.magnitude):
             raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite range")
         values.append(result)
@@ -307,7 +309,7 @@ def analyse(
     return Analysis(tuple(tuple(values[i] for i in r) for r in kernel.results), tuple(assumptions))
 
 
-def _is_sign(kernel: Kernel, comparison: Node, values: Sequence[Value]) -> bool:
+def _is_sign(kernel: Kernel, comparison: Node, values: Sequence[RangeValue]) -> bool:
     # A sum of two exact numbers against zero.  Rounding keeps its sign, and, as there are
     # subnormal numbers, makes it zero only where it is.
     for a, b in (comparison.args, comparison.args[::-1]):
@@ -325,21 +327,21 @@ def _needed(kernel: Kernel, results: Sequence[Sequence[int]]) -> set[int]:
     return needed
 
 
-def _settled(v: Value) -> bool:
+def _settled(v: RangeValue) -> bool:
     return v.low == v.high and v.low in (0.0, 1.0)
 
 
-def _logic(op: str, x: Value, y: Value) -> Value:
+def _logic(op: str, x: RangeValue, y: RangeValue) -> RangeValue:
     strong = 0.0 if op == "and" else 1.0
     for p in (x, y):
         if _settled(p) and p.low == strong:
-            return Value(strong, strong, whole=True)
+            return RangeValue(strong, strong, whole=True)
     if _settled(x) and _settled(y):
-        return Value(1 - strong, 1 - strong, whole=True)
-    return Value(0, 1, whole=True)
+        return RangeValue(1 - strong, 1 - strong, whole=True)
+    return RangeValue(0, 1, whole=True)
 
 
-def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[Value]) -> Value:
+def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[RangeValue]) -> RangeValue:
     if n.op == "add":
         return arithmetic.add(*v)
     if n.op == "sub":
@@ -350,9 +352,9 @@ def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[Value])
         return getattr(arithmetic, n.op)(v[0])  # type: ignore[no-any-return]
     if n.op == "twice":
         whole = arithmetic.kept_whole(2 * v[0].low, 2 * v[0].high, v[0])
-        return Value(2 * v[0].low, 2 * v[0].high, 2 * v[0].a, v[0].r, whole=whole)
+        return RangeValue(2 * v[0].low, 2 * v[0].high, 2 * v[0].a, v[0].r, whole=whole)
     if n.op == "inv":
-        return arithmetic.div(Value(1, 1), v[0])
+        return arithmetic.div(RangeValue(1, 1), v[0])
     if n.op in ("fmin", "fmax"):
         return arithmetic.extreme(v[0], v[1], n.op)
     if n.op == "pow":
@@ -363,7 +365,7 @@ def _operation(arithmetic: _Arithmetic, kernel: Kernel, n: Node, v: list[Value])
     if n.op in ("exp", "log", "sqrt", "tanh"):
         return arithmetic.monotone(v[0], n.op)
     if n.op in ("if_else_zero", "select"):
-        other = v[2] if n.op == "select" else Value(0, 0, whole=True)
+        other = v[2] if n.op == "select" else RangeValue(0, 0, whole=True)
         if _settled(v[0]):
             return v[1] if v[0].low else other
         return arithmetic.hull(v[1], other)
@@ -388,15 +390,15 @@ class Bound:
     assumptions: tuple[str, ...]
 
 
-def _coefficients(block: Block, fmt: Format) -> list[list[Value]]:
+def _coefficients(block: Block, fmt: Format) -> list[list[RangeValue]]:
     if not block.tunables:
         return []
     values = [ca.DM(t.default) for t in block.tunables]
     prepared = [np.asarray(c, dtype=float).ravel() for c in block.prepare.call(values)]
-    arguments = [[Value(t.default, t.default)] for t in block.tunables]
+    arguments = [[RangeValue(t.default, t.default)] for t in block.tunables]
     derived = analyse(walk(block.prepare), fmt, arguments).results
     return [
-        [Value(x, x, v.error) for x, v in zip(c, d, strict=True)]
+        [RangeValue(x, x, v.error) for x, v in zip(c, d, strict=True)]
         for c, d in zip(prepared, derived, strict=True)
     ]
 
@@ -473,12 +475,12 @@ class _Step:
             parts.append(analyse(kernel or self.kernel, self.fmt, arguments, flags, self.facts))
         return _worst(parts)
 
-    def _input(self, box: Mapping[str, tuple[float, float]], name: str) -> Value:
+    def _input(self, box: Mapping[str, tuple[float, float]], name: str) -> RangeValue:
         low, high = box[name]
-        return Value(low, high, whole=name in self.whole)
+        return RangeValue(low, high, whole=name in self.whole)
 
-    def _state(self, box: Mapping[str, tuple[float, float]], name: str, error: float) -> Value:
-        return Value(*box[name], error, 0.0, *box[name], name in self.whole and error == 0)
+    def _state(self, box: Mapping[str, tuple[float, float]], name: str, error: float) -> RangeValue:
+        return RangeValue(*box[name], error, 0.0, *box[name], name in self.whole and error == 0)
 
     def state_errors(self, result: Analysis) -> Errors:
         """Errors of the states: both the exact and the computed one lie in the port's range."""
@@ -637,7 +639,7 @@ def _worst(parts: Sequence[Analysis]) -> Analysis:
     for values in zip(*(p.results for p in parts), strict=True):
         results.append(
             tuple(
-                Value(
+                RangeValue(
                     min(v.low for v in e),
                     max(v.high for v in e),
                     max(v.error for v in e),
@@ -772,7 +774,7 @@ __all__ = [
     "Analysis",
     "Bound",
     "RangeError",
-    "Value",
+    "RangeValue",
     "analyse",
     "block_bound",
     "counts",

@@ -97,7 +97,7 @@ def tunable_system(device: Device) -> System:
 
 
 @dataclass(frozen=True)
-class Stream:
+class FitStream:
     """A recording on the grid on which the C runs.
 
     theta_rad, omega_rad_s: inputs of the sensor, shape (n,).
@@ -111,7 +111,7 @@ class Stream:
     training: tuple[npt.NDArray[np.intp], ...]
 
 
-class Plant:
+class FittedPlant:
     """The compiled sensor over all recordings at one rate.
 
     device: template; its limits must hold every recording.
@@ -142,7 +142,7 @@ class Plant:
         built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
         self.library = compile_system(tunable_system(built), "f64")
         self.sensor: CRunner = self.library.block("sensor")
-        self.streams: list[Stream] = []
+        self.streams: list[FitStream] = []
         self.evaluations = 0
         estimate: CRunner | None = None
         if rate_Hz is not None:
@@ -153,7 +153,7 @@ class Plant:
             if not any(len(s.training) for s in r.sets):
                 continue
             if estimate is None or rate_Hz is None:
-                stream = Stream(
+                stream = FitStream(
                     r.theta_rad,
                     np.zeros_like(r.theta_rad),
                     r.tau_Nm,
@@ -216,7 +216,7 @@ class Plant:
         return np.concatenate([self._spring, rest], axis=1)
 
 
-def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) -> Stream:
+def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) -> FitStream:
     """Interpolate a recording; its rate from the firmware's own estimate at the device's rate."""
     every = max(1, round(fine_Hz / rate_Hz))
     steps = int(r.time_s[-1] * fine_Hz) // every
@@ -235,7 +235,7 @@ def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) ->
             count += 1
     at = np.clip(np.searchsorted(r.time_s, times), 0, len(role) - 1)
     rows = tuple(np.flatnonzero(role[at] == n).astype(np.intp) for n in range(count))
-    return Stream(
+    return FitStream(
         theta[::every],
         coarse,
         resample(r.time_s, r.tau_Nm, times),
@@ -364,9 +364,9 @@ def search(
     its best members (apart from each other), and from the best of these again at the device's rate.
     """
     low, high = _linear_bounds(space.rate_terms)
-    coarse = Plant(device, recordings, fit_rate_Hz, ROWS_SEARCH)
+    coarse = FittedPlant(device, recordings, fit_rate_Hz, ROWS_SEARCH)
 
-    def residual(plant: Plant, x: Array) -> Array:
+    def residual(plant: FittedPlant, x: Array) -> Array:
         basis = plant.basis(space.shape(x)) * plant.weight[:, None]
         y = plant.weight * plant.measured
         error: Array = basis @ solve_linear(basis, y, low, high) - y
@@ -407,7 +407,7 @@ def search(
     fine = device.file.timing.sense_rate_Hz.value
     if fit_rate_Hz is not None and fit_rate_Hz < fine:
         progress(0.87, "refinement at the device's rate")
-        plant = Plant(device, recordings, fine, ROWS_REFINE)
+        plant = FittedPlant(device, recordings, fine, ROWS_REFINE)
         best = _polish(plant, residual, best[1], space, 4)
         evaluations += plant.evaluations
     basis = plant.basis(space.shape(best[1])) * plant.weight[:, None]
@@ -455,7 +455,7 @@ def _edges(space: Space, x: Array) -> tuple[str, ...]:
 
 
 def _threshold_minima(
-    plant: Plant, residual: Callable[[Plant, Array], Array], best: Array, space: Space
+    plant: FittedPlant, residual: Callable[[FittedPlant, Array], Array], best: Array, space: Space
 ) -> list[Array]:
     """Best few minima along the thresholds, the viscosity's numbers held."""
     spacing = np.linspace(space.low[0], space.high[0], SCAN[0])
@@ -478,7 +478,11 @@ def _rms(costs: Array) -> str:
 
 
 def _polish(
-    plant: Plant, residual: Callable[[Plant, Array], Array], start: Array, space: Space, steps: int
+    plant: FittedPlant,
+    residual: Callable[[FittedPlant, Array], Array],
+    start: Array,
+    space: Space,
+    steps: int,
 ) -> tuple[float, Array]:
     width = space.high - space.low
     inside = np.clip(start, space.low + 1e-6 * width, space.high - 1e-6 * width)
@@ -574,7 +578,7 @@ def at_bound(key: str, value: float) -> str | None:
     return "upper" if value >= high * (1 - 1e-6) else None
 
 
-def uncertainty(plant: Plant, values: Mapping[str, float]) -> Uncertainty:
+def uncertainty(plant: FittedPlant, values: Mapping[str, float]) -> Uncertainty:
     """Standard deviations from the Jacobian of the torque by the parameters.
 
     Assumed: the model form is right and the residuals are a first-order autoregressive noise of

@@ -34,7 +34,7 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.fit import (
     EPS2_DEFAULT,
     Fit,
-    Plant,
+    FittedPlant,
     Progress,
     Space,
     Uncertainty,
@@ -65,7 +65,7 @@ SHARP = 0.5  # a standard deviation above this share of the value is called out
 
 
 @dataclass(frozen=True)
-class Errors:
+class FitErrors:
     """Torque errors of one data set.
 
     Parameters
@@ -78,7 +78,7 @@ class Errors:
     max_Nm: float
 
     @classmethod
-    def of(cls, error: Array) -> Errors | None:
+    def of(cls, error: Array) -> FitErrors | None:
         """Of an error signal; None for an empty one.
 
         Parameters
@@ -130,7 +130,7 @@ class Verdict:
         Largest |torque| of the Maxwell element.
     """
 
-    sets: tuple[tuple[DataSet, Errors | None, Errors | None], ...]
+    sets: tuple[tuple[DataSet, FitErrors | None, FitErrors | None], ...]
     torque_Nm: dict[str, Array]
     largest_rate_Nm: float
 
@@ -459,7 +459,7 @@ def _part(tell: Progress, low: float, high: float) -> Progress:
 
 def _fit(
     source: MappingFile, recordings: list[Recording], template: Device, tell: Progress
-) -> tuple[Fit, Plant, Device, Verdict]:
+) -> tuple[Fit, FittedPlant, Device, Verdict]:
     rate_terms = template.file.elastomer.maxwell is not None
     rate = None
     if rate_terms:
@@ -477,7 +477,7 @@ def _fit(
     if fit.rate_dropped:
         template = _template(source, recordings, False)
     device = _device(source, recordings, template, fit, 0.0)
-    plant = Plant(template, recordings, None if rate is None or fit.rate_dropped else rate)
+    plant = FittedPlant(template, recordings, None if rate is None or fit.rate_dropped else rate)
     verdict = judge(device, recordings)
     device = _device(source, recordings, template, fit, verdict.largest_rate_Nm)
     return fit, plant, device, verdict
@@ -510,7 +510,9 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
         torque[r.label] = model
         largest = max(largest, float(np.abs(out["tau_rate_Nm"]).max()))
         error = model - r.tau_Nm
-        sets += [(s, Errors.of(error[s.training]), Errors.of(error[s.held_out])) for s in r.sets]
+        sets += [
+            (s, FitErrors.of(error[s.training]), FitErrors.of(error[s.held_out])) for s in r.sets
+        ]
     return Verdict(tuple(sets), torque, largest)
 
 

@@ -143,7 +143,7 @@ class Search(_Table):
     )
 
 
-class Format(_Table):
+class FileFormat(_Table):
     """How a file is written."""
 
     kind: Literal["csv", "mat"] = Field(default="csv", description="Text table or MATLAB file.")
@@ -168,7 +168,7 @@ class RecordingTable(_Table):
         description="cycles: by the rules of [cycles]; train or held_out: the whole file.",
     )
     label: str | None = Field(default=None, description="Name in reports; the file's by default.")
-    format: Format | None = Field(default=None, description="Where it differs from [format].")
+    format: FileFormat | None = Field(default=None, description="Where it differs from [format].")
 
 
 class Mapping(_Table):
@@ -181,7 +181,7 @@ class Mapping(_Table):
     sampling: Sampling
     cycles: Cycles = Field(default=Cycles())
     search: Search = Field(default=Search())
-    format: Format = Field(default=Format())
+    format: FileFormat = Field(default=FileFormat())
     full_scale_Nm: Quantity | None = _limits(
         1e-3, 1000, "100 % of errors; the largest recorded |torque| by default.", default=None
     )

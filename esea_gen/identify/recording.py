@@ -18,7 +18,7 @@ import numpy.typing as npt
 import scipy.io
 
 from esea_gen.errors import UserError
-from esea_gen.identify.mapping import TIME, Cycles, Format, MappingFile, RecordingTable
+from esea_gen.identify.mapping import TIME, Cycles, FileFormat, MappingFile, RecordingTable
 
 Array = npt.NDArray[np.float64]
 Role = Literal["lead_in", "transition", "conditioning", "training", "held_out", "rest"]
@@ -209,7 +209,7 @@ def _missing_column(name: str, wanted: str, known: Sequence[str], kind: str) -> 
 
 
 def _read_csv(
-    raw: bytes, name: str, form: Format, wanted: Sequence[str]
+    raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]
 ) -> tuple[dict[str, Array], npt.NDArray[np.intp]]:
     if raw.startswith(MAT_MAGIC):
         raise UserError(
@@ -281,7 +281,12 @@ def _columns(name: str, header: list[str], wanted: Sequence[str]) -> list[int]:
 
 
 def _numbers(
-    name: str, line: int, cells: list[str], wanted: Sequence[str], index: list[int], form: Format
+    name: str,
+    line: int,
+    cells: list[str],
+    wanted: Sequence[str],
+    index: list[int],
+    form: FileFormat,
 ) -> list[float]:
     out = []
     for w, i in zip(wanted, index, strict=True):
@@ -303,7 +308,7 @@ def _numbers(
 
 
 def _read_mat(
-    raw: bytes, name: str, form: Format, wanted: Sequence[str]
+    raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]
 ) -> tuple[dict[str, Array], npt.NDArray[np.intp]]:
     try:
         content = scipy.io.loadmat(io.BytesIO(raw))
@@ -341,7 +346,7 @@ def _read_mat(
 
 
 def _check_finite(
-    columns: dict[str, Array], rows: npt.NDArray[np.intp], name: str, form: Format
+    columns: dict[str, Array], rows: npt.NDArray[np.intp], name: str, form: FileFormat
 ) -> None:
     where = "element" if form.kind == "mat" else "line"
     for column, values in columns.items():

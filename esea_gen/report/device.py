@@ -576,11 +576,11 @@ class Findings:
             )
         return plots
 
-    def _trace(self, run: Run) -> figures.Trace:
+    def _trace(self, run: Run) -> figures.Curve:
         r = run.recording
         if r is None or not self.same_specimen:
             every = np.arange(len(run.time_s))
-            return figures.Trace(
+            return figures.Curve(
                 run.label,
                 run.time_s,
                 run.theta_rad,
@@ -606,7 +606,7 @@ class Findings:
         # All samples once more, conditioning cycles and transitions too: nothing is hidden.
         if len(parts) != 1 or len(parts[0][1]) != len(r.time_s):
             parts.append(("whole recording", np.arange(len(r.time_s))))
-        return figures.Trace(
+        return figures.Curve(
             run.label,
             r.time_s,
             r.theta_rad,
@@ -633,7 +633,7 @@ def _mean(values: list[float]) -> float | None:
     return float(np.mean(values)) if values else None
 
 
-def _loops(trace: figures.Trace, shared: figures.Trace | None, i: int, points: int) -> str:
+def _loops(trace: figures.Curve, shared: figures.Curve | None, i: int, points: int) -> str:
     # A shared figure stands with the first recording.
     if shared is not None and i > 0:
         return ""

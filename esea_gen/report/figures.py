@@ -36,7 +36,7 @@ MOST_PANELS = 16
 
 
 @dataclass(frozen=True)
-class Trace:
+class Curve:
     """Torque over one recording, for plots.
 
     time_s, theta_rad, model_Nm: samples, shape (n,).
@@ -63,7 +63,7 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
     return figure, figure.subplots(**kwargs)
 
 
-def share_loops(traces: Sequence[Trace]) -> Trace | None:
+def share_loops(traces: Sequence[Curve]) -> Curve | None:
     """Recordings of one loop each as one trace, so that their loops share a figure.
 
     return: none when there is only one, or some have several data sets.
@@ -72,7 +72,7 @@ def share_loops(traces: Sequence[Trace]) -> Trace | None:
         return None
     starts = np.cumsum([0, *(len(t.time_s) for t in traces)])
     measured = [t.measured_Nm for t in traces if t.measured_Nm is not None]
-    return Trace(
+    return Curve(
         "every recording",
         np.concatenate([t.time_s for t in traces]),
         np.concatenate([t.theta_rad for t in traces]),
@@ -97,7 +97,7 @@ def _ticks(figure: Figure) -> None:
         axes.tick_params(length=3)
 
 
-def loops(trace: Trace, name: str, points: int) -> Markup:
+def loops(trace: Curve, name: str, points: int) -> Markup:
     """Hysteresis loops: torque over deflection, one panel a data set."""
     parts = trace.parts[:MOST_PANELS]
     panels = len(parts) + bool(trace.components)
@@ -156,7 +156,7 @@ def loops(trace: Trace, name: str, points: int) -> Markup:
 
 
 def over_time(
-    trace: Trace, name: str, points: int, full_scale_Nm: float, rounding: tuple[Array, Array] | None
+    trace: Curve, name: str, points: int, full_scale_Nm: float, rounding: tuple[Array, Array] | None
 ) -> Markup:
     """Torque, its error and its rounding error over time."""
     measured = trace.measured_Nm

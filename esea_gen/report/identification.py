@@ -66,7 +66,7 @@ def _dotted(key: str) -> str:
     return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
 
 
-def _trace(result: Identification, label: str, series: dict[str, Any]) -> figures.Trace:
+def _trace(result: Identification, label: str, series: dict[str, Any]) -> figures.Curve:
     recording = next(r for r in result.recordings if r.label == label)
     parts = [
         (
@@ -78,7 +78,7 @@ def _trace(result: Identification, label: str, series: dict[str, Any]) -> figure
     if len(parts) != 1 or len(parts[0][1]) != len(series["time_s"]):
         parts.append(("whole recording", np.arange(len(series["time_s"]))))
     held = series["role"] == 2
-    return figures.Trace(
+    return figures.Curve(
         label,
         series["time_s"],
         series["theta_rad"],

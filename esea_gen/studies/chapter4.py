@@ -125,7 +125,7 @@ def evaluation_filter(values: Array, rate_Hz: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Errors:
+class InverseErrors:
     """Error of one inverse on one signal, in % of the largest request.
 
     largest, rms: over the whole signal, set-point filtered as published.
@@ -163,7 +163,7 @@ def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
     return np.asarray(y["tau_Nm"], dtype=float)
 
 
-def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Array) -> Errors:
+def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Array) -> InverseErrors:
     """One inverse on one signal.
 
     request_Nm: desired torque, shape (steps,).
@@ -187,7 +187,7 @@ def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Arra
     ends = round(END_S * rate_Hz)
     inner = filtered[ends:-ends] if len(filtered) > 2 * ends else filtered
     model = scale * largest(y["residual_Nm"]) if "residual_Nm" in y else float("nan")
-    return Errors(
+    return InverseErrors(
         largest(filtered),
         rms(filtered),
         largest(inner),
@@ -210,7 +210,7 @@ class Chapter4:
     device: str
     rate_Hz: float
     real: str
-    errors: dict[str, dict[str, list[Errors]]]
+    errors: dict[str, dict[str, list[InverseErrors]]]
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content.
@@ -356,7 +356,7 @@ def reproduce_chapter4(
     rate_Hz = 1.0 / device.period_s
     requests = [s.sample(rate_Hz, limit_s) for s in SIGNALS]
     sensor = compile_device(device, real).block("sensor")
-    errors: dict[str, dict[str, list[Errors]]] = {}
+    errors: dict[str, dict[str, list[InverseErrors]]] = {}
     for row, variant, block in plan:
         say(f"{ROWS[row]}, {variant}: compiling")
         inverse = _runner(device, block, real)

@@ -125,7 +125,7 @@ def _compiled(device: Device, block: Block) -> CRunner:
 
 
 @dataclass(frozen=True)
-class Motion:
+class EncodedMotion:
     """A sine sweep of deflection inside the identified domain.
 
     top_Hz, duration_s: it sweeps from 0 to ``top_Hz``.
@@ -153,10 +153,14 @@ class Motion:
 
 
 # The published training sweeps, and one that reaches deflection and rate limits together.
-MOTIONS = (Motion(10.0, 1.0, 120.0), Motion(5.0, 1.5, 180.0), Motion(11.5, 0.85, 60.0))
+MOTIONS = (
+    EncodedMotion(10.0, 1.0, 120.0),
+    EncodedMotion(5.0, 1.5, 180.0),
+    EncodedMotion(11.5, 0.85, 60.0),
+)
 
 
-def reference_torque(device: Device, motion: Motion, duration_s: float) -> Array:
+def reference_torque(device: Device, motion: EncodedMotion, duration_s: float) -> Array:
     """Rate torque of the continuous model, on a grid of ``REFINE_HZ``.
 
     return: torque in Nm, one value a fine step, from time 0. The exponential step is exact for a
@@ -287,7 +291,10 @@ def _growth(scheme: str) -> tuple[bool, bool]:
 
 
 def _ideal(
-    device: Device, limit_s: float, references: dict[Motion, Array], say: Callable[[str], None]
+    device: Device,
+    limit_s: float,
+    references: dict[EncodedMotion, Array],
+    say: Callable[[str], None],
 ) -> list[SchemeRow]:
     full = device.tau_full_scale_Nm
     rows = []
@@ -314,7 +321,7 @@ def _ideal(
     return rows
 
 
-def _real(device: Device, motion: Motion, reference: Array, limit_s: float) -> list[RateRow]:
+def _real(device: Device, motion: EncodedMotion, reference: Array, limit_s: float) -> list[RateRow]:
     from scipy.signal import butter, sosfilt
 
     rate_Hz = 1.0 / device.period_s

@@ -10,7 +10,7 @@ from esea_gen.twin.case import IMPEDANCE, Case
 GAINS = ((0.0, 0.0), (0.75, 0.25), (1.5, 0.25))
 
 
-class Impedance(ClosedLoopStudy):
+class ImpedanceStudy(ClosedLoopStudy):
     """Reaching to 90 deg in 2 s and back, three pairs of gains; RMS over the largest torque."""
 
     name = "impedance"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.impedance import Impedance, ImpedanceFit, impedance
+from esea_gen.analysis.impedance import ImpedanceFit, OutputImpedance, impedance
 from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.language.ports import Array
 from esea_gen.studies import torque_errors
@@ -28,7 +28,7 @@ FIT_HZ = (0.5, 4.0)
 ROWS = 12
 
 
-class OutputImpedance(ClosedLoopStudy):
+class OutputImpedanceStudy(ClosedLoopStudy):
     """The load is moved by a firm hand, 0.1 to 5 Hz, while 0 Nm are wanted."""
 
     name = "output-impedance"
@@ -51,7 +51,7 @@ class OutputImpedance(ClosedLoopStudy):
         firm = {"spring_Nm_rad": 400.0, "damping_Nms_rad": 10.0, "torque_noise_Nm": 0.0}
         return [Case(f"{SWEEP_RAD:g} rad", path, plant=firm)]
 
-    def keep(self, case: Case, run: ClosedLoopRun) -> Impedance:
+    def keep(self, case: Case, run: ClosedLoopRun) -> OutputImpedance:
         """The true torque that resists the angle."""
         angle = run.plant["theta_l_rad"] - SWEEP_MIDDLE_RAD
         return impedance(sweep_response(run.time_s, angle, run.plant["tau_e_Nm"], MOTION))
@@ -85,7 +85,7 @@ def _phase(values: npt.NDArray[np.complex128]) -> Array:
 
 
 def impedance_figure(
-    impedances: Sequence[tuple[str, Impedance]],
+    impedances: Sequence[tuple[str, OutputImpedance]],
     fits: Sequence[tuple[str, ImpedanceFit]] = (),
 ) -> Figure:
     """Resisting torque per angle and phase per rate over frequency.

@@ -19,7 +19,7 @@ STEPS_NM = (0.5, 1.0, 2.0)
 STEP_AT_S = 1.0
 
 
-class Step(ClosedLoopStudy):
+class StepStudy(ClosedLoopStudy):
     """Steps of 0.5, 1 and 2 Nm: rise, settling, overshoot, steady error."""
 
     name = "step"

@@ -53,7 +53,7 @@ class Real:
 
 
 @dataclass(frozen=True, config=STRICT)
-class Disturbance:
+class PublishedDisturbance:
     """Bands from which the wave numbers of the gear's disturbance are drawn.
 
     bands_1_rad: one band a sine.
@@ -63,7 +63,7 @@ class Disturbance:
 
 
 @dataclass(frozen=True, config=STRICT)
-class Stops:
+class PublishedStops:
     """Mechanical stops of coupling and joint.
 
     coupling_rad: deflection at which the coupling's jaws meet.
@@ -147,7 +147,7 @@ class Fixed:
 
 
 @dataclass(frozen=True, config=STRICT)
-class Backdriven:
+class PublishedBackdriven:
     """Slow sinusoids from full extension.
 
     duration_s, settle_s: length, and start of the analysis.
@@ -160,7 +160,7 @@ class Backdriven:
 
 
 @dataclass(frozen=True, config=STRICT)
-class Bread:
+class PublishedBread:
     """Cutting bread: a rise, then slices.
 
     rise_s, middle_rad: how long the rise takes, and where it ends.
@@ -197,8 +197,8 @@ class Trajectories:
     """Numbers of the trajectories."""
 
     fixed: Fixed
-    backdriven: Backdriven
-    bread: Bread
+    backdriven: PublishedBackdriven
+    bread: PublishedBread
     impedance: Reach
 
 
@@ -247,8 +247,8 @@ class Plants:
 
     nominal: Nominal
     real: Real
-    disturbance: Disturbance
-    stops: Stops
+    disturbance: PublishedDisturbance
+    stops: PublishedStops
     twist: Mapping[str, Twist]
     trip: Trip
     person: Mapping[str, Person]

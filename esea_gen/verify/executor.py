@@ -139,7 +139,7 @@ def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class KernelTrajectory:
     """What a Block gives on a stream, in one format's bits.
 
     outputs: per output port, the format's type; status words ``uint32``.
@@ -255,7 +255,7 @@ def initial_state(block: Block, fmt: Format, coefficients: Sequence[Array]) -> l
 
 def float32_reference(
     kernel: Kernel, block: Block, stream: Stream, arguments: Sequence[Array]
-) -> Trajectory:
+) -> KernelTrajectory:
     """Every step of a run evaluated in float32, from the states that the run recorded.
 
     Each step is evaluated from the recorded state before it.  When all steps agree with the
@@ -271,12 +271,12 @@ def float32_reference(
     for p, c in zip(block.outputs, columns[len(block.state) :], strict=True):
         value = c.astype(np.uint32) if p.flags else c
         outputs[p.name] = value[:, 0] if p.size == 1 else value
-    return Trajectory(stream, outputs, states | expected_counters(block, stream, outputs))
+    return KernelTrajectory(stream, outputs, states | expected_counters(block, stream, outputs))
 
 
 def exact_trajectory(
     block: Block, library: HostLibrary, stream: Stream, reference: CasadiReference | None
-) -> Trajectory:
+) -> KernelTrajectory:
     """The bits that a Block's C must give on a stream.
 
     library: its C. In float32 its recorded states are where each step is evaluated from.
@@ -289,7 +289,7 @@ def exact_trajectory(
         y, s = reference.run(block, coefficients, initial, stream)
         status = {p.name: y[p.name].astype(np.uint32) for p in block.outputs if p.flags}
         outputs = y | status
-        return Trajectory(stream, outputs, s | expected_counters(block, stream, outputs))
+        return KernelTrajectory(stream, outputs, s | expected_counters(block, stream, outputs))
     _, trace = run_c(library.block(block.name), stream)
     arguments = step_arguments(block, stream, trace, initial, coefficients, fmt)
     kernel, _ = emitted_kernel(block, fmt)

@@ -48,7 +48,7 @@ def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict
     return out
 
 
-class Executor:
+class RawExecutor:
     """Runs a planned Block in Python integers: what its C gives, bit for bit.
 
     tunables: values other than the defaults.
@@ -135,7 +135,7 @@ def seen_stream(plan: BlockPlan, stream: Stream) -> Stream:
 
 def states_before(plan: BlockPlan, stream: Stream, states: Mapping[str, Raw]) -> dict[str, Raw]:
     """The state that each step of a recorded run started from."""
-    first = Executor(plan).initial()
+    first = RawExecutor(plan).initial()
     before = {}
     for f in plan.fields["state"]:
         name = f.port.name
@@ -199,7 +199,7 @@ def _turned(
     # Decisions that exact and computed arithmetic take differently.  One is explained when, among
     # the comparisons that it is made of, one differs whose values are closer than their errors.
     exact = evaluate(kernel, FORMATS["f64"], arguments)
-    places, count = Executor(plan).places(before, inputs)
+    places, count = RawExecutor(plan).places(before, inputs)
     computed = lowered_values(plan.step, places, count)
     step = Propagation(plan, {}, {}, BEYOND)
     errors, followed = step.node_errors(step.zero), step.followed
@@ -242,7 +242,7 @@ def first_difference(
     Each step is evaluated from the state that the C recorded before it: when all steps agree, so
     does, by induction, the whole run.
     """
-    executor = Executor(plan)
+    executor = RawExecutor(plan)
     outputs, states = run_c(runner, stream, raw=True)
     before = states_before(plan, stream, states)
     expected_y, expected_s = executor.steps(before, raw_stream(plan, stream))
@@ -347,8 +347,8 @@ def bounds_of(device: Device) -> dict[str, Bound]:
 
 
 __all__ = [
-    "Executor",
     "FixedComparison",
+    "RawExecutor",
     "SingleSteps",
     "bounds_of",
     "compare_fixed",

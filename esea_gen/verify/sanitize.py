@@ -189,7 +189,7 @@ def _stream_bytes(stream: Stream, inputs: Sequence[Array], state: np.dtype[Any])
     return b"".join(out)
 
 
-class Replay:
+class ReplayProgram:
     """The C harness, compiled with a sanitizer.
 
     sanitizer: ``address`` (with undefined behaviour; gcc) or ``memory`` (uninitialised memory;
@@ -270,7 +270,7 @@ def replay_device(
     differences: list[str] = []
     runs = taken = 0
     with tempfile.TemporaryDirectory(prefix="esea-replay-") as scratch:
-        harness = Replay(device, real, sanitizer, Path(scratch), files)
+        harness = ReplayProgram(device, real, sanitizer, Path(scratch), files)
         for name, stream, inputs, state, expected in _cases(device, library, fmt, steps, blocks):
             data = _stream_bytes(stream, inputs, state)
             # Two fillings, a tiny and a huge number: a result that depends on memory that nobody

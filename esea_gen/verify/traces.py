@@ -34,7 +34,7 @@ ACCEPT = "Accept with: esea-gen traces accept"
 
 
 @dataclass(frozen=True)
-class Part:
+class TracePart:
     """A stretch of the stream."""
 
     name: str
@@ -42,14 +42,14 @@ class Part:
 
 
 PARTS = (
-    Part("rest at zero", 0.2),
-    Part("chirp in the domain", 3.0),
-    Part("shrinking reversals", 1.5),
-    Part("held deflection", 0.5),
-    Part("beyond the domain", 1.0),
-    Part("invalid samples", 0.8),
-    Part("jumps", 0.4),
-    Part("back to rest", 0.6),
+    TracePart("rest at zero", 0.2),
+    TracePart("chirp in the domain", 3.0),
+    TracePart("shrinking reversals", 1.5),
+    TracePart("held deflection", 0.5),
+    TracePart("beyond the domain", 1.0),
+    TracePart("invalid samples", 0.8),
+    TracePart("jumps", 0.4),
+    TracePart("back to rest", 0.6),
 )
 
 
@@ -185,7 +185,7 @@ def _without_axis(name: str, axes: Iterable[str]) -> str:
     return name
 
 
-def _piece(part: Part, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:
+def _piece(part: TracePart, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:
     phase = 0.9 * n
     if part.name == "chirp in the domain":
         turns = 0.5 * top_Hz * part.duration_s * s * s

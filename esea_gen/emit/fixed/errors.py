@@ -22,7 +22,7 @@ from esea_gen.emit.ranges import (
     linear_bound,
     pieces,
 )
-from esea_gen.emit.ranges import Value as FloatValue
+from esea_gen.emit.ranges import RangeValue as FloatValue
 from esea_gen.language.block import Block
 
 

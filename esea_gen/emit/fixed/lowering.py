@@ -16,9 +16,9 @@ from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.fixed.values import (
     COMPARES,
     LoweredKernel,
+    LoweredStep,
     LoweringError,
     Source,
-    Step,
     Target,
     Value,
     local_name,
@@ -120,7 +120,7 @@ class Lowering(Elementary):
         while name in self.names:
             name += "_"
         self.names.add(name)
-        self.steps.append(Step(name, v.expr, comment, i))
+        self.steps.append(LoweredStep(name, v.expr, comment, i))
         return Value(ex.reference(name, v.expr), v.fraction, v.local, v.relative, v.constants)
 
     def _convert(self, i: int, target: Target, saturations: list[str]) -> tuple[Expr, float]:
@@ -144,7 +144,9 @@ class Lowering(Elementary):
         return ex.cast(ex.clamp(e, *ex.INT32), 32), rounding + constant
 
 
-def _needed(steps: Sequence[Step], results: Sequence[Sequence[Expr]]) -> tuple[Step, ...]:
+def _needed(
+    steps: Sequence[LoweredStep], results: Sequence[Sequence[Expr]]
+) -> tuple[LoweredStep, ...]:
     wanted = {n for r in results for e in r for n in names_in(e)}
     kept = []
     for s in reversed(steps):

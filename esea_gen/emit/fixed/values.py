@@ -67,7 +67,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Step:
+class LoweredStep:
     """One definition of the lowered kernel.
 
     node: node of the kernel it belongs to.
@@ -90,7 +90,7 @@ class LoweredKernel:
     """
 
     kernel: Kernel
-    steps: tuple[Step, ...]
+    steps: tuple[LoweredStep, ...]
     values: tuple[Value | None, ...]
     results: tuple[tuple[Expr, ...], ...]
     conversions: tuple[tuple[float, ...], ...]
@@ -167,7 +167,7 @@ class LoweringBase:
     ) -> None:
         self.kernel, self.source, self.labels = kernel, source, labels
         self.facts, self.wide, self.block = facts, wide, block
-        self.steps: list[Step] = []
+        self.steps: list[LoweredStep] = []
         self.values: list[Value | None] = []
         self.names: set[str] = set()
         self.uses = [0] * len(kernel.nodes)

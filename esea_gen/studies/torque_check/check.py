@@ -31,7 +31,7 @@ from esea_gen.studies.torque_check.procedure import (
     LIMITS,
     REPEATS,
     SMALLEST_LOAD_PCT,
-    Step,
+    ProcedureStep,
     load_range_Nm,
     procedure,
 )
@@ -79,7 +79,7 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class Decision:
+class CheckDecision:
     """One comparison with a limit.
 
     Parameters
@@ -195,13 +195,13 @@ class TorqueCheck:
     # -- going through it ------------------------------------------------------------------------
 
     @property
-    def next_step(self) -> Step | None:
+    def next_step(self) -> ProcedureStep | None:
         """What comes next; None when all phases are recorded."""
         done = len(self.measurements)
         return self.steps[done] if done < len(self.steps) else None
 
     @property
-    def missing(self) -> tuple[Step, ...]:
+    def missing(self) -> tuple[ProcedureStep, ...]:
         """Phases still to be recorded."""
         return self.steps[len(self.measurements) :]
 
@@ -317,33 +317,35 @@ class TorqueCheck:
         return tuple(out)
 
     @property
-    def decisions(self) -> tuple[Decision, ...]:
+    def decisions(self) -> tuple[CheckDecision, ...]:
         """Every comparison that what is recorded allows."""
         limit = self.limit_Nm
         out = []
         for m, step in zip(self.measurements, self.steps, strict=False):
             if step.kind == "zero":
-                out.append(Decision("zero", (m.label,), abs(m.mean_Nm), limit("zero")))
-            out.append(Decision("drift", (m.label,), abs(m.drift_Nm), limit("drift")))
-            out.append(Decision("noise", (m.label,), m.noise_Nm, limit("noise")))
+                out.append(CheckDecision("zero", (m.label,), abs(m.mean_Nm), limit("zero")))
+            out.append(CheckDecision("drift", (m.label,), abs(m.drift_Nm), limit("drift")))
+            out.append(CheckDecision("noise", (m.label,), m.noise_Nm, limit("noise")))
         found = {m.label: m.mean_Nm for m in self.measurements}
         errors: dict[str, list[float]] = {"plus": [], "minus": []}
         expanded = COVERAGE * self.reference.u_torque_Nm
         for labels, error in self.readings:
             before, load, after = labels
             moved = abs(found[after] - found[before])
-            out.append(Decision("zero return", (before, after), moved, limit("zero return")))
+            out.append(CheckDecision("zero return", (before, after), moved, limit("zero return")))
             room = limit("accuracy") - expanded
-            out.append(Decision("accuracy", labels, abs(error), room, expanded))
+            out.append(CheckDecision("accuracy", labels, abs(error), room, expanded))
             errors[load.partition("_")[0]].append(error)
         for kind, values in errors.items():
             if len(values) == self.repeats:
                 labels_of = tuple(s.label for s in self.steps if s.kind == kind)
                 spread = max(values) - min(values)
-                out.append(Decision("repeatability", labels_of, spread, limit("repeatability")))
+                out.append(
+                    CheckDecision("repeatability", labels_of, spread, limit("repeatability"))
+                )
         if all(len(v) == self.repeats for v in errors.values()):
             skew = abs(float(np.mean(errors["plus"])) - float(np.mean(errors["minus"])))
-            out.append(Decision("symmetry", ("plus", "minus"), skew, limit("symmetry")))
+            out.append(CheckDecision("symmetry", ("plus", "minus"), skew, limit("symmetry")))
         return tuple(out)
 
     @property
@@ -452,7 +454,7 @@ class TorqueCheck:
             lines.append(
                 f"{m.label:10}{m.mean_Nm:12.4f}{m.drift_Nm:12.4f}{m.noise_Nm:12.4f}{m.samples:9d}"
             )
-        by_name: dict[str, list[Decision]] = {}
+        by_name: dict[str, list[CheckDecision]] = {}
         for d in self.decisions:
             by_name.setdefault(d.criterion, []).append(d)
         for limit in LIMITS:
@@ -480,4 +482,4 @@ class TorqueCheck:
         return lines
 
 
-__all__ = ["Decision", "Measurement", "TorqueCheck"]
+__all__ = ["CheckDecision", "Measurement", "TorqueCheck"]

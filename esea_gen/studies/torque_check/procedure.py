@@ -79,7 +79,7 @@ LIMITS = (
 
 
 @dataclass(frozen=True)
-class Step:
+class ProcedureStep:
     """One phase of the procedure.
 
     label: ``zero_1``, ``plus_1``, ``minus_1`` ...; what a recording's column ``step`` says.
@@ -118,19 +118,19 @@ def load_range_Nm(device: DeviceData) -> tuple[float, float]:
     return SMALLEST_LOAD_PCT / 100 * device.tau_full_scale_Nm, largest_torque_Nm(device)
 
 
-def procedure(repeats: int = REPEATS) -> tuple[Step, ...]:
+def procedure(repeats: int = REPEATS) -> tuple[ProcedureStep, ...]:
     """The phases, in order."""
     require("repeats", repeats, 2, 20, "loads", "Repeatability needs at least two.")
     unload = "Take the mass off; leave the arm as it is, and do not touch it."
-    steps = [Step("zero_1", "zero", unload)]
+    steps = [ProcedureStep("zero_1", "zero", unload)]
     for kind, how in (
         ("plus", "so that it turns the joint in the positive direction"),
         ("minus", "so that it turns the joint in the negative direction"),
     ):
         for n in range(1, repeats + 1):
             text = f"Hang the mass on the arm {how}, without a jerk; let go of it."
-            steps.append(Step(f"{kind}_{n}", kind, text))  # type: ignore[arg-type]
-            steps.append(Step(f"zero_{1 + len(steps) // 2}", "zero", unload))
+            steps.append(ProcedureStep(f"{kind}_{n}", kind, text))  # type: ignore[arg-type]
+            steps.append(ProcedureStep(f"zero_{1 + len(steps) // 2}", "zero", unload))
     return tuple(steps)
 
 
@@ -140,7 +140,7 @@ __all__ = [
     "SMALLEST_LOAD_PCT",
     "Kind",
     "Limit",
-    "Step",
+    "ProcedureStep",
     "largest_torque_Nm",
     "load_range_Nm",
     "procedure",

@@ -26,7 +26,7 @@ SHORTEST_S = 2.0
 
 
 @dataclass(frozen=True)
-class Recording:
+class CheckRecording:
     """Samples of a check.
 
     time_s, tau_Nm: samples, shape (n,).
@@ -39,7 +39,7 @@ class Recording:
     step: tuple[str, ...] | None
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path) -> CheckRecording:
     """Read a CSV file with the columns ``time_s``, ``tau_Nm`` and, if labelled, ``step``."""
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -84,7 +84,7 @@ def read_recording(path: Path) -> Recording:
             labels.append(row[place["step"]].strip())
     if not numbers["time_s"]:
         raise UserError(f"{path.name}: no samples.", "Record again.")
-    return Recording(
+    return CheckRecording(
         path.name,
         np.array(numbers["time_s"]),
         np.array(numbers["tau_Nm"]),
@@ -124,7 +124,7 @@ def _runs(names: Sequence[str]) -> list[Phase]:
     return found
 
 
-def _kinds(recording: Recording, torque_Nm: float) -> list[Phase]:
+def _kinds(recording: CheckRecording, torque_Nm: float) -> list[Phase]:
     # Loaded one way, the other way, or not at all; short runs are handling, not phases.
     level = LOADED_SHARE * torque_Nm
     names = np.where(
@@ -141,7 +141,7 @@ def _kinds(recording: Recording, torque_Nm: float) -> list[Phase]:
     return merged
 
 
-def apply_recording(check: TorqueCheck, recording: Recording) -> tuple[Measurement, ...]:
+def apply_recording(check: TorqueCheck, recording: CheckRecording) -> tuple[Measurement, ...]:
     """Record the phases of a recording, one after the other.
 
     check: a check under way; the recording goes on where it stands.
@@ -174,7 +174,7 @@ def apply_recording(check: TorqueCheck, recording: Recording) -> tuple[Measureme
 
 
 def _record_all(
-    check: TorqueCheck, recording: Recording, phases: list[Phase], expected: list[str]
+    check: TorqueCheck, recording: CheckRecording, phases: list[Phase], expected: list[str]
 ) -> list[Measurement]:
     t, missing = recording.time_s, check.missing
     out = []
@@ -196,4 +196,4 @@ def _record_all(
     return out
 
 
-__all__ = ["Phase", "Recording", "apply_recording", "read_check", "read_recording"]
+__all__ = ["CheckRecording", "Phase", "apply_recording", "read_check", "read_recording"]

@@ -57,7 +57,7 @@ HOMES = {
 
 
 @dataclass(frozen=True)
-class Sweep:
+class TunableSweep:
     """One parameter over its values."""
 
     parameter: str
@@ -124,7 +124,7 @@ class Tuning:
     controller: str
     plant: str
     seed: int
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[TunableSweep, ...]
     configuration: Configuration
 
     def to_dict(self) -> dict[str, Any]:
@@ -260,7 +260,7 @@ def tune(
         }
     )
 
-    def sweep(name: str, tried: Sequence[float], held: Mapping[str, float]) -> Sweep:
+    def sweep(name: str, tried: Sequence[float], held: Mapping[str, float]) -> TunableSweep:
         cases = [
             {"parameter": name, "value": float(v), "held": dict(held)}
             | {"controller": controller, "plant": plant, "seed": seed}
@@ -271,9 +271,9 @@ def tune(
         )
         trials = tuple(trial_of(r) for r in done.results)
         chosen, reason = (choose_layer if name == PHI else choose_error)(trials)
-        return Sweep(name, held, trials, chosen, reason)
+        return TunableSweep(name, held, trials, chosen, reason)
 
-    def made(*sweeps: Sweep) -> Tuning:
+    def made(*sweeps: TunableSweep) -> Tuning:
         return Tuning(controller, plant, seed, sweeps, configuration)
 
     if parameter is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.fit import ROWS_REFINE, Plant, at_bound, bounds_of
+from esea_gen.identify.fit import ROWS_REFINE, FittedPlant, at_bound, bounds_of
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings
 from esea_gen.language.ports import Array
@@ -92,7 +92,7 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
         )
     rate_terms = device.file.elastomer.maxwell is not None
     fine = device.file.timing.sense_rate_Hz.value
-    plant = Plant(device, recordings, fine if rate_terms else None, ROWS_REFINE)
+    plant = FittedPlant(device, recordings, fine if rate_terms else None, ROWS_REFINE)
     values = elastomer_values(device)
     free = [k for k, v in values.items() if k != "eps2" and v > 0 and at_bound(k, v) is None]
     scale = plant.weight * math.sqrt(len(plant.measured))

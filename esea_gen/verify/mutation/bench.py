@@ -32,7 +32,7 @@ from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
 from esea_gen.verify.coverage import recorded_arguments
 from esea_gen.verify.executor import (
-    Trajectory,
+    KernelTrajectory,
     coefficients_of,
     emitted_kernel,
     exact_trajectory,
@@ -62,7 +62,7 @@ class Judged:
     symbolic: what the looser criterion compares with; None where formats may decide differently.
     """
 
-    exact: Trajectory
+    exact: KernelTrajectory
     symbolic: tuple[dict[str, Array], dict[str, Array]] | None
 
 
@@ -123,7 +123,7 @@ class Bench:
             out.append(Judged(self._exact(block, stream), None))
         return out
 
-    def _exact(self, block: Block, stream: Stream) -> Trajectory:
+    def _exact(self, block: Block, stream: Stream) -> KernelTrajectory:
         # As exact_trajectory, with the coefficients that the stream puts in.
         if self.reference is not None or not stream.coefficients:
             return exact_trajectory(block, self.library, stream, self.reference)
