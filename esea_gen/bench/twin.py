@@ -79,7 +79,7 @@ def twin_rows(
     say("twin: compiling")
     plant = plant_variant(device, "real", "none", 0)
     loop = ClosedLoop(device.system, plant, "f32")
-    whole = LoopPeer(LOOP, loop, tuning_signals(loop, fast_ms), plant)
+    whole = LoopPeer(LOOP, loop, tuning_signals(device, loop, fast_ms), plant)
     whole.run()
     assert whole.result is not None
     u_Nm = np.asarray(whole.result.controller["u_Nm"], dtype=float)

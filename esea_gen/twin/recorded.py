@@ -12,10 +12,10 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
-from esea_gen.twin.case import OFF, TORQUE
+from esea_gen.twin.case import TORQUE
 from esea_gen.twin.closed_loop import PATH, ClosedLoop, ClosedLoopRun
 from esea_gen.twin.people import PlantVariant
-from esea_gen.twin.run import ARM_S, ON_S, plant_variant
+from esea_gen.twin.run import plant_variant, told
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory, tuning
 
 
@@ -45,17 +45,10 @@ def _tuning_case(ticks: int) -> Trajectory:
     return path
 
 
-def tuning_signals(loop: ClosedLoop, ticks: int) -> dict[str, Array]:
+def tuning_signals(device: Device, loop: ClosedLoop, ticks: int) -> dict[str, Array]:
     """What a controller is told in the tuning case: off at first, armed, then torque control."""
-    t = np.arange(ticks) / RATE_HZ
-    known = {k: v[:ticks] for k, v in _tuning_case(ticks).signals().items()} | {
-        "mode": np.where(t < ON_S, float(OFF), float(TORQUE)),
-        "rearm": (t >= ARM_S).astype(float),
-        "stop": np.zeros(ticks),
-        "frame_error_motor": np.zeros(ticks),
-        "frame_error_load": np.zeros(ticks),
-    }
-    return {k: v for k, v in known.items() if k in loop.signals or k in PATH}
+    signals = told(device, loop, _tuning_case(ticks), TORQUE)
+    return {k: v[:ticks] for k, v in signals.items() if k in loop.signals or k in PATH}
 
 
 def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
@@ -63,7 +56,7 @@ def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
     _tuning_case(ticks)  # before anything takes time
     plant = plant_variant(device, "real", "none", seed)
     loop = ClosedLoop(device.system, plant, "f32")
-    signals = tuning_signals(loop, ticks)
+    signals = tuning_signals(device, loop, ticks)
     run = loop.run(signals, plant.values, seed=seed)
     inputs: dict[str, dict[str, Array]] = {}
     outputs: dict[str, dict[str, Array]] = {}

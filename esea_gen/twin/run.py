@@ -70,6 +70,20 @@ def previews(path: Trajectory, horizon: Horizon) -> dict[str, Array]:
     return {name: np.asarray(values[at]) for name, values in given.items()}
 
 
+def told(device: Device, loop: ClosedLoop, path: Trajectory, mode: int) -> dict[str, Array]:
+    """What a controller is told along a path: off at first, armed, then the mode; the first law."""
+    n = len(path.tau_desired_Nm)
+    t = np.arange(n) / RATE_HZ
+    slow_s = device.system.tasks[-1].every / RATE_HZ
+    signals = path.signals() | {
+        "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, mode).astype(float),
+        "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
+    }
+    rest = ("stop", "frame_error_motor", "frame_error_load", "law")
+    given = {name: np.zeros(n) for name in rest} | previews(path, device_horizon(device))
+    return signals | {k: v for k, v in given.items() if k in loop.signals}
+
+
 def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
     """Run one case."""
     device = controller_device(setting.controller)
@@ -92,22 +106,9 @@ def run_on(
     loop: the device's System, or one that shows more of it, with a plant.
     """
     fixed = case.trajectory.clamped
-    n = len(case.trajectory.tau_desired_Nm)
-    t = np.arange(n) / RATE_HZ
-    slow_s = device.system.tasks[-1].every / RATE_HZ
-    signals = case.trajectory.signals() | {
-        "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, case.mode).astype(float),
-        "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
-        "stop": np.zeros(n),
-        "frame_error_motor": np.zeros(n),
-        "frame_error_load": np.zeros(n),
-    }
+    signals = told(device, loop, case.trajectory, case.mode)
     merged = {k: dict(v) for k, v in setting.tunables.items()}
-    if "law" in loop.signals:
-        signals["law"] = np.zeros(n)
     if "predictive" in device.system.blocks:
-        given = previews(case.trajectory, device_horizon(device))
-        signals |= {k: v for k, v in given.items() if k in loop.signals}
         chosen = {"load_free": 0.0 if fixed else 1.0}
         if case.mode == IMPEDANCE and setting.controller.startswith("mpc-published"):
             chosen |= PRINTED_IMPEDANCE
