@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import sys
@@ -299,3 +300,16 @@ def test_a_law_without_a_wire_says_which(drive):
     law = Law("stray", "", lambda base: Parts(control={"s": stray}, command="s.u_command_Nm"))
     with pytest.raises(ValueError, match=r"no wire for s\.law"):
         control_system(drive, [law], drive.velocity, drive.sensor, lambda: drive.inverse)
+
+
+@pytest.mark.parametrize("controller", ["mpc", "smc,mpc"])
+def test_the_emulated_board_runs_every_law(monkeypatch, capsys, tmp_path, controller):
+    for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
+        require_tool(tool)
+    found = tmp_path / "a.json"
+    arguments = ("emulate", "elbow_drive", "--controller", controller, "--seconds", "0.1")
+    code, shown, error = called(monkeypatch, capsys, *arguments, "--json", found)
+    assert code == 0, (shown, error)
+    tasks = json.loads(found.read_text())["tasks"]
+    assert {n: t["steps"] for n, t in tasks.items()} == {"sense": 100, "control": 20}
+    assert all(t["identical"] for t in tasks.values())
