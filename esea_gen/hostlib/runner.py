@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from esea_gen.hostlib.codec import Array, Field
+from esea_gen.hostlib.loaded import LoadedC
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, SystemSimulator
-
-if TYPE_CHECKING:
-    from esea_gen.hostlib.library import HostLibrary
 
 
 class CRunner:
@@ -20,7 +18,7 @@ class CRunner:
 
     Parameters
     ----------
-    library : HostLibrary
+    library : LoadedC
         Where it lives.
     name : str
         The Block's or task's.
@@ -32,7 +30,7 @@ class CRunner:
 
     def __init__(
         self,
-        library: HostLibrary,
+        library: LoadedC,
         name: str,
         owner: Block | System,
         inputs: Sequence[Field],
@@ -206,7 +204,7 @@ class CBoard:
 
     Parameters
     ----------
-    library : HostLibrary
+    library : LoadedC
         Where it lives.
     tunables : mapping, optional
         ``{instance: {tunable: value}}`` other than the defaults.
@@ -218,7 +216,7 @@ class CBoard:
     """
 
     def __init__(
-        self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
+        self, library: LoadedC, tunables: Mapping[str, Mapping[str, float]] | None = None
     ) -> None:
         self.library, self.system = library, library.system
         system, codec = library.system, library.codec

@@ -28,7 +28,8 @@ from esea_gen.report.contents import (
     verification_problems,
 )
 from esea_gen.report.page import finite, render
-from esea_gen.studies.simulation import Simulation, default_person, simulate
+from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import default_person, simulate
 from esea_gen.targets import DEFAULT_BOARD
 from esea_gen.twin.case import Setting
 from esea_gen.twin.recorded import record_drive

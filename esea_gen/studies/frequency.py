@@ -10,7 +10,8 @@ import numpy as np
 from esea_gen.analysis.frequency import FrequencyResponse
 from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.studies import torque_errors
-from esea_gen.studies.simulation import ClosedLoopStudy, Simulation
+from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Case
 from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.trajectories import RATE_HZ, fixed_output

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from esea_gen.studies import torque_errors
-from esea_gen.studies.simulation import ClosedLoopStudy, Simulation
+from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin import trajectories
 from esea_gen.twin.case import IMPEDANCE, Case
 

@@ -13,7 +13,8 @@ from esea_gen.analysis.impedance import ImpedanceFit, OutputImpedance, impedance
 from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.language.ports import Array
 from esea_gen.studies import torque_errors
-from esea_gen.studies.simulation import ClosedLoopStudy, Simulation
+from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Case
 from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory

@@ -7,7 +7,6 @@ torque of the true elastomer, and the torque that the sensor shows, with the des
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,19 +18,19 @@ from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.studies import torque_errors
+from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.registry import Study, load_study, study_file
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
-from esea_gen.twin.judge import ENDED, FIGURES, judge
+from esea_gen.twin.judge import judge
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, run_case
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_PANELS = 4  # more cases than this are drawn as bars
-ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
 
 
 class ClosedLoopStudy(Study):
@@ -75,73 +74,6 @@ class ClosedLoopStudy(Study):
     def figure(self, done: Simulation) -> Figure:
         """The outcome drawn."""
         return torque_errors.figure(done)
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """A study's outcome.
-
-    monte_carlo: figures of every case and seed.
-    kept: by case, what the study kept of its first seed; empty where nothing needs it.
-    """
-
-    study: ClosedLoopStudy
-    setting: Setting
-    seeds: tuple[int, ...]
-    monte_carlo: MonteCarlo
-    kept: Mapping[str, Any]
-
-    @property
-    def person(self) -> str:
-        """Who took part."""
-        return self.setting.person if self.study.person else "none"
-
-    def cases(self) -> list[dict[str, Any]]:
-        """One entry a case and seed; a run that failed has no figures and says why."""
-        entries = []
-        for r in self.monte_carlo.results:
-            entry: dict[str, Any] = {"name": r.case["case"], "seed": r.case["seed"]}
-            entry |= dict.fromkeys(ERRORS)
-            values = r.values or {}
-            # In one order, whether it was run now or comes out of a journal.
-            order = [*(k for k in FIGURES if k in values), *sorted(set(values) - set(FIGURES))]
-            entry |= {k: values[k] for k in order}
-            entry |= {k: bool(values.get(k)) for k in ENDED}
-            if r.values is None:
-                entry["failure"] = r.failure
-            entry["thesis_rms_Nm"] = self.study.thesis_Nm.get(self.setting.controller)
-            entries.append(entry)
-        return entries
-
-    def ended(self) -> list[dict[str, Any]]:
-        """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
-        return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: ``cases``, percentiles by case, and what the study is for."""
-        return self.study.to_dict(self)
-
-    def table(self) -> list[str]:
-        """The outcome as lines of text."""
-        return self.study.table(self)
-
-    def figure(self) -> Figure:
-        """What the study is for: Bode, impedance, torque in time, or RMS by case."""
-        return self.study.figure(self)
-
-    def csv(self) -> str:
-        """Every case and seed, one line each."""
-        entries = self.cases()
-        keys = list(dict.fromkeys(k for e in entries for k in e))
-        rows = [",".join(keys)]
-        for e in entries:
-            cells = [e.get(k) for k in keys]
-            rows.append(
-                ",".join(
-                    "" if c is None else f'"{c}"' if isinstance(c, str) else f"{c}" for c in cells
-                )
-            )
-        return "\n".join(rows) + "\n"
 
 
 def default_person(study: str, plant: str) -> str:

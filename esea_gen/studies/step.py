@@ -8,7 +8,8 @@ import numpy as np
 
 from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.studies import torque_errors
-from esea_gen.studies.simulation import ClosedLoopStudy, Simulation
+from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Case
 from esea_gen.twin.trajectories import RATE_HZ, fixed_output
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
+from esea_gen.studies.outcome import Simulation
 from esea_gen.twin.case import Case
 from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.judge import ENDED, desired_torque
@@ -16,8 +17,6 @@ from esea_gen.twin.trajectories import RATE_HZ
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from esea_gen.studies.simulation import Simulation
 
 SHOWN_S = 10.0
 SHOUTED = "unstable"  # of the ways to end, the one that is the controller's own

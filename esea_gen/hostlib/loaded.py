@@ -1,0 +1,79 @@
+"""A System's C, compiled and loaded, and the numpy types of its structs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import cffi
+import numpy as np
+
+from esea_gen.emit.render import Renderer
+from esea_gen.hostlib.codec import Codec
+from esea_gen.hostlib.compiler import compile_sources, declarations
+from esea_gen.language.system import System
+
+
+class LoadedC:
+    """A System's generated C, compiled for the host.
+
+    Parameters
+    ----------
+    system : System
+        What was rendered.
+    renderer : Renderer
+        Its renderer.
+    flags : sequence of str
+        Compiler flags beside the project's own (sanitizers, coverage).
+    """
+
+    def __init__(self, system: System, renderer: Renderer, flags: Sequence[str] = ()) -> None:
+        self.system = system
+        self.real = renderer.fmt.name
+        self.prefix = renderer.prefix
+        self.codec = Codec(renderer.naming)
+        self.files = renderer.files()
+        driver = renderer.render("hostlib/driver.c.j2")
+        files = {n: t for n, t in self.files.items() if not n.startswith("reference/")}
+        link = ("-lm",) if renderer.fmt.needs_libm else ()
+        self.path = compile_sources(files | {"driver.c": driver}, flags, link)
+        self.ffi = cffi.FFI()
+        # The driver's loops are declared by their own text: bodies are cut at the first brace.
+        prototypes = re.sub(r"\)\s*\n\{.*?\n\}", ");", driver, flags=re.DOTALL)
+        self.ffi.cdef(declarations(self.files[f"{self.prefix}.h"] + prototypes), override=True)
+        self.lib: Any = self.ffi.dlopen(str(self.path))
+        self._dtypes: dict[str, np.dtype[Any]] = {}
+
+    def dtype(self, c_type: str) -> np.dtype[Any]:
+        """numpy type of a C struct, field for field.
+
+        Parameters
+        ----------
+        c_type : str
+            Name of the struct's type.
+
+        Returns
+        -------
+        numpy.dtype
+            With the C's offsets and size.
+        """
+        if c_type not in self._dtypes:
+            self._dtypes[c_type] = self._convert(self.ffi.typeof(c_type))
+        return self._dtypes[c_type]
+
+    def _convert(self, ctype: Any) -> np.dtype[Any]:
+        primitive = {"double": "f8", "float": "f4", "uint32_t": "u4", "int32_t": "i4"}
+        if ctype.kind == "primitive":
+            return np.dtype(primitive[ctype.cname])
+        if ctype.kind == "array":
+            return np.dtype((self._convert(ctype.item), (ctype.length,)))
+        fields = ctype.fields
+        return np.dtype(
+            {
+                "names": [n for n, _ in fields],
+                "formats": [self._convert(f.type) for _, f in fields],
+                "offsets": [f.offset for _, f in fields],
+                "itemsize": self.ffi.sizeof(ctype),
+            }
+        )

@@ -1,0 +1,105 @@
+"""What became of a closed-loop study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+from esea_gen.analysis.monte_carlo import MonteCarlo
+from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.judge import ENDED, FIGURES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
+
+
+class ShowsOutcome(Protocol):
+    """What a study says of its outcome."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    person: ClassVar[bool]
+    thesis_Nm: ClassVar[Mapping[str, float]]
+
+    def case(self, name: str) -> Case:
+        """One of its cases."""
+
+    def table(self, done: Simulation) -> list[str]:
+        """As lines of text."""
+
+    def to_dict(self, done: Simulation) -> dict[str, Any]:
+        """JSON-ready."""
+
+    def figure(self, done: Simulation) -> Figure:
+        """Drawn."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A study's outcome.
+
+    monte_carlo: figures of every case and seed.
+    study: the closed-loop study, which knows how its outcome is shown.
+    kept: by case, what the study kept of its first seed; empty where nothing needs it.
+    """
+
+    study: ShowsOutcome
+    setting: Setting
+    seeds: tuple[int, ...]
+    monte_carlo: MonteCarlo
+    kept: Mapping[str, Any]
+
+    @property
+    def person(self) -> str:
+        """Who took part."""
+        return self.setting.person if self.study.person else "none"
+
+    def cases(self) -> list[dict[str, Any]]:
+        """One entry a case and seed; a run that failed has no figures and says why."""
+        entries = []
+        for r in self.monte_carlo.results:
+            entry: dict[str, Any] = {"name": r.case["case"], "seed": r.case["seed"]}
+            entry |= dict.fromkeys(ERRORS)
+            values = r.values or {}
+            # In one order, whether it was run now or comes out of a journal.
+            order = [*(k for k in FIGURES if k in values), *sorted(set(values) - set(FIGURES))]
+            entry |= {k: values[k] for k in order}
+            entry |= {k: bool(values.get(k)) for k in ENDED}
+            if r.values is None:
+                entry["failure"] = r.failure
+            entry["thesis_rms_Nm"] = self.study.thesis_Nm.get(self.setting.controller)
+            entries.append(entry)
+        return entries
+
+    def ended(self) -> list[dict[str, Any]]:
+        """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
+        return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content: ``cases``, percentiles by case, and what the study is for."""
+        return self.study.to_dict(self)
+
+    def table(self) -> list[str]:
+        """The outcome as lines of text."""
+        return self.study.table(self)
+
+    def figure(self) -> Figure:
+        """What the study is for: Bode, impedance, torque in time, or RMS by case."""
+        return self.study.figure(self)
+
+    def csv(self) -> str:
+        """Every case and seed, one line each."""
+        entries = self.cases()
+        keys = list(dict.fromkeys(k for e in entries for k in e))
+        rows = [",".join(keys)]
+        for e in entries:
+            cells = [e.get(k) for k in keys]
+            rows.append(
+                ",".join(
+                    "" if c is None else f'"{c}"' if isinstance(c, str) else f"{c}" for c in cells
+                )
+            )
+        return "\n".join(rows) + "\n"
