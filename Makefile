@@ -38,7 +38,6 @@ style: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
-	@$(BIN)/lint-imports --no-cache | tail -n 1
 
 setup:
 	@sh .ci/setup "$(PYTHON)"
