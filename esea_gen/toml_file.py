@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import json
-import tomllib
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -13,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import tomlkit
+import tomlkit.exceptions
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from esea_gen.errors import UserError
@@ -56,8 +57,8 @@ def read_text(path: Path, fix: str) -> str:
 def parse_toml(text: str, origin: str, see: str) -> dict[str, Any]:
     """The document as plain values; ``see`` names where the form is shown."""
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        return dict(tomlkit.parse(text).unwrap())  # its errors name a key that occurs twice
+    except tomlkit.exceptions.TOMLKitError as error:
         raise UserError(
             f"{origin}: not valid TOML ({error}).", f"Correct that line; see {see}."
         ) from None

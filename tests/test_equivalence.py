@@ -113,8 +113,10 @@ def test_nan_and_infinity_into_every_input_and_state(name, real):
     require_tool("gcc")
     device = load_device(name)
     library = compile_device(device, real)
-    for block, value in product(device.system.kinds, SPECIAL):
-        quiet = {p.name: np.full(6, 0.01) for p in block.inputs}
+    # A Program's own tests do the same: what of its state carries nothing is not looked at.
+    blocks = [b for b in device.system.kinds if b.kind == "block"]
+    for block, value in product(blocks, SPECIAL):
+        quiet = {p.name: np.full((6, p.size) if p.size > 1 else 6, 0.01) for p in block.inputs}
         cases = []
         for p in block.inputs:
             hit = {k: v.copy() for k, v in quiet.items()}

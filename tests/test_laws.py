@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.bench.predictive_loop import EXPERIMENTS
 from esea_gen.cli import main
 from esea_gen.control.law import Law, Parts
 from esea_gen.control.law_switch import law_switch
@@ -22,6 +21,8 @@ from esea_gen.devices.file import shipped_controllers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.observe.human import lag_observer
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Setting
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import real_plant
@@ -134,7 +135,7 @@ def both():
 
 def tuning(device, law):
     """The tuning case on the real plant, laws changed at given times."""
-    (case,) = EXPERIMENTS["tuning"].cases()
+    (case,) = load_study("tuning", ClosedLoopStudy).cases()
     variant = real_plant(device, seed=0).having(PEOPLE["none"], clamped=1.0)
     loop = ClosedLoop(device.system, variant, "f32")
     run = loop.run
@@ -151,7 +152,10 @@ def tuning(device, law):
 def test_two_laws_in_one_system_change_without_a_bump(both):
     require_tool("gcc")
     assert [law.name for law in both.laws] == ["sliding_mode", "predictive"]
-    t = np.arange(len(EXPERIMENTS["tuning"].cases()[0].trajectory.tau_desired_Nm)) * 1e-3
+    t = (
+        np.arange(len(load_study("tuning", ClosedLoopStudy).cases()[0].trajectory.tau_desired_Nm))
+        * 1e-3
+    )
     law = ((t >= CHANGE_S[0]) & (t < CHANGE_S[1])).astype(float)
     case, run = tuning(both, law)
     held = run.controller["law_held"]

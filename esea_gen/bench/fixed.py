@@ -82,12 +82,19 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
     def text(group: str, name: str, value: float) -> str:
         return fmt.literal(naming.number(block, group, name, value))
 
+    fraction = naming.fraction(block, "in", "theta_rad")
+    # What is no number or does not fit has a raw number of its own.
+    rows = (
+        [fmt.literal(float(v)) for v in theta]
+        if fraction is None
+        else [str(int(v)) for v in to_raw(theta, fraction)]
+    )
     context: dict[str, Any] = {
         "title": PROGRAMS[program],
         "hand": hand,
         "stem": f"{renderer.prefix}_{block.name}",
         "c_type": fmt.c_type,
-        "rows": [text("in", "theta_rad", float(v)) for v in theta],
+        "rows": rows,
         "names": {
             "theta": naming.field(block, "in", port["theta_rad"]),
             "omega": naming.field(block, "out", port["omega_rad_s"]),
