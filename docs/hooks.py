@@ -19,7 +19,7 @@ import typer
 
 import esea_gen
 from esea_gen.device import load_device
-from esea_gen.devices.file import json_schema
+from esea_gen.devices.schema import json_schema
 
 # The library's face, page by page: what a program may rely on.  It is documented in full, and a
 # test holds it to that; everything else says in a line what its names do not.

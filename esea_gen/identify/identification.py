@@ -28,7 +28,7 @@ from esea_gen.devices.fields import (
     Timing,
     Velocity,
 )
-from esea_gen.devices.file import render_toml
+from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.fit import (

@@ -28,7 +28,7 @@ from scipy.stats import qmc
 
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.fields import Inverse, Quantity, field_facts
-from esea_gen.devices.file import render_toml
+from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner
