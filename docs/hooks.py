@@ -41,7 +41,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Models, observers, control",
         (
             *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
-            *(f"model.{m}" for m in ("sensing", "symbolic")),
+            *(f"model.{m}" for m in ("sensing", "symbolic", "velocity_properties")),
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
             *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
             *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
