@@ -52,7 +52,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "identify": (
         "Identification, twin, analysis",
         (
-            *(f"identify.{m}" for m in ("mapping", "replay", "identification")),
+            *(f"identify.{m}" for m in ("mapping", "replay", "identification", "verdict")),
             "twin.closed_loop",
             *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),
             *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),
