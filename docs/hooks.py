@@ -19,7 +19,7 @@ import typer
 
 import esea_gen
 from esea_gen.device import load_device
-from esea_gen.devices.file import json_schema
+from esea_gen.devices.schema import json_schema
 
 # The library's face, page by page: what a program may rely on.  It is documented in full, and a
 # test holds it to that; everything else says in a line what its names do not.
@@ -41,7 +41,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Models, observers, control",
         (
             *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
-            *(f"model.{m}" for m in ("sensing", "symbolic")),
+            *(f"model.{m}" for m in ("sensing", "symbolic", "velocity_properties")),
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
             *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
             *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
@@ -52,7 +52,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "identify": (
         "Identification, twin, analysis",
         (
-            *(f"identify.{m}" for m in ("mapping", "replay", "identification")),
+            *(f"identify.{m}" for m in ("mapping", "replay", "identification", "verdict")),
             "twin.closed_loop",
             *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),
             *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),

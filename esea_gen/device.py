@@ -8,9 +8,8 @@ from pathlib import Path
 from esea_gen.control.law import Law
 from esea_gen.control.laws import find_law
 from esea_gen.control.system import control_system
-from esea_gen.devices.fields import DeviceFile
+from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile
 from esea_gen.devices.file import (
-    LAW_SECTIONS,
     DeviceData,
     controller_document,
     copied_file,

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen.device import load_device, parse_device
-from esea_gen.devices.file import json_schema, shipped_devices
+from esea_gen.devices.file import shipped_devices
+from esea_gen.devices.schema import json_schema
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Tunable, unit_of
 

@@ -18,7 +18,8 @@ import esea_gen
 from esea_gen.cli import app
 from esea_gen.device import copy_device, parse_device
 from esea_gen.devices.fields import SCHEMA_FILE
-from esea_gen.devices.file import json_schema, shipped_devices
+from esea_gen.devices.file import shipped_devices
+from esea_gen.devices.schema import json_schema
 from esea_gen.emit.build import (
     device_formats,
     device_hash,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import esea_gen
 from esea_gen.device import Device, copy_device, parse_device
-from esea_gen.devices.file import json_schema
+from esea_gen.devices.schema import json_schema
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system

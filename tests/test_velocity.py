@@ -13,7 +13,7 @@ from scipy.signal import butter, freqz, lfilter
 
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
-from esea_gen.model.filters import VelocityProperties, velocity_properties
+from esea_gen.model.velocity_properties import VelocityProperties, velocity_properties
 from esea_gen.studies.discretisation import at_rate
 
 from .conftest import ROOT

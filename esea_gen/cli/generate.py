@@ -130,7 +130,7 @@ def new(
 
 
 def _schema_text() -> str:
-    from esea_gen.devices.file import json_schema
+    from esea_gen.devices.schema import json_schema
 
     return json.dumps(json_schema(), indent=2) + "\n"
 

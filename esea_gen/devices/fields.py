@@ -19,6 +19,8 @@ TABLE_SIZES = (4, 8, 16, 32, 64)  # of an encoder's correction: a turn's counts 
 
 LAW_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
 MOST_LAWS = 8
+# Sections that laws take their numbers from, with what else of the file they need.
+LAW_SECTIONS = {"sliding_mode": ("inverse",), "predictive": ()}
 
 
 class Quantity(BaseModel):

@@ -1,9 +1,11 @@
 """Parameters of the torque model from recordings of a test rig."""
 
-from esea_gen.identify.identification import Identification, Verdict, identify, judge
+from esea_gen.identify.cycles import Cycle, DataSet
+from esea_gen.identify.identification import Identification, identify
 from esea_gen.identify.mapping import Mapping, MappingFile, load_mapping, parse_mapping
-from esea_gen.identify.recording import Cycle, DataSet, Recording, load_recordings
+from esea_gen.identify.recording import Recording, load_recordings
 from esea_gen.identify.replay import Replay, recorded_deflections, recordings_for
+from esea_gen.identify.verdict import Verdict, judge
 
 __all__ = [
     "Cycle",

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
-from esea_gen.identify.fit import tunable_system
+from esea_gen.identify.plant import tunable_system
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.studies.chapter4 import END_S, SIGNALS, evaluation_filter

@@ -10,9 +10,11 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.fit import ROWS_REFINE, FittedPlant, at_bound, bounds_of
 from esea_gen.identify.mapping import load_mapping
+from esea_gen.identify.parameters import at_bound, bounds_of
+from esea_gen.identify.plant import ROWS_REFINE, FittedPlant
 from esea_gen.identify.recording import load_recordings
+from esea_gen.identify.uncertainty import autocorrelation
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -107,8 +109,7 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
             f"{source.origin}: the torque depends on none of the parameters.",
             "Leave --recording out for an assumed spread.",
         )
-    rho = float(residual[1:] @ residual[:-1] / (residual @ residual))
-    rho = min(max(rho, 0.0), 1 - 2.0 / len(residual))
+    rho = autocorrelation(residual)
     noise = float(residual @ residual) / max(1, len(residual) - len(free))
     noise *= (1 + rho) / (1 - rho)
     _, singular, v = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)

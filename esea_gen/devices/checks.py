@@ -1,0 +1,264 @@
+"""Checks of a device file's content: bounds, and relations between numbers."""
+
+from __future__ import annotations
+
+import math
+
+from esea_gen.devices.fields import (
+    LAW_SECTIONS,
+    DeviceFile,
+    Quantity,
+    Series,
+    field_facts,
+    quantities_of,
+    series_of,
+)
+from esea_gen.errors import UserError
+from esea_gen.language.ports import unit_of
+
+SAME_ORIENTATION_RAD = 0.02  # about 1 deg: an encoder's error moves little within that
+MOST_CORRECTION_SLOPE = 0.25  # 1 deg with four periods a turn: 0.07
+MOST_PERIODS = 2000  # of sensing in one of control, when a rate is looked for that divides
+FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for this rate
+
+
+def check_content(origin: str, file: DeviceFile) -> None:
+    """Bounds of every number, then what numbers must be to each other."""
+    for key, q in quantities_of(file):
+        _check_value(origin, key, q)
+    for key, row in series_of(file):
+        _check_series(origin, key, row)
+    _check_texts(origin, file)
+    _check_relations(origin, file)
+    _check_control(origin, file)
+    _check_inverse(origin, file)
+    _check_encoder(origin, file)
+
+
+def _check_value(origin: str, key: str, q: Quantity) -> None:
+    extra = field_facts(key)
+    unit = unit_of(key)
+    shown = "" if unit == "1" else f" {unit}"
+    if not extra["low"] <= q.value <= extra["high"]:
+        side, limit = (
+            ("below", extra["low"]) if q.value < extra["low"] else ("above", extra["high"])
+        )
+        raise UserError(
+            f"{origin}: {key} = {q.value:g}{shown} is {side} its limit {limit:g}{shown} "
+            f"({extra['text']})",
+            f"Give a value from {extra['low']:g} to {extra['high']:g}{shown}.",
+        )
+    if extra["whole"] and q.value != math.floor(q.value):
+        raise UserError(
+            f"{origin}: {key} = {q.value:g} is not a whole number.", "Give a whole one."
+        )
+
+
+def _check_series(origin: str, key: str, row: Series) -> None:
+    extra = field_facts(key)
+    unit = unit_of(key)
+    sizes = ", ".join(map(str, extra["sizes"]))
+    if len(row.values) not in extra["sizes"]:
+        raise UserError(
+            f"{origin}: {key} has {len(row.values)} values; it takes {sizes}. ({extra['text']})",
+            "Give one of these numbers of values, at equal steps.",
+        )
+    for i, value in enumerate(row.values):
+        if not extra["low"] <= value <= extra["high"]:
+            raise UserError(
+                f"{origin}: {key}: value {i} (counted from 0) is {value:g} {unit}, outside "
+                f"{extra['low']:g} to {extra['high']:g} {unit}.",
+                "Check its unit and sign.",
+            )
+
+
+def _check_texts(origin: str, file: DeviceFile) -> None:
+    # These words stand in comments of the generated C.
+    texts = [("title", file.title)]
+    texts += [(f"{key}.source", q.source) for key, q in quantities_of(file)]
+    texts += [(f"{key}.source", row.source) for key, row in series_of(file)]
+    for key, text in texts:
+        bad = next((b for b in ("*/", "/*", "\\") if b in text), None)
+        if bad is None and not text.isprintable():
+            bad = "a line break or other control character"
+        if bad is not None:
+            raise UserError(
+                f"{origin}: {key} holds {bad}, which would end or break a comment of the C.",
+                "Take it out.",
+            )
+
+
+def _check_relations(origin: str, file: DeviceFile) -> None:
+    values = dict(quantities_of(file))
+    for inner, outer in (
+        ("domain.theta_max_rad", "limits.theta_rad"),
+        ("domain.omega_max_rad_s", "limits.omega_rad_s"),
+        ("domain.tau_full_scale_Nm", "limits.tau_Nm"),
+    ):
+        if values[inner].value > values[outer].value:
+            raise UserError(
+                f"{origin}: {inner} = {values[inner].value:g} is above {outer} = "
+                f"{values[outer].value:g}: the identified domain must lie inside the port's range.",
+                f"Raise {outer} or lower {inner}.",
+            )
+    zone, reach = values.get("elastomer.dead_zone_rad"), values["domain.theta_max_rad"]
+    if zone is not None and zone.value >= reach.value:
+        raise UserError(
+            f"{origin}: elastomer.dead_zone_rad = {zone.value:g} is not below "
+            f"domain.theta_max_rad = {reach.value:g}: no torque in the whole domain.",
+            "Narrow the dead zone or widen the domain.",
+        )
+    if len(set(file.axes)) != len(file.axes):
+        raise UserError(
+            f"{origin}: axes = {list(file.axes)} names an axis twice.", "Give each its own name."
+        )
+    e = file.elastomer
+    if e.k1_Nm_rad.value == 0 and e.k3_Nm_rad3.value == 0 and e.alpha_Nm_rad.value == 0:
+        raise UserError(
+            f"{origin}: elastomer.k1_Nm_rad, k3_Nm_rad3 and alpha_Nm_rad are all 0: no torque.",
+            "Give at least one stiffness.",
+        )
+    if file.velocity.bandwidth_Hz.value > 0.1 * file.timing.sense_rate_Hz.value:
+        raise UserError(
+            f"{origin}: velocity.bandwidth_Hz = {file.velocity.bandwidth_Hz.value:g} Hz is above "
+            f"its limit, a tenth of timing.sense_rate_Hz ({0.1 * file.timing.sense_rate_Hz.value:g}"
+            " Hz).",
+            "Lower the bandwidth or raise the rate.",
+        )
+
+
+def _check_control(origin: str, file: DeviceFile) -> None:
+    drive = ("actuator", "joint", "disturbance", "impedance", "safety")
+    laws = [k for k in LAW_SECTIONS if getattr(file, k) is not None]
+    for law in laws:
+        control = (*drive, *LAW_SECTIONS[law])
+        needed = [k for k in control if getattr(file, k) is None]
+        if needed:
+            raise UserError(
+                f"{origin}: section [{needed[0]}] is missing: torque control by [{law}] needs "
+                f"{', '.join(control)}.",
+                'Add it, or write extends = "elbow_drive" and give what differs.',
+            )
+    values = {k: q.value for k, q in quantities_of(file)}
+    pairs = [
+        ("joint.theta_min_rad", "joint.theta_max_rad"),
+        ("safety.rom_min_rad", "safety.rom_max_rad"),
+        ("safety.u_max_Nm", "actuator.u_max_Nm"),
+        ("safety.theta_max_rad", "limits.theta_rad"),
+        ("safety.tau_max_Nm", "limits.tau_Nm"),
+        ("safety.rom_max_rad", "joint.theta_max_rad"),
+        ("joint.theta_min_rad", "safety.rom_min_rad"),
+    ]
+    for low, high in pairs:
+        if low in values and high in values and values[low] > values[high]:
+            raise UserError(
+                f"{origin}: {low} = {values[low]:g} is above {high} = {values[high]:g}.",
+                f"Lower {low} or raise {high}.",
+            )
+    sense = values["timing.sense_rate_Hz"]
+    rate = values.get("timing.control_rate_Hz")
+    if rate is None:
+        if laws:
+            raise UserError(
+                f"{origin}: timing.control_rate_Hz is missing: torque control needs its rate.",
+                "Give one that divides timing.sense_rate_Hz.",
+            )
+        return
+    every = sense / rate
+    if abs(every - round(every)) > 1e-9 or every < 1:
+        raise UserError(
+            f"{origin}: timing.control_rate_Hz = {rate:g} Hz does not divide "
+            f"timing.sense_rate_Hz = {sense:g} Hz: {every:g} periods.",
+            f"Give {_dividing(sense, every):g} Hz, or another rate that divides it.",
+        )
+    release = values.get("timing.control_release_s")
+    if release is not None and not (
+        abs(release * sense - round(release * sense)) < 1e-9 and 1 <= release * sense <= every
+    ):
+        raise UserError(
+            f"{origin}: timing.control_release_s = {release:g} s is not a whole number of sensing "
+            f"periods ({1 / sense:g} s) up to the control period ({1 / rate:g} s).",
+            "Give such a number, or leave it out.",
+        )
+
+
+def _dividing(sense: float, every: float) -> float:
+    # The nearest rate that divides as it is printed: a third of 1000 Hz would be refused again.
+    near = [n for n in range(1, MOST_PERIODS) if float(f"{sense / n:g}") * n == sense]
+    return sense / min(near or [max(1, round(every))], key=lambda n: abs(n - every))
+
+
+def _check_inverse(origin: str, file: DeviceFile) -> None:
+    asked = file.inverse
+    if asked is None:
+        return
+    if asked.kind == "exact" and asked.filter != "none":
+        raise UserError(
+            f"{origin}: inverse.filter = '{asked.filter}' has no meaning with inverse.kind = "
+            "'exact': the exact inverse has no disturbance observer.",
+            'Write filter = "none", or kind = "published".',
+        )
+    if file.elastomer.k1_Nm_rad.value == 0:
+        raise UserError(
+            f"{origin}: [inverse] with elastomer.k1_Nm_rad = 0: the torque has no unique inverse.",
+            "Give a positive linear stiffness, or leave the section out.",
+        )
+    if asked.kind == "exact":
+        return
+    zone, rate = file.elastomer.dead_zone_rad, file.timing.sense_rate_Hz.value
+    if zone is not None and zone.value > 0:
+        raise UserError(
+            f"{origin}: inverse.kind = 'published' with elastomer.dead_zone_rad = {zone.value:g}: "
+            "the published envelope (4.13) has no dead zone.",
+            'Write kind = "exact".',
+        )
+    if asked.filter != "none" and rate != FILTER_RATE_HZ:
+        raise UserError(
+            f"{origin}: inverse.filter = '{asked.filter}' is made for {FILTER_RATE_HZ:g} Hz, but "
+            f"timing.sense_rate_Hz = {rate:g} Hz.",
+            'Write filter = "none", or sense at that rate.',
+        )
+    if asked.kappa_rad is not None and asked.kappa_rad.value == 0:
+        raise UserError(
+            f"{origin}: inverse.kappa_rad = 0: the set-point would be 0 for every torque.",
+            "Give a positive weight, or leave the key out for the published one.",
+        )
+
+
+def _check_encoder(origin: str, file: DeviceFile) -> None:
+    for side in ("motor", "load"):
+        e = getattr(file.encoder, side)
+        if e is None:
+            continue
+        at = f"{origin}: encoder.{side}"
+        if e.direction is not None and e.direction.value == 0:
+            raise UserError(f"{at}.direction = 0 is neither 1 nor -1.", "Give 1 or -1.")
+        table, there = e.correction_rad, e.correction_orientation_rad
+        if (table is None) != (there is None):
+            given, other = ("correction_rad", "correction_orientation_rad")[:: 1 if table else -1]
+            raise UserError(
+                f"{at}.{given} is given without {other}: a correction holds for the angle at which "
+                "the encoder was mounted.",
+                "Give both, or leave both out.",
+            )
+        if table is None:
+            continue
+        now = e.orientation_rad.value if e.orientation_rad else 0.0
+        moved = abs(math.remainder(there.value - now, 2 * math.pi))
+        if moved > SAME_ORIENTATION_RAD:
+            raise UserError(
+                f"{at}.correction_rad was characterised at {there.value:g} rad, but the encoder is "
+                f"mounted at orientation_rad = {now:g} rad, {moved:g} rad away (limit "
+                f"{SAME_ORIENTATION_RAD:g}).",
+                "Characterise it again as it is mounted, or leave the correction out.",
+            )
+        cell = 2 * math.pi / len(table.values)
+        for i, value in enumerate(table.values):
+            after = table.values[(i + 1) % len(table.values)]
+            if abs(after - value) > MOST_CORRECTION_SLOPE * cell:
+                raise UserError(
+                    f"{at}.correction_rad changes by {after - value:g} rad from value {i} to the "
+                    f"next, above {MOST_CORRECTION_SLOPE:g} of their distance "
+                    f"({MOST_CORRECTION_SLOPE * cell:g} rad): no encoder's error is as steep.",
+                    "Check the values' unit and order.",
+                )

@@ -1,0 +1,118 @@
+"""JSON schema of the device file, for editors."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from esea_gen.devices.fields import DeviceFile, Quantity, Section, Series, models_of
+from esea_gen.devices.file import shipped_devices
+from esea_gen.language.ports import unit_of
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema of the device file, for editors.
+
+    It is written without references, so that every editor shows a key's own description and bounds.
+    """
+    content = _schema_of(DeviceFile)
+    content["properties"] = {
+        "extends": {
+            "type": "string",
+            "enum": sorted(shipped_devices()),
+            "description": "Shipped device whose numbers hold where this file gives none.",
+        }
+    } | content["properties"]
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "Device file of esea-gen",
+        **content,
+        "anyOf": [{"required": ["extends"]}, _required_of(DeviceFile)],
+    }
+
+
+def _required_of(model: type[BaseModel]) -> dict[str, Any]:
+    # What a file that extends none must have, apart from the properties: else each would stand
+    # twice, once for files that extend one.
+    keys = {f.alias or name: f for name, f in model.model_fields.items()}
+    below = {
+        key: _required_of(section)
+        for key, f in keys.items()
+        if (section := _section_of(f.annotation)) is not None
+    }
+    content: dict[str, Any] = {"required": [k for k, f in keys.items() if f.is_required()]}
+    inner = {k: v for k, v in below.items() if v["required"] or "properties" in v}
+    return content | ({"properties": inner} if inner else {})
+
+
+def _section_of(annotation: Any) -> type[BaseModel] | None:
+    return next((m for m in models_of(annotation) if issubclass(m, Section)), None)
+
+
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    properties = {}
+    for name, f in model.model_fields.items():
+        key = f.alias or name
+        section = _section_of(f.annotation)
+        if Series in models_of(f.annotation):
+            about = _series_schema(key, f.json_schema_extra)
+        elif section is not None:
+            about = _schema_of(section)
+        elif Quantity in models_of(f.annotation):
+            about = _quantity_schema(key, f.json_schema_extra)
+        else:
+            about = model.model_json_schema(by_alias=True)["properties"][key]
+            about.pop("title", None)
+            about.pop("default", None)
+        properties[key] = about | ({"description": f.description} if f.description else {})
+    return {
+        "type": "object",
+        "description": " ".join((model.__doc__ or "").split()),
+        "properties": properties,
+        "additionalProperties": False,
+    }
+
+
+def _quantity_schema(key: str, extra: Any) -> dict[str, Any]:
+    fields = Quantity.model_fields
+    unit = unit_of(key)
+    return {
+        "type": "object",
+        "properties": {
+            "value": {
+                "type": "integer" if extra["whole"] else "number",
+                "minimum": extra["low"],
+                "maximum": extra["high"],
+                "description": "The number, "
+                + ("dimensionless." if unit == "1" else f"in {unit}."),
+            },
+            "status": {
+                "enum": list(get_args(fields["status"].annotation)),
+                "description": fields["status"].description,
+            },
+            "source": {
+                "type": "string",
+                "minLength": 1,
+                "description": fields["source"].description,
+            },
+        },
+        "required": list(fields),
+        "additionalProperties": False,
+    }
+
+
+def _series_schema(key: str, extra: Any) -> dict[str, Any]:
+    about = _quantity_schema(key, extra)
+    number = about["properties"].pop("value")
+    row = {
+        "type": "array",
+        "items": {k: number[k] for k in ("type", "minimum", "maximum")},
+        "minItems": min(extra["sizes"]),
+        "maxItems": max(extra["sizes"]),
+        "description": number["description"].replace("The number", "The numbers"),
+    }
+    return about | {
+        "properties": {"values": row} | about["properties"],
+        "required": list(Series.model_fields),
+    }

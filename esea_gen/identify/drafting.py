@@ -1,0 +1,199 @@
+"""The identified device, number by number: ranges, parameters, sources."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from esea_gen.device import Device, parse_device
+from esea_gen.devices.fields import (
+    DeviceFile,
+    Domain,
+    Elastomer,
+    Encoder,
+    Limits,
+    Maxwell,
+    Quantity,
+    Timing,
+    Velocity,
+)
+from esea_gen.devices.writing import render_toml
+from esea_gen.identify.cycles import DataSet
+from esea_gen.identify.fit import Fit
+from esea_gen.identify.mapping import MappingFile
+from esea_gen.identify.parameters import EPS2_DEFAULT, at_bound, with_parameters
+from esea_gen.identify.recording import MAX_TAU_NM, MAX_THETA_RAD, Recording
+from esea_gen.identify.uncertainty import Uncertainty
+
+
+def _round_up(x: float) -> float:
+    digit = 10.0 ** (math.floor(math.log10(x)) - 1)
+    return float(f"{math.ceil(x / digit - 1e-9) * digit:.6g}")
+
+
+def scales_assumed(source: MappingFile) -> bool:
+    """Whether the scales from specimen to coupling are assumed."""
+    m = source.mapping
+    used = [q for q in (m.deflection.scale_rad_per_m, m.torque.scale_Nm_per_N) if q is not None]
+    return any(q.status == "assumed" for q in used)
+
+
+def _origin(source: MappingFile, files: str) -> str:
+    scales = "; scales assumed" if scales_assumed(source) else ""
+    return f"{files} ({source.origin}{scales})"
+
+
+def files_of(recordings: Sequence[Recording], only_training: bool = True) -> str:
+    """The first one's name and the number of others."""
+    names = [
+        r.file for r in recordings if not only_training or any(len(s.training) for s in r.sets)
+    ]
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+
+def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) -> Device:
+    """A device whose ranges hold the recordings, with parameters yet to be found."""
+    m = source.mapping
+    d = m.device
+    where = _origin(source, files_of(recordings))
+    trained = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+    theta = max(float(np.abs(r.theta_rad[s.training]).max()) for r, s in trained)
+    reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
+    timed = all(r.timed for r in recordings)
+    omega = min(100.0, max([1e-3, *(_rate(r, s) for r, s in trained)]))
+    full = m.full_scale_Nm or Quantity(
+        value=max(float(np.abs(r.tau_Nm).max()) for r in recordings),
+        status="identified",
+        source=f"largest |torque| of {_origin(source, files_of(recordings, False))}",
+    )
+    largest = max([full.value, *(float(np.abs(r.tau_Nm).max()) for r in recordings)])
+
+    def trial(value: float) -> Quantity:
+        return Quantity(value=value, status="identified", source="start of the search")
+
+    def factor(value: float, high: float, what: str) -> Quantity:
+        text = f"device.limit_factor {d.limit_factor:g} of {source.origin} over {what}"
+        return Quantity(
+            value=min(high, _round_up(d.limit_factor * value)), status="assumed", source=text
+        )
+
+    maxwell = Maxwell(
+        kv_Nm_rad=trial(1.0),
+        A_Nms_rad=trial(1.0),
+        m=trial(1.0),
+        eps1_Nms_rad=trial(0.1),
+        B=trial(1.0),
+        n=trial(0.5),
+        eps2=trial(EPS2_DEFAULT),
+    )
+    domain_omega = Quantity(
+        value=omega,
+        status="identified" if timed else "assumed",
+        source=f"largest rate in training, {where}"
+        + ("" if timed else "; sampling period assumed, no rate terms depend on it"),
+    )
+    file = DeviceFile(
+        schema=1,
+        name=d.name,
+        title=d.title,
+        elastomer=Elastomer(
+            k1_Nm_rad=trial(1.0),
+            k3_Nm_rad3=trial(1.0),
+            alpha_Nm_rad=trial(1.0),
+            beta_1_rad=trial(1.0),
+            omega_rad=trial(0.01),
+            stops=d.stops,
+            maxwell=maxwell if rate_terms else None,
+        ),
+        domain=Domain(
+            theta_max_rad=Quantity(
+                value=max(1e-3, theta),
+                status="identified",
+                source=f"largest |deflection| in training, {where}",
+            ),
+            omega_max_rad_s=domain_omega,
+            tau_full_scale_Nm=full,
+        ),
+        limits=Limits(
+            theta_rad=factor(max(reach, 1e-3), MAX_THETA_RAD, "the largest recorded |deflection|"),
+            omega_rad_s=Quantity(
+                value=max(25.0, _round_up(d.limit_factor * omega)),
+                status="assumed",
+                source="25 rad/s as the shipped elbow, or device.limit_factor over the domain",
+            ),
+            tau_Nm=factor(max(largest, 1e-2), 2 * MAX_TAU_NM, "the largest recorded |torque|"),
+        ),
+        timing=Timing(sense_rate_Hz=d.sense_rate_Hz),
+        velocity=Velocity(bandwidth_Hz=d.bandwidth_Hz),
+        encoder=Encoder(resolution_bits=d.resolution_bits),
+    )
+    return Device(file, source.origin)
+
+
+def _rate(r: Recording, s: DataSet) -> float:
+    """Largest rate in training, over 20 ms and five samples, so that one count is no rate."""
+    step = float(np.median(np.diff(r.time_s)))
+    span = min(max(5, round(0.02 / step)), len(r.theta_rad) - 1)
+    speed = np.abs(r.theta_rad[span:] - r.theta_rad[:-span]) / (r.time_s[span:] - r.time_s[:-span])
+    return float(speed[np.clip(s.training - span // 2, 0, len(speed) - 1)].max())
+
+
+def fitted_device(
+    source: MappingFile,
+    recordings: list[Recording],
+    template: Device,
+    fit: Fit,
+    largest_rate_Nm: float,
+) -> Device:
+    """The template with the fitted parameters and a torque limit that holds the model."""
+    file = template.file
+    where = _origin(source, files_of(recordings))
+    found = {k: Quantity(value=v, status="identified", source=where) for k, v in fit.values.items()}
+    elastomer = with_parameters(file.elastomer, found)
+    v, theta = fit.values, file.limits.theta_rad.value
+    spring = v["k1_Nm_rad"] * theta + v["k3_Nm_rad3"] * theta**3
+    radii = [v["omega_rad"] * (i + 1) for i in range(int(elastomer.stops.value))]
+    stops = sum(
+        v["alpha_Nm_rad"] * math.exp(-v["beta_1_rad"] * r) * min(r, 2 * theta) for r in radii
+    )
+    reach = spring + stops + source.mapping.device.limit_factor * largest_rate_Nm
+    limit = file.limits.tau_Nm
+    if reach > limit.value:
+        limit = Quantity(
+            value=min(2 * MAX_TAU_NM, _round_up(reach)),
+            status="assumed",
+            source="the model's torque at the deflection limit",
+        )
+    update = {
+        "elastomer": elastomer,
+        "limits": file.limits.model_copy(update={"tau_Nm": limit}),
+    }
+    return Device(file.model_copy(update=update), template.origin)
+
+
+def sourced_device(
+    source: MappingFile, recordings: list[Recording], device: Device, fit: Fit, spread: Uncertainty
+) -> Device:
+    """Parameters that say where they come from and how sure they are; then the usual checks."""
+    where = _origin(source, files_of(recordings))
+
+    def describe(key: str) -> str:
+        if key == "eps2":
+            return "fixed: A, eps1, B and eps2 may all be multiplied by one number"
+        bound = at_bound(key, fit.values[key])
+        if bound:
+            return f"{where}; at its {bound} bound"
+        sigma = spread.sigma.get(key)
+        if sigma is None or not math.isfinite(sigma):
+            return f"{where}; the torque does not depend on it"
+        return f"{where}; standard deviation {sigma:.2g}"
+
+    found = {
+        k: Quantity(value=v, status="assumed" if k == "eps2" else "identified", source=describe(k))
+        for k, v in fit.values.items()
+    }
+    elastomer = with_parameters(device.file.elastomer, found)
+    file = device.file.model_copy(update={"elastomer": elastomer})
+    return parse_device(render_toml(file), f"{file.name}.toml")

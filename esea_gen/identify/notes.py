@@ -1,0 +1,110 @@
+"""What the reader of an identification must know."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from esea_gen.identify.drafting import scales_assumed
+from esea_gen.identify.fit import Fit
+from esea_gen.identify.mapping import MappingFile
+from esea_gen.identify.parameters import at_bound
+from esea_gen.identify.recording import Recording
+from esea_gen.identify.uncertainty import Uncertainty
+from esea_gen.identify.verdict import Verdict
+
+ASYMMETRY_LIMIT = 0.05  # share of stiffness; ours, no figure is published
+SHARP = 0.5  # a standard deviation above this share of the value is called out
+
+
+def notes_of(
+    source: MappingFile,
+    recordings: list[Recording],
+    fit: Fit,
+    spread: Uncertainty,
+    verdict: Verdict,
+    without: Verdict | None,
+    full_scale_Nm: float,
+) -> tuple[str, ...]:
+    notes = []
+    if "kv_Nm_rad" not in fit.values:
+        if fit.rate_dropped:
+            why = "the fit gave the Maxwell element no stiffness, so it is left out"
+        elif not all(r.timed for r in recordings):
+            why = "no time was recorded; the sampling period is assumed"
+        else:
+            why = "the mapping has rate_terms = false"
+        notes.append(f"Rate terms not identified: {why}.")
+    else:
+        notes.append(
+            "A, eps1, B and eps2 can all be multiplied by one number without changing the torque: "
+            f"eps2 is fixed at {fit.values['eps2']:.4g}, the others are relative to it."
+        )
+    if without is not None and not fit.rate_dropped:
+        a, b = (100 * x.misfits.mean_rms(True) / full_scale_Nm for x in (without, verdict))
+        notes.append(
+            f"Held-out error without the Maxwell element {a:.2f} %, with it {b:.2f} % of full "
+            "scale: " + ("the rate terms help." if b < a else "the rate terms do not help.")
+        )
+    if scales_assumed(source):
+        notes.append("The scales from the specimen to a coupling are assumed.")
+    dropped = sum(r.dropped for r in recordings)
+    if dropped:
+        notes.append(
+            f"{dropped} of {dropped + sum(len(r.time_s) for r in recordings)} samples dropped by "
+            f"sampling.min_step_s = {source.mapping.sampling.min_step_s:g} s."
+        )
+    for r in recordings:
+        if len(r.time_s) > 2:
+            steps = np.diff(r.time_s)
+            if steps.max() > 10 * np.median(steps):
+                notes.append(f"{r.label}: the largest gap between samples is {steps.max():.3g} s.")
+    notes += _specimen_notes(verdict)
+    notes += [f"{e[0].upper()}{e[1:]}." for e in fit.edges]
+    for key, value in fit.values.items():
+        bound = None if key == "eps2" else at_bound(key, value)
+        sigma = spread.sigma.get(key)
+        if bound:
+            notes.append(f"{key} = {value:.4g} is at its {bound} bound.")
+        elif sigma is not None and sigma > SHARP * abs(value):
+            notes.append(
+                f"{key} = {value:.4g} is poorly determined (standard deviation "
+                + (f"{sigma:.2g})." if math.isfinite(sigma) else "infinite).")
+            )
+    reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
+    if fit.values["omega_rad"] >= reach:
+        notes.append(
+            "No stop slips within the recorded deflection: the stops are a spring there, not to be "
+            "told from k1."
+        )
+    if fit.values["alpha_Nm_rad"] == 0:
+        notes.append("The stop operators carry no torque: beta and omega mean nothing.")
+    return tuple(notes)
+
+
+def _specimen_notes(verdict: Verdict) -> list[str]:
+    notes = []
+    sets = [s for s, _, _ in verdict.misfits.sets]
+    asymmetries = [s.asymmetry for s in sets if s.asymmetry is not None]
+    if not asymmetries:
+        notes.append(
+            "Loaded to one side only: asymmetry cannot be judged, and the model's other side is an "
+            "assumption."
+        )
+    else:
+        worst = max(asymmetries, key=abs)
+        verdict_text = "above" if abs(worst) > ASYMMETRY_LIMIT else "within"
+        notes.append(
+            f"Asymmetry: stiffness to the two sides differs by up to {100 * worst:+.1f} %, "
+            f"{verdict_text} our limit of {100 * ASYMMETRY_LIMIT:g} % (the thesis discarded "
+            "asymmetric specimens; it prints no limit)."
+        )
+    softening = [s.softening for s in sets if s.softening is not None]
+    if softening:
+        notes.append(
+            f"Mullins effect or scragging: the last cycle of a block loses up to "
+            f"{100 * max(softening):.0f} % less work than its first full one; the model has no "
+            "term for it."
+        )
+    return notes

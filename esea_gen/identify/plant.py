@@ -1,0 +1,189 @@
+"""The emitted C of the torque sensor over recordings, its parameters tunable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.device import Device
+from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.identify.parameters import with_values
+from esea_gen.identify.recording import Recording, resample
+from esea_gen.language.ports import Array
+from esea_gen.language.system import System, Task
+from esea_gen.model.elastomer import torque_sensor
+
+# Neighbouring samples say the same: the search compares at most so many a data set, evenly spread.
+ROWS_SEARCH, ROWS_REFINE = 4000, 20000
+
+
+def tunable_system(device: Device) -> System:
+    """Velocity estimate and torque sensor with the elastomer's parameters as tunables.
+
+    device: rate, limits, number of stops, with or without Maxwell element.
+    return: wired like the sensing System, so that it is the same code.
+    """
+    return System(
+        device.name,
+        device.period_s,
+        {"velocity": device.velocity, "sensor": torque_sensor(device, tunable=True)},
+        (Task("sense", ("velocity", "sensor")),),
+        wires={"sensor.omega_rad_s": "velocity.omega_mid_rad_s"},
+        inputs={"theta_rad": ("velocity.theta_rad", "sensor.theta_rad")},
+        outputs={"tau_Nm": "sensor.tau_Nm"},
+    )
+
+
+def thinned(rows: npt.NDArray[np.intp], most: int | None) -> npt.NDArray[np.intp]:
+    """At most so many, evenly spread; all when not given."""
+    return rows if most is None else rows[:: math.ceil(len(rows) / most)]
+
+
+def equal_weights(sets: Sequence[Array]) -> Array:
+    """Weights of residuals under which every data set counts the same, however long it is."""
+    w = np.concatenate([np.full(len(x), 1.0 / len(x)) for x in sets])
+    return np.asarray(np.sqrt(w / w.sum()))
+
+
+@dataclass(frozen=True)
+class FitStream:
+    """A recording on the grid on which the C runs.
+
+    theta_rad, omega_rad_s: inputs of the sensor, shape (n,).
+    tau_Nm: measured torque, shape (n,).
+    training: grid samples of each data set that trains.
+    """
+
+    theta_rad: Array
+    omega_rad_s: Array
+    tau_Nm: Array
+    training: tuple[npt.NDArray[np.intp], ...]
+
+
+class FittedPlant:
+    """The compiled sensor over all recordings at one rate.
+
+    device: template; its limits must hold every recording.
+    rate_Hz: grid rate; the recordings' own samples when not given (right without rate terms:
+        nothing in the model then depends on time).
+    rows: most samples of a data set to compare with, evenly spread; all when not given. The C runs
+        over all samples in any case.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        recordings: list[Recording],
+        rate_Hz: float | None = None,
+        rows: int | None = None,
+    ) -> None:
+        self.rate_terms = device.file.elastomer.maxwell is not None
+        self.rate_Hz = rate_Hz
+        fine = device.file.timing.sense_rate_Hz.value
+        # The bases below have unit stiffness; nothing in them may clip.
+        timing = {"sense_rate_Hz": rate_Hz or fine}
+        velocity = {
+            "bandwidth_Hz": min(
+                device.file.velocity.bandwidth_Hz.value, 0.1 * timing["sense_rate_Hz"]
+            )
+        }
+        wide = {"tau_Nm": 2000.0}
+        built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
+        self.library = compile_system(tunable_system(built), "f64")
+        self.sensor: CRunner = self.library.block("sensor")
+        self.streams: list[FitStream] = []
+        self.evaluations = 0
+        estimate: CRunner | None = None
+        if rate_Hz is not None:
+            estimate = compile_system(
+                tunable_system(with_values(device, {}, limits=wide)), "f64"
+            ).block("velocity")
+        for r in recordings:
+            if not any(len(s.training) for s in r.sets):
+                continue
+            if estimate is None or rate_Hz is None:
+                stream = FitStream(
+                    r.theta_rad,
+                    np.zeros_like(r.theta_rad),
+                    r.tau_Nm,
+                    tuple(s.training for s in r.sets if len(s.training)),
+                )
+            else:
+                stream = _on_grid(r, estimate, fine, rate_Hz)
+            training = tuple(thinned(x, rows) for x in stream.training)
+            self.streams.append(replace(stream, training=training))
+        measured = [s.tau_Nm[at] for s in self.streams for at in s.training]
+        self.weight = equal_weights(measured)
+        self.measured = np.concatenate(measured)
+        self._spring = self._collect([(s.theta_rad, s.theta_rad**3) for s in self.streams])
+
+    def _collect(self, per_stream: list[tuple[Array, ...]]) -> Array:
+        """Training rows of some signals, shape (rows, signals)."""
+        parts = [
+            np.stack([x[rows] for x in signals], axis=1)
+            for signals, stream in zip(per_stream, self.streams, strict=True)
+            for rows in stream.training
+        ]
+        return np.concatenate(parts)
+
+    def run(self, values: Mapping[str, float]) -> list[dict[str, Array]]:
+        """Run the C over every stream."""
+        self.evaluations += 1
+        out = []
+        for s in self.streams:
+            self.sensor.prepare(values)
+            y, _ = self.sensor.run(
+                {"theta_rad": s.theta_rad, "omega_rad_s": s.omega_rad_s}, trace=False
+            )
+            out.append(y)
+        return out
+
+    def torque(self, values: Mapping[str, float]) -> Array:
+        """Model torque at the training rows."""
+        torque: Array = self._collect([(y["tau_Nm"],) for y in self.run(values)])[:, 0]
+        return torque
+
+    def basis(self, shape: Mapping[str, float]) -> Array:
+        """Torque per unit of k1, k3, alpha (and kv) at the training rows.
+
+        shape: ``beta_1_rad``, ``omega_rad`` and, with rate terms, the viscosity over kv.
+        """
+        unit = {"k1_Nm_rad": 0.0, "k3_Nm_rad3": 0.0, "alpha_Nm_rad": 1.0}
+        if self.rate_terms:
+            unit["kv_Nm_rad"] = 1.0
+        outputs = self.run({**shape, **unit})
+        names = ["tau_hysteresis_Nm"] + (["tau_rate_Nm"] if self.rate_terms else [])
+        rest = self._collect([tuple(y[n] for n in names) for y in outputs])
+        return np.concatenate([self._spring, rest], axis=1)
+
+
+def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) -> FitStream:
+    """Interpolate a recording; its rate from the firmware's own estimate at the device's rate."""
+    every = max(1, round(fine_Hz / rate_Hz))
+    steps = int(r.time_s[-1] * fine_Hz) // every
+    grid = np.arange(steps * every + 1) / fine_Hz
+    theta = resample(r.time_s, r.theta_rad, grid)
+    estimate.prepare({})
+    omega = estimate.run({"theta_rad": theta}, trace=False)[0]["omega_mid_rad_s"]
+    # A coarse step takes the mean of the fine steps' rates that it stands for.
+    coarse = np.concatenate([[0.0], omega[1:].reshape(steps, every).mean(axis=1)])
+    times = grid[::every]
+    role = np.full(len(r.time_s), -1)
+    count = 0
+    for s in r.sets:
+        if len(s.training):
+            role[s.training] = count
+            count += 1
+    at = np.clip(np.searchsorted(r.time_s, times), 0, len(role) - 1)
+    rows = tuple(np.flatnonzero(role[at] == n).astype(np.intp) for n in range(count))
+    return FitStream(
+        theta[::every],
+        coarse,
+        resample(r.time_s, r.tau_Nm, times),
+        tuple(x for x in rows if len(x)),
+    )

@@ -1,0 +1,65 @@
+"""Global search over a box: a seeded population, its best members, least squares from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from esea_gen.language.ports import Array
+
+Residual = Callable[[Array], Array]
+
+
+def sobol_population(
+    residual: Residual,
+    low: Array,
+    high: Array,
+    count: int,
+    seed: int,
+    tell: Callable[[int, float], None],
+) -> tuple[Array, Array]:
+    """Points of a Sobol sequence, and the square sum of the residual at each.
+
+    tell: called with each point's number and the least cost so far.
+    """
+    points = qmc.scale(qmc.Sobol(len(low), seed=seed).random(count), low, high)
+    costs = np.empty(count)
+    for i, x in enumerate(points):
+        e = residual(x)
+        costs[i] = e @ e
+        tell(i, float(costs[: i + 1].min()))
+    return points, costs
+
+
+def finalists(points: Array, costs: Array, low: Array, high: Array, most: int) -> list[Array]:
+    """The best points that are not neighbours of a better one."""
+    unit = (points - low) / (high - low)
+    chosen: list[int] = []
+    for i in np.argsort(costs, kind="stable"):
+        if all(np.abs(unit[i] - unit[j]).max() > 0.1 for j in chosen):
+            chosen.append(int(i))
+        if len(chosen) == most:
+            break
+    return [points[i] for i in chosen]
+
+
+def polished(
+    residual: Residual, start: Array, low: Array, high: Array, **settings: Any
+) -> tuple[float, Array]:
+    """Square sum and place of the bounded least-squares minimum next to a start.
+
+    settings: of :func:`scipy.optimize.least_squares`.
+    """
+    width = high - low
+    inside = np.clip(start, low + 1e-6 * width, high - 1e-6 * width)
+    done = least_squares(residual, inside, bounds=(low, high), x_scale=width, **settings)
+    return 2 * float(done.cost), np.asarray(done.x, dtype=np.float64)
+
+
+def runner_up(costs: list[float]) -> float:
+    """Cost of the second best over the best's, in ascending order: near 1 when found repeatedly."""
+    return costs[1] / costs[0] if len(costs) > 1 and costs[0] > 0 else float("inf")

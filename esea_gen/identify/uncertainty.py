@@ -1,0 +1,90 @@
+"""How well a fit determines its parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.identify.parameters import at_bound
+from esea_gen.identify.plant import FittedPlant
+from esea_gen.language.ports import Array
+from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
+
+
+def relative_jacobian(
+    run: Callable[[dict[str, float]], Array],
+    values: Mapping[str, float],
+    keys: Sequence[str],
+    share: float,
+) -> Array:
+    """What a relative change of each parameter does, by central differences.
+
+    share: step, relative to the parameter.
+    return: shape (rows, keys).
+    """
+    columns = []
+    for k in keys:
+        step = share * values[k]
+        up, down = (run({**values, k: values[k] + s}) for s in (step, -step))
+        columns.append((up - down) / (2 * step) * values[k])
+    return np.stack(columns, axis=1)
+
+
+def autocorrelation(residual: Array) -> float:
+    """Of neighbours, as of a first-order autoregressive noise: from 0 to just below 1."""
+    rho = float(residual[1:] @ residual[:-1] / (residual @ residual))
+    return min(max(rho, 0.0), 1 - 2.0 / len(residual))
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What the Jacobian says at the optimum.
+
+    sigma: standard deviation by key; infinite where the torque does not depend on the parameter;
+        None for one that is fixed or at a bound.
+    weakest: relative direction in which the fit is weakest, and what a change by a tenth along it
+        does to the torque: ``{"direction": {key: share}, "rms_change_Nm": ...}``.
+    correlation_factor: by how much the deviations were raised because neighbouring residuals are
+        alike.
+    """
+
+    sigma: dict[str, float | None]
+    weakest: dict[str, Any]
+    correlation_factor: float
+
+
+def uncertainty(plant: FittedPlant, values: Mapping[str, float]) -> Uncertainty:
+    """Standard deviations from the Jacobian of the torque by the parameters.
+
+    Assumed: the model form is right and the residuals are a first-order autoregressive noise of
+    constant variance.  Where the model form is wrong (it is, for real rubber) the figures say how
+    sharply the data determine the fit, not how true it is.
+    """
+    keys = [k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2"]
+    free = [k for k in keys if at_bound(k, values[k]) is None and values[k] > 0]
+    rows = len(plant.measured)
+    scale = plant.weight * math.sqrt(rows)  # unit weight on average
+    residual = (plant.torque(values) - plant.measured) * scale
+    sigma: dict[str, float | None] = {k: None for k in (*keys, "eps2") if k in values}
+    rho = autocorrelation(residual)
+    factor = math.sqrt((1 + rho) / (1 - rho))
+    if not free:
+        return Uncertainty(sigma, {}, factor)
+    jacobian = relative_jacobian(plant.torque, values, free, 1e-3) * scale[:, None]
+    _, singular, v = np.linalg.svd(jacobian, full_matrices=False)
+    noise = float(residual @ residual) / max(1, rows - len(free)) * factor**2
+    dead = singular < 1e-9 * singular[0]
+    inverse = np.where(dead, 1e300, 1 / np.where(dead, 1, singular) ** 2)
+    for i, k in enumerate(free):
+        # A direction without effect makes those parameters infinite that take part in it.
+        taking_part = (np.abs(v[:, i]) > 1e-3) | ~dead
+        spread = np.where(taking_part, v[:, i] ** 2 * inverse, 0.0)
+        total = float(spread.sum())
+        sigma[k] = math.sqrt(noise * total) * values[k] if total < 1e200 else math.inf
+    direction = {k: round(float(x), 3) for k, x in zip(free, v[-1], strict=True)}
+    weakest = {"direction": direction, "rms_change_Nm": 0.1 * float(singular[-1]) / math.sqrt(rows)}
+    return Uncertainty(sigma, weakest, factor)

@@ -1,0 +1,64 @@
+"""What the device's C makes of recordings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.hostlib.library import compile_system
+from esea_gen.identify.misfit import Misfits
+from esea_gen.identify.recording import Recording, resample
+from esea_gen.language.ports import Array
+from esea_gen.model.sensing import sensing_system
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the device's C makes of the recordings.
+
+    Parameters
+    ----------
+    misfits : Misfits
+        Torque errors of every data set, in training and held out.
+    torque_Nm : dict of str to ndarray
+        Model torque at the samples of each recording.
+    largest_rate_Nm : float
+        Largest |torque| of the Maxwell element.
+    """
+
+    misfits: Misfits
+    torque_Nm: dict[str, Array]
+    largest_rate_Nm: float
+
+
+def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
+    """Run the device's C, as it ships, over recordings and compare at their own samples.
+
+    Parameters
+    ----------
+    device : Device
+        What is judged: its velocity estimate and torque sensor, at its own rate.
+    recordings : iterable of Recording
+        Data; the deflection is interpolated linearly to the device's rate.
+
+    Returns
+    -------
+    Verdict
+        Errors by data set, model torque by recording.
+    """
+    system = sensing_system(device, device.velocity, device.sensor)
+    task = compile_system(system, "f64").task("sense")
+    errors, torque, largest = [], {}, 0.0
+    for r in recordings:
+        grid = np.arange(math.ceil(r.time_s[-1] / device.period_s) + 1) * device.period_s
+        task.reset()
+        out, _ = task.run({"theta_rad": resample(r.time_s, r.theta_rad, grid)}, trace=False)
+        model = resample(grid, np.asarray(out["tau_Nm"], dtype=np.float64), r.time_s)
+        torque[r.label] = model
+        largest = max(largest, float(np.abs(out["tau_rate_Nm"]).max()))
+        errors.append((r, model - r.tau_Nm))
+    return Verdict(Misfits.of("Nm", errors), torque, largest)
