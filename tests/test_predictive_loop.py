@@ -19,7 +19,8 @@ from esea_gen.bench.predictive import (
 )
 from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import flat_residuals
-from esea_gen.control.box_qp import box_qp, packed
+from esea_gen.control.box_qp import packed
+from esea_gen.control.box_qp_program import box_qp
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.predictive_drive import drive_model, predictive_controller
 from esea_gen.control.shown import with_state_as_output

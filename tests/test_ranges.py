@@ -9,8 +9,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import esea_gen
+from esea_gen.emit.error_bounds import block_bound
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError, RangeValue, analyse, block_bound
+from esea_gen.emit.ranges import RangeError, RangeValue, analyse
 from esea_gen.emit.walker import walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port

@@ -151,15 +151,7 @@ def run_cases(
     When a worker dies, its cases run again.  One that a worker dies of even when it runs alone has
     failed; with one process there is no worker, and this process dies.
     """
-    plain: dict[str, dict[str, Any]] = {}
-    for case in cases:
-        text = canonical(dict(case))
-        if text in plain:
-            raise UserError(f"cases: {text} occurs twice.", "Give each case its own seed or name.")
-        # Through JSON, so that a case is the same before and after an interruption.
-        plain[text] = json.loads(text)
-    if not plain:
-        raise UserError("cases: none.", "Give at least one.")
+    plain = _plain(cases)
     who = workers if isinstance(workers, Workers) else Workers(workers)
     with contextlib.ExitStack() as stack:
         finished: dict[str, Result] = {}
@@ -184,6 +176,19 @@ def run_cases(
             done[canonical(result.case)] = result
             report()
     return MonteCarlo(configuration, tuple(done[k] for k in plain))
+
+
+def _plain(cases: Sequence[Case]) -> dict[str, dict[str, Any]]:
+    plain: dict[str, dict[str, Any]] = {}
+    for case in cases:
+        text = canonical(dict(case))
+        if text in plain:
+            raise UserError(f"cases: {text} occurs twice.", "Give each case its own seed or name.")
+        # Through JSON, so that a case is the same before and after an interruption.
+        plain[text] = json.loads(text)
+    if not plain:
+        raise UserError("cases: none.", "Give at least one.")
+    return plain
 
 
 def _forget(_: Result) -> None:

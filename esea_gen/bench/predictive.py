@@ -25,7 +25,7 @@ import numpy as np
 from esea_gen.bench.bound import InstructionBound, step_bound
 from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import step_times
-from esea_gen.control.box_qp import box_qp
+from esea_gen.control.box_qp_program import box_qp
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive_drive import predictive_controller

@@ -24,26 +24,20 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
 from esea_gen.errors import UserError
-from esea_gen.language.builder import Builder, declare_ports
-from esea_gen.language.ports import Flag, Port, clip, flag_word
-from esea_gen.language.program import Program
-from esea_gen.language.statements import EPSILON, Memory
+from esea_gen.language.builder import Builder
+from esea_gen.language.ports import clip
+from esea_gen.language.statements import EPSILON, Ix, Memory, Ref
 
 UNROLL_MOST = 16  # up to here straight code is faster and still small
 SIZES = (1, 100)
-
-FLAGS = (
-    Flag("INPUT_INVALID", "a number was NaN, infinite or too large, or low above high", True),
-    Flag("NOT_CONVEX", "the Hessian is not positive definite", True),
-    Flag("CAP_REACHED", "iterations ran out; x is feasible, not optimal", True),
-    Flag("NOT_OPTIMAL", "the optimality check at the end failed", True),
-)
 
 
 def packed(i: int, j: int) -> int:
@@ -75,11 +69,6 @@ class QpMemory:
     iterations: Memory
 
 
-def flags_of(*conditions: Any) -> ca.SX:
-    """A status word from conditions."""
-    return flag_word(ca.SX(c) for c in conditions)
-
-
 def iteration_cap(n: int) -> int:
     """Cap on the changes of the active set after the first sweep over all variables.
 
@@ -102,7 +91,6 @@ def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
     if not 0 <= cap <= 1000:
         raise UserError(f"The iteration cap is {cap}; 0 to 1000 are possible.", "Leave it out.")
     size = n * (n + 1) // 2
-    unroll = n <= UNROLL_MOST
     m = QpMemory(
         b.array("qp_H", size, meaning="Hessian, lower triangle by rows"),
         b.array("qp_f", n, meaning="gradient at 0"),
@@ -115,85 +103,235 @@ def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
         b.array("qp_residual", 1, meaning="largest projected gradient step"),
         b.array("qp_iterations", 1, meaning="changes of the active set"),
     )
-    T = b.array("qp_T", size, meaning="swept tableau; minus the inverse where free")
-    y = b.array("qp_y", n, meaning="stationary point: values where free, gradients where tied")
-    side = b.array("qp_side", n, meaning="-1 free, 1 tied")
-    pair = b.index_table(
-        "qp_pair", [packed(i, j) for i in range(n) for j in range(n)], "place of (i, j)"
-    )
-    row = b.index_table("qp_row", [packed(i, 0) for i in range(n)], "place of (i, 0)")
-    # Below this share of a variable's own curvature a pivot counts as 0.
-    tiny = b.table("qp_tiny", {k: [8 * e] for k, e in EPSILON.items()}, "smallest pivot share")
-    # A release that moves its variable by less than this share of the box is rounding.
-    still = b.table("qp_still", {k: [e**0.7] for k, e in EPSILON.items()}, "smallest release")
-    fine = b.table("qp_fine", {k: [e**0.8] for k, e in EPSILON.items()}, "nothing to refine")
-    near = b.table("qp_near", {k: [e**0.5] for k, e in EPSILON.items()}, "optimality tolerance")
-
-    _sweep(b, n, unroll, m, T, y, side, pair, row, tiny)
-    _solve(b, n, unroll, cap, m, T, y, side, pair, row, still, fine, near)
+    _Writer(b, n, m).write(cap)
     return m
 
 
-def _sweep(
-    b: Builder,
-    n: int,
-    unroll: bool,
-    m: QpMemory,
-    T: Memory,
-    y: Memory,
-    side: Memory,
-    pair: Memory,
-    row: Memory,
-    tiny: Memory,
-) -> None:
-    c = b.array("c", n, "local")
-    scale = b.array("inv_step_side", 3, "local")
+class _Writer:
+    """Writes the parts; what they share."""
 
-    def pivot(d: Any, h: Any, s: Any, x: Any, y: Any, tiny: Any, convex: Any) -> tuple[Any, ...]:
-        # Entering: s = 1, y the gradient; leaving: s = -1, y the free value, x the bound.  A pivot
-        # that is not positive (or NaN) changes nothing and is remembered.
-        entering = s > 0
-        sound = ca.logic_and(s * d > ca.if_else(entering, tiny * h, 0), convex)
-        inv = ca.if_else(sound, 1 / ca.if_else(sound, d, 1), 0)
-        step = -(ca.if_else(entering, y, x - y)) * inv
-        new = ca.if_else(entering, x + step, step)
-        return ca.vertcat(inv, step, s), new, -inv, -s, sound
-
-    with b.part(
-        "qp_sweep", "p", comment="Free variable p, or tie it where x holds it: one symmetric sweep."
-    ) as (p,):
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call("copy", [T[pair.at(p * n + i)]], [c[i]], _same)
-        b.call(
-            "pivot",
-            [
-                T[pair.at(p * (n + 1))],
-                m.H[pair.at(p * (n + 1))],
-                side[p],
-                m.x[p],
-                y[p],
-                tiny[0],
-                m.convex[0],
-            ],
-            [scale[:], y[p], T[pair.at(p * (n + 1))], side[p], m.convex[0]],
-            pivot,
+    def __init__(self, b: Builder, n: int, m: QpMemory) -> None:
+        size = m.H.size
+        self.b, self.n, self.m, self.unroll = b, n, m, n <= UNROLL_MOST
+        self.T = b.array("qp_T", size, meaning="swept tableau; minus the inverse where free")
+        self.y = b.array(
+            "qp_y", n, meaning="stationary point: values where free, gradients where tied"
         )
-        new_y = b.array("new_y", 1, "local")
-        new_d = b.array("new_d", 1, "local")
-        b.call("keep", [y[p], T[pair.at(p * (n + 1))]], [new_y[0], new_d[0]], _same_two)
-        share = b.array("share", 1, "local")
-        with b.loop(0, n, unroll=unroll) as i:
-            # 1 tied, -1 free: gradients rise and values fall by the pivot column times the step.
-            b.call("shift", [y[i], side[i], c[i], scale[:]], [y[i], share[0]], _shift)
-            with b.loop(0, i + 1, most=n, unroll=unroll) as j:
-                b.call("rank_one", [T[row.at(i) + j], share[0], c[j]], [T[row.at(i) + j]], _rank)
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call("edge", [c[i], scale[:]], [T[pair.at(p * n + i)]], _edge)
-        b.call("keep", [new_y[0], new_d[0]], [y[p], T[pair.at(p * (n + 1))]], _same_two)
+        self.side = b.array("qp_side", n, meaning="-1 free, 1 tied")
+        self.pair = b.index_table(
+            "qp_pair", [packed(i, j) for i in range(n) for j in range(n)], "place of (i, j)"
+        )
+        self.row = b.index_table("qp_row", [packed(i, 0) for i in range(n)], "place of (i, 0)")
+
+        def table(name: str, value: Callable[[float], float], meaning: str) -> Memory:
+            return b.table(name, {k: [value(e)] for k, e in EPSILON.items()}, meaning)
+
+        # Below this share of a variable's own curvature a pivot counts as 0.
+        self.tiny = table("qp_tiny", lambda e: 8 * e, "smallest pivot share")
+        # A release that moves its variable by less than this share of the box is rounding.
+        self.still = table("qp_still", lambda e: e**0.7, "smallest release")
+        self.fine = table("qp_fine", lambda e: e**0.8, "nothing to refine")
+        self.near = table("qp_near", lambda e: e**0.5, "optimality tolerance")
+
+    def write(self, cap: int) -> None:
+        """The parts, in the order in which they are printed."""
+        b = self.b
+        self._sweep()
+        self.part = b.array("part", 1, "local")
+        self.best = b.array("best", 1, "local")
+        self.flag = b.array("flag", 1, "local")
+        self.stop = b.array("stop", 1, "local")
+        self.product = b.array("qp_p", self.n, meaning="a matrix times a vector")
+        with b.part("qp_gradient", comment="Gradient at x into y."):
+            self._times(self.m.H, self.m.f, self.m.x, self.y)
+        with b.part(
+            "qp_refine",
+            comment="A Newton step with the tableau takes out of x what rounding put into it.",
+        ):
+            self._refine()
+        with b.part(
+            "qp_solve", comment="Box QP: x from its start to the minimum, at most so many changes."
+        ):
+            self._free_all()
+            with b.loop(0, cap + 1) as _:
+                self._change()
+            self._verdict()
+
+    def _each(self) -> AbstractContextManager[Ix]:
+        return self.b.loop(0, self.n, unroll=self.unroll)
+
+    def _box(self, i: Ix) -> tuple[Ref, ...]:
+        m = self.m
+        return self.side[i], m.x[i], self.y[i], m.low[i], m.high[i]
+
+    def _sweep(self) -> None:
+        b, n, m, T, y, side = self.b, self.n, self.m, self.T, self.y, self.side
+        c = b.array("c", n, "local")
+        scale = b.array("inv_step_side", 3, "local")
+        with b.part(
+            "qp_sweep",
+            "p",
+            comment="Free variable p, or tie it where x holds it: one symmetric sweep.",
+        ) as (p,):
+            own = self.pair.at(p * (n + 1))
+            with self._each() as i:
+                b.call("copy", [T[self.pair.at(p * n + i)]], [c[i]], same)
+            b.call(
+                "pivot",
+                [T[own], m.H[own], side[p], m.x[p], y[p], self.tiny[0], m.convex[0]],
+                [scale[:], y[p], T[own], side[p], m.convex[0]],
+                _pivot,
+            )
+            new_y = b.array("new_y", 1, "local")
+            new_d = b.array("new_d", 1, "local")
+            b.call("keep", [y[p], T[own]], [new_y[0], new_d[0]], _same_two)
+            share = b.array("share", 1, "local")
+            with self._each() as i:
+                # Side 1: gradients rise; -1: values fall; by the pivot column times the step.
+                b.call("shift", [y[i], side[i], c[i], scale[:]], [y[i], share[0]], _shift)
+                with b.loop(0, i + 1, most=n, unroll=self.unroll) as j:
+                    place = self.row.at(i) + j
+                    b.call("rank_one", [T[place], share[0], c[j]], [T[place]], _rank)
+            with self._each() as i:
+                b.call("edge", [c[i], scale[:]], [T[self.pair.at(p * n + i)]], _edge)
+            b.call("keep", [new_y[0], new_d[0]], [y[p], T[own]], _same_two)
+
+    def _times(self, matrix: Memory, start: Memory | None, vector: Memory, to: Memory) -> None:
+        # Each element of the triangle once, for both of its places.
+        b, part = self.b, self.part
+        with self._each() as i:
+            if start is not None:
+                b.call("begin", [start[i]], [to[i]], same)
+            else:
+                b.call("none", [], [to[i]], zero)
+        with self._each() as i:
+            own = matrix[self.pair.at(i * (self.n + 1))]
+            b.call("own", [own, vector[i], to[i]], [part[0]], _own)
+            with b.loop(0, i, most=self.n, unroll=self.unroll) as j:
+                b.call(
+                    "both",
+                    [matrix[self.row.at(i) + j], vector[i], vector[j], part[0], to[j]],
+                    [part[0], to[j]],
+                    _both,
+                )
+            b.call("copy", [part[0]], [to[i]], same)
+
+    def _refine(self) -> None:
+        b, m, side, y, product = self.b, self.m, self.side, self.y, self.product
+        with self._each() as i:
+            b.call("free_only", [side[i], y[i]], [y[i]], _free_only)
+        self._times(self.T, None, y, product)
+        with self._each() as i:
+            known = [side[i], m.x[i], product[i], m.low[i], m.high[i]]
+            b.call("refine", known, [m.x[i]], _refine)
+
+    def _free_all(self) -> None:
+        b, m = self.b, self.m
+        b.call("good", [], [m.convex[0]], one)
+        b.call("ready", [], [m.capped[0]], one)
+        b.call("none", [], [m.iterations[0]], zero)
+        with self._each() as i:
+            b.call("inside", [m.x[i], m.low[i], m.high[i]], [m.x[i], self.side[i]], _inside)
+        with b.loop(0, m.H.size, unroll=self.unroll) as i:
+            b.call("copy", [m.H[i]], [self.T[i]], same)
+        b.invoke("qp_gradient")
+        with b.loop(0, self.n) as p:
+            b.invoke("qp_sweep", p)
+
+    def _change(self) -> None:
+        # One change of the active set: tie what is in the way, else free what promises most.
+        b, m, y = self.b, self.m, self.y
+        best, flag, stop = self.best, self.flag, self.stop
+        which = b.index("which")
+        b.set(which, self.n)
+        b.call("whole", [], [best[0]], one)
+        with self._each() as i:
+            b.call("reach", [*self._box(i), best[0]], [flag[0], best[0]], _reach)
+            with b.when(flag[0]):
+                b.set(which, i)
+        with self._each() as i:
+            b.call("advance", [*self._box(i), best[0]], [m.x[i]], _advance)
+        with b.when((which, "<", self.n)):
+            b.call("tie", [m.x[which], y[which], m.low[which], m.high[which]], [m.x[which]], _tie)
+        with b.otherwise():
+            b.call("none", [], [best[0]], zero)
+            with self._each() as i:
+                curvature = self.T[self.pair.at(i * (self.n + 1))]
+                b.call(
+                    "promise",
+                    [*self._box(i), curvature, self.still[0], best[0]],
+                    [flag[0], best[0]],
+                    _promise,
+                )
+                with b.when(flag[0]):
+                    b.set(which, i)
+            b.call("finished", [best[0]], [stop[0]], _is_zero)
+            with b.when(stop[0]):
+                b.call("done", [], [m.capped[0]], zero)
+            b.leave(stop[0])
+        b.invoke("qp_sweep", which)
+        b.call("count", [m.iterations[0]], [m.iterations[0]], lambda k: k + 1)
+        b.call("lost", [m.convex[0]], [stop[0]], _is_zero)
+        b.leave(stop[0])
+
+    def _verdict(self) -> None:
+        b, m, stop = self.b, self.m, self.stop
+        self._residual()
+        # Only a minimum is refined (elsewhere the step would leave the best point so far), and only
+        # where rounding has left something to refine.
+        b.call("rough", [m.residual[0], m.capped[0], self.fine[0]], [stop[0]], _rough)
+        with b.when(stop[0]):
+            b.invoke("qp_refine")
+            self._residual()
+        b.call(
+            "verdict",
+            [m.residual[0], self.near[0], m.convex[0], m.capped[0]],
+            [m.optimal[0]],
+            lambda r, near, convex, capped: ca.logic_and(
+                r <= near, ca.logic_and(convex, ca.logic_not(capped))
+            ),
+        )
+
+    def _residual(self) -> None:
+        b, m = self.b, self.m
+        b.invoke("qp_gradient")
+        b.call("none", [], [m.residual[0]], zero)
+        with self._each() as i:
+            curvature = m.H[self.pair.at(i * (self.n + 1))]
+            b.call(
+                "residual",
+                [m.x[i], self.y[i], m.low[i], m.high[i], curvature, m.residual[0]],
+                [m.residual[0]],
+                _residual,
+            )
 
 
-def _same(x: Any) -> Any:
+# Not those of ``kernels``: a kernel of the same name and function is one kernel, and a Program that
+# holds the solver has kernels of these names of its own.
+def same(x: Any) -> Any:
+    """A copy."""
     return x
+
+
+def zero() -> Any:
+    """0, for what is summed or counted."""
+    return ca.SX(0)
+
+
+def one() -> Any:
+    """1, for what is true until found otherwise."""
+    return ca.SX(1)
+
+
+def _pivot(d: Any, h: Any, s: Any, x: Any, y: Any, tiny: Any, convex: Any) -> tuple[Any, ...]:
+    # Entering: s = 1, y the gradient; leaving: s = -1, y the free value, x the bound.  A pivot
+    # that is not positive (or NaN) changes nothing and is remembered.
+    entering = s > 0
+    sound = ca.logic_and(s * d > ca.if_else(entering, tiny * h, 0), convex)
+    inv = ca.if_else(sound, 1 / ca.if_else(sound, d, 1), 0)
+    step = -(ca.if_else(entering, y, x - y)) * inv
+    new = ca.if_else(entering, x + step, step)
+    return ca.vertcat(inv, step, s), new, -inv, -s, sound
 
 
 def _same_two(x: Any, y: Any) -> Any:
@@ -212,168 +350,11 @@ def _edge(c: Any, scale: Any) -> Any:
     return c * scale[0] * scale[2]
 
 
-def _solve(
-    b: Builder,
-    n: int,
-    unroll: bool,
-    cap: int,
-    m: QpMemory,
-    T: Memory,
-    y: Memory,
-    side: Memory,
-    pair: Memory,
-    row: Memory,
-    still: Memory,
-    fine: Memory,
-    near: Memory,
-) -> None:
-    part = b.array("part", 1, "local")
-    best = b.array("best", 1, "local")
-    flag = b.array("flag", 1, "local")
-    stop = b.array("stop", 1, "local")
-
-    product = b.array("qp_p", n, meaning="a matrix times a vector")
-
-    def times(matrix: Memory, start: Any, vector: Memory, to: Memory) -> None:
-        # Each element of the triangle once, for both of its places.
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call("begin", [start(i)], [to[i]], _same) if start else b.call(
-                "none", [], [to[i]], _zero
-            )
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call("own", [matrix[pair.at(i * (n + 1))], vector[i], to[i]], [part[0]], _mac)
-            with b.loop(0, i, most=n, unroll=unroll) as j:
-                b.call(
-                    "both",
-                    [matrix[row.at(i) + j], vector[i], vector[j], part[0], to[j]],
-                    [part[0], to[j]],
-                    _both,
-                )
-            b.call("copy", [part[0]], [to[i]], _same)
-
-    with b.part("qp_gradient", comment="Gradient at x into y."):
-        times(m.H, lambda i: m.f[i], m.x, y)
-    with b.part(
-        "qp_refine",
-        comment="A Newton step with the tableau takes out of x what rounding put into it.",
-    ):
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call("free_only", [side[i], y[i]], [y[i]], _free_only)
-        times(T, None, y, product)
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call(
-                "refine",
-                [side[i], m.x[i], product[i], m.low[i], m.high[i]],
-                [m.x[i]],
-                _refine,
-            )
-
-    def residual() -> None:
-        b.invoke("qp_gradient")
-        b.call("none", [], [m.residual[0]], _zero)
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call(
-                "residual",
-                [m.x[i], y[i], m.low[i], m.high[i], m.H[pair.at(i * (n + 1))], m.residual[0]],
-                [m.residual[0]],
-                _residual,
-            )
-
-    with b.part(
-        "qp_solve", comment="Box QP: x from its start to the minimum, at most so many changes."
-    ):
-        b.call("good", [], [m.convex[0]], _one)
-        b.call("ready", [], [m.capped[0]], _one)
-        b.call("none", [], [m.iterations[0]], _zero)
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call("inside", [m.x[i], m.low[i], m.high[i]], [m.x[i], side[i]], _inside)
-        with b.loop(0, n * (n + 1) // 2, unroll=unroll) as i:
-            b.call("copy", [m.H[i]], [T[i]], _same)
-        b.invoke("qp_gradient")
-        with b.loop(0, n) as p:
-            b.invoke("qp_sweep", p)
-        with b.loop(0, cap + 1) as _:
-            which = b.index("which")
-            b.set(which, n)
-            b.call("whole", [], [best[0]], _one)
-            with b.loop(0, n, unroll=unroll) as i:
-                b.call(
-                    "reach",
-                    [side[i], m.x[i], y[i], m.low[i], m.high[i], best[0]],
-                    [flag[0], best[0]],
-                    _reach,
-                )
-                with b.when(flag[0]):
-                    b.set(which, i)
-            with b.loop(0, n, unroll=unroll) as i:
-                b.call(
-                    "advance",
-                    [side[i], m.x[i], y[i], m.low[i], m.high[i], best[0]],
-                    [m.x[i]],
-                    _advance,
-                )
-            with b.when((which, "<", n)):
-                b.call(
-                    "tie", [m.x[which], y[which], m.low[which], m.high[which]], [m.x[which]], _tie
-                )
-            with b.otherwise():
-                b.call("none", [], [best[0]], _zero)
-                with b.loop(0, n, unroll=unroll) as i:
-                    b.call(
-                        "promise",
-                        [
-                            side[i],
-                            m.x[i],
-                            y[i],
-                            m.low[i],
-                            m.high[i],
-                            T[pair.at(i * (n + 1))],
-                            still[0],
-                            best[0],
-                        ],
-                        [flag[0], best[0]],
-                        _promise,
-                    )
-                    with b.when(flag[0]):
-                        b.set(which, i)
-                b.call("finished", [best[0]], [stop[0]], _is_zero)
-                with b.when(stop[0]):
-                    b.call("done", [], [m.capped[0]], _zero)
-                b.leave(stop[0])
-            b.invoke("qp_sweep", which)
-            b.call("count", [m.iterations[0]], [m.iterations[0]], lambda k: k + 1)
-            b.call("lost", [m.convex[0]], [stop[0]], _is_zero)
-            b.leave(stop[0])
-        residual()
-        # Only a minimum is refined (elsewhere the step would leave the best point so far), and only
-        # where rounding has left something to refine.
-        b.call("rough", [m.residual[0], m.capped[0], fine[0]], [stop[0]], _rough)
-        with b.when(stop[0]):
-            b.invoke("qp_refine")
-            residual()
-        b.call(
-            "verdict",
-            [m.residual[0], near[0], m.convex[0], m.capped[0]],
-            [m.optimal[0]],
-            lambda r, near, convex, capped: ca.logic_and(
-                r <= near, ca.logic_and(convex, ca.logic_not(capped))
-            ),
-        )
-
-
-def _one() -> Any:
-    return ca.SX(1)
-
-
-def _zero() -> Any:
-    return ca.SX(0)
-
-
 def _is_zero(x: Any) -> Any:
     return ca.logic_not(x > 0)
 
 
-def _mac(a: Any, x: Any, s: Any) -> Any:
+def _own(a: Any, x: Any, s: Any) -> Any:
     return s + a * x
 
 
@@ -436,120 +417,3 @@ def _residual(x: Any, g: Any, low: Any, high: Any, h: Any, worst: Any) -> Any:
     step = ca.fabs(clip(x - g / ca.if_else(h > 0, h, 1), low, high) - x) / span
     # A step inside the box is at most 1; NaN counts as 2 and so fails the check.
     return ca.fmax(worst, ca.if_else(step <= 1.5, step, 2))
-
-
-def box_qp(
-    n: int, *, cap: int | None = None, period_s: float = 0.005, largest: float = 1e12
-) -> Program:
-    """The solver alone as a Program.
-
-    largest: largest magnitude of an input; beyond it the input is invalid.
-    return: inputs ``H`` (packed lower triangle), ``f``, ``low``, ``high``, ``start``; outputs
-        ``x``, ``residual`` and a status word. With an invalid input or an indefinite H, x is the
-        point of the box nearest to 0 (0 for an invalid input) and the status says so.
-    """
-    b = Builder()
-    size = max(1, n * (n + 1) // 2)
-    inputs = (
-        Port("H", -largest, largest, "Hessian, lower triangle row by row", size),
-        Port("f", -largest, largest, "gradient at 0", max(1, n)),
-        Port("low", -largest, largest, "lower bounds", max(1, n)),
-        Port("high", -largest, largest, "upper bounds", max(1, n)),
-        Port("start", -largest, largest, "where to start", max(1, n)),
-    )
-    outputs = (
-        Port("x", -largest, largest, "minimum, or the best point found", max(1, n)),
-        Port("residual", 0, largest, "largest projected gradient step, in widths of the box"),
-        Port("iterations", 0, 1000, "changes of the active set"),
-        Port("status", 0, 15, "what is known of x", flags=FLAGS),
-    )
-    memory = add_box_qp(b, n, cap)
-    u = declare_ports(b, "in", inputs)
-    y = declare_ports(b, "out", outputs)
-    valid = b.array("valid", 1, "local")
-    total = b.array("total", 1, "local")
-    unroll = n <= UNROLL_MOST
-    limit = largest
-
-    def magnitude(x: Any, s: Any) -> Any:
-        return s + ca.fabs(x)
-
-    with b.part("step", comment="Check the numbers, solve, report."):
-        b.call("good", [], [valid[0]], _one)
-        for p in inputs:
-            b.call("none", [], [total[0]], _zero)
-            with b.loop(0, p.size, unroll=unroll) as i:
-                b.call("magnitude", [u[p.name][i], total[0]], [total[0]], magnitude)
-            most = limit * p.size
-            b.call(
-                "finite",
-                [total[0], valid[0]],
-                [valid[0]],
-                lambda t, v, most=most: ca.logic_and(v, t <= most),
-            )
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call(
-                "ordered",
-                [u["low"][i], u["high"][i], valid[0]],
-                [valid[0]],
-                lambda low, high, v: ca.logic_and(v, low <= high),
-            )
-        with b.when(valid[0]):
-            for source, target in (
-                ("H", memory.H),
-                ("f", memory.f),
-                ("low", memory.low),
-                ("high", memory.high),
-                ("start", memory.x),
-            ):
-                with b.loop(0, target.size, unroll=unroll) as i:
-                    b.call("copy", [u[source][i]], [target[i]], _same)
-            b.invoke("qp_solve")
-        with b.otherwise():
-            with b.loop(0, n, unroll=unroll) as i:
-                b.call("rest", [], [memory.x[i], memory.low[i], memory.high[i]], lambda: (0, 0, 0))
-            b.call(
-                "no_result",
-                [],
-                [memory.convex[0], memory.capped[0], memory.optimal[0], memory.residual[0]],
-                lambda: (1, 0, 1, 0),
-            )
-            b.call("none", [], [memory.iterations[0]], _zero)
-        with b.loop(0, n, unroll=unroll) as i:
-            b.call(
-                "safe",
-                [memory.x[i], memory.low[i], memory.high[i], memory.convex[0]],
-                [y["x"][i]],
-                # In the box, so not NaN either.
-                lambda x, low, high, convex: ca.if_else(
-                    ca.logic_and(convex, ca.logic_and(x >= low, x <= high)),
-                    x,
-                    clip(ca.SX(0), low, high),
-                ),
-            )
-        b.call(
-            "report",
-            [
-                *(valid[0], memory.convex[0], memory.capped[0], memory.optimal[0]),
-                *(memory.residual[0], memory.iterations[0]),
-            ],
-            [y["status"][0], y["residual"][0], y["iterations"][0]],
-            lambda valid, convex, capped, optimal, residual, iterations: (
-                flags_of(
-                    ca.logic_not(valid),
-                    ca.logic_not(convex),
-                    ca.logic_and(capped, convex),
-                    ca.logic_not(optimal),
-                ),
-                ca.fmin(residual, limit),
-                iterations,
-            ),
-        )
-    return Program.define(
-        "box_qp",
-        f"Box-constrained quadratic program of {n} variables",
-        period_s=period_s,
-        builder=b,
-        inputs=inputs,
-        outputs=outputs,
-    )

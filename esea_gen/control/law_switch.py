@@ -10,13 +10,18 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepFn
+from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip, flag_word
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 FADE_S = 0.1  # three times the motor's lag: the torque follows, the person feels no edge
 MOST_LAWS = 8
+FLAGS = (
+    Flag("INPUT_INVALID", "a command was NaN or outside its range; 0 stands for it", True),
+    Flag("STATE_REPAIRED", "the state was corrupt: the first law is in force", True),
+    Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
+)
 
 
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
@@ -57,6 +62,43 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
     drive = drive_of(device)
     period, reach, last = drive.control_period_s, drive.u_Nm, len(laws) - 1
 
+    return Block.define(
+        "law",
+        "Switch between control laws, without a bump",
+        period_s=period,
+        tunables=(
+            Tunable("fade_s", FADE_S, 0.01, 2.0, "how long a change of the law is smoothed"),
+        ),
+        coefficients=(Port("keep", 0.0, 1.0, "share of the offset that a period leaves"),),
+        prepare=lambda c: {"keep": ca.exp(-period / c.fade_s)},
+        state=(
+            Port("law_held", 0, last, "place of the law in force"),
+            Port("offset_Nm", -2 * reach, 2 * reach, "what joins the new command to the old one"),
+            Port("u_last_Nm", -reach, reach, "last command"),
+        ),
+        inputs=(
+            Port(
+                "law",
+                0,
+                last,
+                f"wanted: {', '.join(f'{k} {n}' for k, n in enumerate(laws))}",
+                on_invalid="law_held",
+            ),
+            *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
+            *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
+        ),
+        outputs=(
+            Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
+            Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
+            Port("law_held", 0, last, "place of the law in force"),
+            Port("status", 0, 7, "what is known of the choice", flags=FLAGS),
+        ),
+        equations=_equations(),
+        step=_joining(laws, checked, reach),
+    )
+
+
+def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepFn:
     def step(
         c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -92,47 +134,13 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             },
         )
 
-    flags = (
-        Flag("INPUT_INVALID", "a command was NaN or outside its range; 0 stands for it", True),
-        Flag("STATE_REPAIRED", "the state was corrupt: the first law is in force", True),
-        Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
-    )
+    return step
+
+
+def _equations() -> tuple[Equation, ...]:
     v, o, w, u_last, t, tau = sp.symbols("v_k o_k-1 o_k u_k-1 T tau")
-    return Block.define(
-        "law",
-        "Switch between control laws, without a bump",
-        period_s=period,
-        tunables=(
-            Tunable("fade_s", FADE_S, 0.01, 2.0, "how long a change of the law is smoothed"),
-        ),
-        coefficients=(Port("keep", 0.0, 1.0, "share of the offset that a period leaves"),),
-        prepare=lambda c: {"keep": ca.exp(-period / c.fade_s)},
-        state=(
-            Port("law_held", 0, last, "place of the law in force"),
-            Port("offset_Nm", -2 * reach, 2 * reach, "what joins the new command to the old one"),
-            Port("u_last_Nm", -reach, reach, "last command"),
-        ),
-        inputs=(
-            Port(
-                "law",
-                0,
-                last,
-                f"wanted: {', '.join(f'{k} {n}' for k, n in enumerate(laws))}",
-                on_invalid="law_held",
-            ),
-            *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
-            *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
-        ),
-        outputs=(
-            Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
-            Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
-            Port("law_held", 0, last, "place of the law in force"),
-            Port("status", 0, 7, "what is known of the choice", flags=flags),
-        ),
-        equations=(
-            equation("[law]", "u_k", v + w, "the law in force, joined"),
-            equation("[law 1]", "o_k", u_last - v, "at a change"),
-            equation("[law 2]", "o_k", o * sp.exp(-t / tau), "after it"),
-        ),
-        step=step,
+    return (
+        equation("[law]", "u_k", v + w, "the law in force, joined"),
+        equation("[law 1]", "o_k", u_last - v, "at a change"),
+        equation("[law 2]", "o_k", o * sp.exp(-t / tau), "after it"),
     )

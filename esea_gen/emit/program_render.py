@@ -15,15 +15,7 @@ class ProgramRenderer(Renderer):
 
     def files(self) -> dict[str, str]:
         """The C files."""
-        p = self.prefix
-        out = {
-            f"{p}.h": self.render("device/esea_device.h.j2"),
-            f"{p}.c": self.render("device/esea_device.c.j2"),
-            f"{p}_real.h": self.render("device/esea_real.h.j2"),
-        }
-        for name, emitted in self.emitted.items():
-            out[f"{p}_{name}.c"] = self.render(emitted.template, e=emitted)
-        return out | {path.name: path.read_text() for path in self.fmt.sources()}
+        return self.own_files() | {path.name: path.read_text() for path in self.fmt.sources()}
 
 
 def program_system(program: Program, device: str = "program") -> System:

@@ -271,18 +271,23 @@ class Renderer:
         """One file from one template, named by its path."""
         return self.env.get_template(template).render(template=template, **context)
 
-    def files(self) -> dict[str, str]:
-        """Every file of the output folder but the manifest."""
+    def own_files(self) -> dict[str, str]:
+        """The System's C without what stands around it: no example, no reference."""
         p = self.prefix
         out = {
             f"{p}.h": self.render("device/esea_device.h.j2"),
             f"{p}.c": self.render("device/esea_device.c.j2"),
             f"{p}_real.h": self.render("device/esea_real.h.j2"),
-            "main.c": self.render("device/main.c.j2", example=self.example()),
         }
         for name, emitted in self.emitted.items():
             out[f"{p}_{name}.c"] = self.render(emitted.template, e=emitted)
-        out |= {n: self.render(t) for n, t in self.fmt.templates(p).items()}
+        return out
+
+    def files(self) -> dict[str, str]:
+        """Every file of the output folder but the manifest."""
+        out = self.own_files()
+        out["main.c"] = self.render("device/main.c.j2", example=self.example())
+        out |= {n: self.render(t) for n, t in self.fmt.templates(self.prefix).items()}
         out |= self.fmt.reference(self.system)
         return out | {path.name: path.read_text() for path in self.fmt.sources()}
 

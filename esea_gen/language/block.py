@@ -161,72 +161,17 @@ class Block(Component):
         """
         check_ports(name, period_s, tunables, coefficients, state, inputs, outputs)
         prepare_f, init_f = start_functions(name, tunables, coefficients, state, prepare)
-        coef = symbols_of(coefficients)
-        raw_s, raw_u = symbols_of(state), symbols_of(inputs)
-
+        coef, raw_s, raw_u = map(symbols_of, (coefficients, state, inputs))
         label = Labels()
-        state_ok = _all([port_ok(raw_s[p.name], p) for p in state])
-        label("state_ok", state_ok, "Guard: a corrupt state starts the block afresh.")
-        s = {
-            p.name: ca.if_else(state_ok, raw_s[p.name], p.init)
-            if p.repair == "init"
-            else raw_s[p.name]
-            for p in state
-        }
-        u, valid = {}, []
-        for p in inputs:
-            ok = label(f"{p.name}_ok", port_ok(raw_u[p.name], p))
-            held = s[p.on_invalid] if isinstance(p.on_invalid, str) else p.on_invalid
-            u[p.name] = ca.if_else(ok, raw_u[p.name], held)
-            if p.size == 1:
-                label(f"{p.name}_used", u[p.name], "Guard: an invalid input is replaced.")
-            valid.append(ok)
-        inputs_ok = label("inputs_ok", _all(valid))
-
-        s_next, y = step(
-            SimpleNamespace(**coef),
-            SimpleNamespace(**s),
-            SimpleNamespace(**u),
-            Guard(inputs_ok=inputs_ok, state_ok=state_ok),
-            label,
-        )
-        results = collect(name, "state", state, s_next) + collect(name, "output", outputs, y)
-        names = [n for n, _, _ in label.items]
-        unknown = sorted(set(facts or {}) - set(names))
-        if unknown:
-            raise ValueError(f"block {name}: facts of values that have no label: {unknown}")
-        for value, by in (solved or {}).items():
-            if value not in (facts or {}) or by.residual not in names:
-                raise ValueError(f"block {name}: {value} needs a fact and {by.residual} a label")
-            if not (by.slope > 0 and by.most >= 0 and by.jump >= 0):
-                raise ValueError(f"block {name}: the slope of {by.residual} must be above 0")
-        cut = {f"s_{p.name}" for p in state} | {f"u_{p.name}" for p in inputs} | set(facts or {})
-        unknown = sorted(set(split or {}) - cut)
-        if unknown:
-            raise ValueError(f"block {name}: splits of what is no state, input or fact: {unknown}")
-        if len(names) != len(set(names)):
-            raise ValueError(f"block {name}: a label occurs twice in {names}")
-        shared = ca.cse(results + [v for _, _, v in label.items])
-        results, labelled = shared[: len(results)], shared[len(results) :]
-
-        arguments = [*coef.values(), *raw_s.values(), *raw_u.values()]
-        argument_names = [f"c_{n}" for n in coef] + [f"s_{n}" for n in raw_s]
-        argument_names += [f"u_{n}" for n in raw_u]
-        result_names = [f"next_{p.name}" for p in state] + [f"y_{p.name}" for p in outputs]
-        free = ca.symvar(ca.veccat(*results))
-        bound = {str(x) for a in arguments for x in ca.symvar(a)}
-        unbound = sorted(str(x) for x in free if str(x) not in bound)
-        if unbound:
-            raise ValueError(f"block {name}: step uses unbound symbols {unbound}")
-        step_f = ca.Function(f"{name}_step", arguments, results, argument_names, result_names)
-        labelled_f = ca.Function(
-            f"{name}_labelled_step",
-            arguments,
-            results + labelled,
-            argument_names,
-            result_names + [f"label_{n}" for n, _, _ in label.items],
-        )
-        return cls(
+        s, u, guard = _guarded(label, state, inputs, raw_s, raw_u)
+        s_next, y = step(SimpleNamespace(**coef), s, u, guard, label)
+        values = collect(name, "state", state, s_next) + collect(name, "output", outputs, y)
+        groups = {"c": coef, "s": raw_s, "u": raw_u}
+        arguments = {f"{k}_{n}": x for k, group in groups.items() for n, x in group.items()}
+        names = [f"next_{p.name}" for p in state] + [f"y_{p.name}" for p in outputs]
+        results = dict(zip(names, values, strict=True))
+        step_f, labelled_f = _step_functions(name, arguments, results, label)
+        block = cls(
             name=name,
             title=title,
             period_s=period_s,
@@ -247,6 +192,28 @@ class Block(Component):
             solved=dict(solved or {}),
             streams=streams or OwnStreams(),
         )
+        block._check_known()
+        return block
+
+    def _check_known(self) -> None:
+        # Not where a Block is copied: a deliberate fault may take away what is split.
+        labels = {n for n, _ in self.labels}
+        unknown = sorted(set(self.facts) - labels)
+        if unknown:
+            raise ValueError(f"block {self.name}: facts of values that have no label: {unknown}")
+        for value, by in self.solved.items():
+            if value not in self.facts or by.residual not in labels:
+                raise ValueError(
+                    f"block {self.name}: {value} needs a fact and {by.residual} a label"
+                )
+            if not (by.slope > 0 and by.most >= 0 and by.jump >= 0):
+                raise ValueError(f"block {self.name}: the slope of {by.residual} must be above 0")
+        cut = {f"s_{p.name}" for p in self.state} | {f"u_{p.name}" for p in self.inputs}
+        unknown = sorted(set(self.split) - cut - set(self.facts))
+        if unknown:
+            raise ValueError(
+                f"block {self.name}: splits of what is no state, input or fact: {unknown}"
+            )
 
     @property
     def kernels(self) -> dict[str, ca.Function]:
@@ -272,6 +239,53 @@ class Block(Component):
             Freshly initialised.
         """
         return Simulator(self, tunables)
+
+
+def _guarded(
+    label: Labels,
+    state: tuple[Port, ...],
+    inputs: tuple[Port, ...],
+    raw_s: Mapping[str, ca.SX],
+    raw_u: Mapping[str, ca.SX],
+) -> tuple[SimpleNamespace, SimpleNamespace, Guard]:
+    state_ok = _all([port_ok(raw_s[p.name], p) for p in state])
+    label("state_ok", state_ok, "Guard: a corrupt state starts the block afresh.")
+    s = {
+        p.name: ca.if_else(state_ok, raw_s[p.name], p.init) if p.repair == "init" else raw_s[p.name]
+        for p in state
+    }
+    u, valid = {}, []
+    for p in inputs:
+        ok = label(f"{p.name}_ok", port_ok(raw_u[p.name], p))
+        held = s[p.on_invalid] if isinstance(p.on_invalid, str) else p.on_invalid
+        u[p.name] = ca.if_else(ok, raw_u[p.name], held)
+        if p.size == 1:
+            label(f"{p.name}_used", u[p.name], "Guard: an invalid input is replaced.")
+        valid.append(ok)
+    inputs_ok = label("inputs_ok", _all(valid))
+    guard = Guard(inputs_ok=inputs_ok, state_ok=state_ok)
+    return SimpleNamespace(**s), SimpleNamespace(**u), guard
+
+
+def _step_functions(
+    name: str, arguments: Mapping[str, ca.SX], results: Mapping[str, ca.SX], label: Labels
+) -> tuple[ca.Function, ca.Function]:
+    # ``step`` and ``labelled_step``: the same expressions.
+    labels = [n for n, _, _ in label.items]
+    if len(labels) != len(set(labels)):
+        raise ValueError(f"block {name}: a label occurs twice in {labels}")
+    shared = ca.cse([*results.values(), *(v for _, _, v in label.items)])
+    symbols, values = list(arguments.values()), shared[: len(results)]
+    bound = {str(x) for a in symbols for x in ca.symvar(a)}
+    free = [str(x) for x in ca.symvar(ca.veccat(*values))]
+    unbound = sorted(x for x in free if x not in bound)
+    if unbound:
+        raise ValueError(f"block {name}: step uses unbound symbols {unbound}")
+    labelled = [*results, *(f"label_{n}" for n in labels)]
+    return (
+        ca.Function(f"{name}_step", symbols, values, list(arguments), list(results)),
+        ca.Function(f"{name}_labelled_step", symbols, shared, list(arguments), labelled),
+    )
 
 
 def _all(conditions: list[ca.SX]) -> ca.SX:

@@ -19,6 +19,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.formats.base import Format
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.compiler import cache_folder, compile_sources, find_compiler
 from esea_gen.hostlib.library import HostLibrary, compile_device
@@ -142,112 +143,35 @@ def emulate(files: Mapping[str, str], board: Board) -> Emulation:
     return Emulation(rows, means, flash)
 
 
-def run_bare(
-    device: Device, real: str, board: str, inputs: Mapping[str, Array], task: str | None = None
-) -> BareResult:
-    """Run a task of a device on an emulated board.
-
-    inputs: the task's inputs, in units, shape (steps,).
-    """
-    chosen, fmt = BARE_BOARDS[board], FORMATS[real]
-    system = device.system
-    what = system.tasks[0] if task is None else system.task(task)
-    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
-    runner = compile_device(device, real).task(what.name)
-    packed = runner.pack(inputs)
-    host, _ = runner.run(inputs, trace=False, raw=True)
+def _rows(packed: Array, fmt: Format) -> list[list[str]]:
     names = packed.dtype.names or ()
-
-    words = []
-    for x in system.task_outputs(what):
-        for i in range(x.port.size):
-            index = "" if x.port.size == 1 else f"[{i}]"
-            name = f"{renderer.naming.external(x)}{index}"
-            words.append({"name": name, "word": bool(x.port.flags), "column": (x.name, i)})
-    context = {
-        "task": what,
-        "steps": len(packed),
-        "rows": [[fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed],
-        "words": words,
-        "stack_top": chosen.ram + chosen.ram_bytes,
-        "has_fpu": chosen.processor.fpu,
-        "board": chosen.machine,
-        "flash_bytes": chosen.code_bytes,
-        "ram_bytes": chosen.ram_bytes,
-    }
-    files = {n: t for n, t in renderer.files().items() if n != "main.c" and "/" not in n}
-    files["bare.c"] = renderer.render("verify/bare_task.c.j2", **context)
-    files["bare.ld"] = renderer.render("verify/bare_task.ld.j2", **context)
-    done = emulate(files, chosen)
-    rows = done.rows
-    if len(rows) != len(packed) + 1:
-        raise RuntimeError(f"the emulated board did not finish: {len(rows)} rows")
-    difference = ""
-    for j, w in enumerate(words):
-        name, i = w["column"]  # type: ignore[misc]
-        expected = np.asarray(host[name]).reshape(len(packed), -1)[:, i]
-        bits = np.ascontiguousarray(expected).view(np.uint32)
-        got = np.array([int(r[j], 16) for r in rows[:-1]], dtype=np.uint32)
-        wrong = np.flatnonzero(bits != got)
-        if len(wrong) and not difference:
-            k = int(wrong[0])
-            difference = f"{name} at step {k}: {got[k]:08x} instead of {bits[k]:08x}"
-    return BareResult(
-        board,
-        chosen.core,
-        real,
-        what.name,
-        len(packed),
-        not difference,
-        difference,
-        done.instructions,
-        done.flash_bytes,
-        int(rows[-1][1], 16),
-        int(rows[-1][0], 16),
-    )
+    return [[fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed]
 
 
-def run_bare_system(
-    device: Device, real: str, board: str, inputs: Mapping[str, Mapping[str, Array]]
+def _judged(
+    renderer: Renderer,
+    board: str,
+    what: str,
+    words: list[dict[str, Any]],
+    expected: Array,
+    **own: Any,
 ) -> BareResult:
-    """Run all tasks of a device on an emulated board, each at its own ticks, latches released.
-
-    inputs: per task, its inputs in units, one element a run; nothing for a task without inputs.
-    return: bits and figures; the instructions are those of a base tick with all tasks that are due.
-    """
-    chosen, fmt = BARE_BOARDS[board], FORMATS[real]
-    system = device.system
-    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
-    library = compile_device(device, real)
-    ticks = min(
-        len(next(iter(inputs[t.name].values()))) * t.every for t in system.tasks if inputs[t.name]
-    )
-    rows: dict[str, list[list[str]]] = {}
-    for task in system.tasks:
-        if not inputs[task.name]:
-            rows[task.name] = [["0"]] * (-(-ticks // task.every))
-            continue
-        packed = library.task(task.name).pack(inputs[task.name])
-        names = packed.dtype.names or ()
-        rows[task.name] = [
-            [fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed
-        ]
-    words, expected = _scheduled(device, library, inputs, ticks, renderer)
+    # Run the harness ``own["harness"]``; ``expected``: bits of every output word, by step.
+    chosen, steps = BARE_BOARDS[board], len(expected)
     context = {
-        "ticks": ticks,
-        "rows": rows,
         "words": words,
         "stack_top": chosen.ram + chosen.ram_bytes,
         "has_fpu": chosen.processor.fpu,
         "board": chosen.machine,
         "flash_bytes": chosen.code_bytes,
         "ram_bytes": chosen.ram_bytes,
+        **own,
     }
     files = {n: t for n, t in renderer.files().items() if n != "main.c" and "/" not in n}
-    files["bare.c"] = renderer.render("verify/bare_system.c.j2", **context)
+    files["bare.c"] = renderer.render(context.pop("harness"), **context)
     files["bare.ld"] = renderer.render("verify/bare_task.ld.j2", **context)
     done = emulate(files, chosen)
-    if len(done.rows) != ticks + 1:
+    if len(done.rows) != steps + 1:
         raise RuntimeError(f"the emulated board did not finish: {len(done.rows)} rows")
     got = np.array([[int(w, 16) for w in r] for r in done.rows[:-1]], dtype=np.uint32)
     wrong = np.argwhere(got != expected)
@@ -260,15 +184,76 @@ def run_bare_system(
     return BareResult(
         board,
         chosen.core,
-        real,
-        "all tasks",
-        ticks,
+        renderer.fmt.name,
+        what,
+        steps,
         not difference,
         difference,
         done.instructions,
         done.flash_bytes,
         int(done.rows[-1][1], 16),
         int(done.rows[-1][0], 16),
+    )
+
+
+def run_bare(
+    device: Device, real: str, board: str, inputs: Mapping[str, Array], task: str | None = None
+) -> BareResult:
+    """Run a task of a device on an emulated board.
+
+    inputs: the task's inputs, in units, shape (steps,).
+    """
+    fmt, system = FORMATS[real], device.system
+    what = system.tasks[0] if task is None else system.task(task)
+    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
+    runner = compile_device(device, real).task(what.name)
+    packed = runner.pack(inputs)
+    host, _ = runner.run(inputs, trace=False, raw=True)
+    words, columns = [], []
+    for x in system.task_outputs(what):
+        column = np.ascontiguousarray(host[x.name]).view(np.uint32).reshape(len(packed), -1)
+        columns.append(column)
+        for i in range(x.port.size):
+            index = "" if x.port.size == 1 else f"[{i}]"
+            name = f"{renderer.naming.external(x)}{index}"
+            words.append({"name": name, "word": bool(x.port.flags)})
+    return _judged(
+        renderer,
+        board,
+        what.name,
+        words,
+        np.hstack(columns),
+        harness="verify/bare_task.c.j2",
+        task=what,
+        steps=len(packed),
+        rows=_rows(packed, fmt),
+    )
+
+
+def run_bare_system(
+    device: Device, real: str, board: str, inputs: Mapping[str, Mapping[str, Array]]
+) -> BareResult:
+    """Run all tasks of a device on an emulated board, each at its own ticks, latches released.
+
+    inputs: per task, its inputs in units, one element a run; nothing for a task without inputs.
+    return: bits and figures; the instructions are those of a base tick with all tasks that are due.
+    """
+    fmt, system = FORMATS[real], device.system
+    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
+    library = compile_device(device, real)
+    ticks = min(
+        len(next(iter(inputs[t.name].values()))) * t.every for t in system.tasks if inputs[t.name]
+    )
+    rows = {
+        t.name: _rows(library.task(t.name).pack(inputs[t.name]), fmt)
+        if inputs[t.name]
+        else [["0"]] * (-(-ticks // t.every))
+        for t in system.tasks
+    }
+    words, expected = _scheduled(device, library, inputs, ticks, renderer)
+    harness = "verify/bare_system.c.j2"
+    return _judged(
+        renderer, board, "all tasks", words, expected, harness=harness, ticks=ticks, rows=rows
     )
 
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.emit.error_bounds import Bound, block_bound
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import Bound, RangeError, block_bound
+from esea_gen.emit.ranges import RangeError
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
@@ -42,7 +43,7 @@ def full_scales(device: Device, block: Component) -> dict[str, float]:
 def operating_ranges(device: Device, block: Block) -> dict[str, tuple[float, float]]:
     """The identified domain as ranges of a Block's inputs and states, for its tighter bound.
 
-    return: for :func:`esea_gen.emit.ranges.block_bound`; empty when the Block has none of these.
+    return: for :func:`esea_gen.emit.error_bounds.block_bound`; empty when the Block has none.
     """
     d = device.file.domain
     theta, omega = d.theta_max_rad.value, d.omega_max_rad_s.value

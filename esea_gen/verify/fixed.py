@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.emit.error_bounds import BEYOND, Bound
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Propagation, any_bound
 from esea_gen.emit.fixed.plan import (
@@ -24,7 +25,6 @@ from esea_gen.emit.fixed.plan import (
 from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.values import COMPARES
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
 from esea_gen.hostlib.runner import CRunner

@@ -4,7 +4,7 @@ An integral, or a limit on the rate of change, keeps every rounding error it eve
 holds for all time.  What can be bounded is what one step adds.  So each step of the C is compared
 with the symbolic step from the very memory that the C had before it, inputs and states alike the
 same numbers, and the difference is held to the derived bound of one step
-(:func:`esea_gen.emit.ranges.step_bound`).
+(:func:`esea_gen.emit.error_bounds.step_bound`).
 
 That bound takes decisions as equal.  Where rounding turns one, the symbolic side is told to decide
 as the C did, and the comparison goes on; but only where both operands are nearer to each other than
@@ -18,8 +18,8 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from esea_gen.emit.error_bounds import Bound, node_errors, step_bound
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import Bound, node_errors, step_bound
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array

@@ -1,8 +1,8 @@
 """Input streams that try a Block: ordinary, nasty, invalid and recorded.
 
 Every valid sample is a float32 number, so that all number formats are given the same input; what
-counts (:func:`esea_gen.emit.ranges.counts`) is given whole numbers.  What random inputs cannot
-bring about, such as a latch that opens, a Block brings along
+counts (:func:`esea_gen.emit.error_bounds.counts`) is given whole numbers.  What random inputs
+cannot bring about, such as a latch that opens, a Block brings along
 (:class:`esea_gen.language.stream.OwnStreams`).
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.emit.ranges import counts
+from esea_gen.emit.error_bounds import counts
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Port

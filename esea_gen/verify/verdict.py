@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from esea_gen.emit.ranges import Bound
+from esea_gen.emit.error_bounds import Bound
 
 EXACT, RESIDUAL, LASTING, ONE_STEP, EXACT_PROGRAM, STATED = RULES = (
     "CasADi's C, bit for bit",

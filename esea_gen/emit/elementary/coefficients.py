@@ -124,117 +124,112 @@ def near_zero(function: Callable[[Real], Real], limit: Real) -> Callable[[Real],
     return lambda t: limit if t == 0 else function(t)
 
 
+def even(function: Callable[[Real], Real], limit: Real) -> Callable[[Real], Real]:
+    """A function of x that depends on x^2 alone, as one of that, with its limit at zero."""
+    return near_zero(lambda s: function(mpmath.sqrt(s)), limit)
+
+
+def polynomial(
+    name: str,
+    meaning: str,
+    function: Callable[[Real], Real],
+    interval: tuple[Real, Real],
+    formats: Sequence[int],
+    *,
+    bias: float = 0.0,
+    alternating: bool = False,
+) -> tuple[str, str, list[int]]:
+    """Fit one polynomial.
+
+    formats: fraction bits of each coefficient, from the constant upwards.
+    bias: of the constant, in units of its last place.
+    alternating: every second coefficient is stored with the other sign.
+    """
+    coefficients, error = fit(function, interval[0], interval[1], len(formats) - 1)
+    integers = [
+        fixed(-value if alternating and power % 2 else value, bits, 0.0 if power else bias)
+        for power, (value, bits) in enumerate(zip(coefficients, formats, strict=True))
+    ]
+    same = len(set(formats)) == 1
+    bits_text = f"all Q{formats[0]}" if same else ", ".join(f"Q{bits}" for bits in formats)
+    error_text = f"fit error 2^{float(mpmath.log(error, 2)):.1f}"
+    return name, f"{meaning};\n * {bits_text}; {error_text}", integers
+
+
 def polynomials() -> list[tuple[str, str, list[int]]]:
     """Return every polynomial as name, meaning and integer coefficients.
 
     return: macro stem, comment, coefficients from the constant upwards.
     """
-    low, high = reduced_range()
-    ln2 = mpmath.log(2)
-    half = mpf(0.5)
-    quarter = mpf(0.25)
-    out: list[tuple[str, str, list[int]]] = []
-
-    def add(
-        name: str,
-        meaning: str,
-        function: Callable[[Real], Real],
-        interval: tuple[Real, Real],
-        formats: Sequence[int],
-        *,
-        bias: float = 0.0,
-        sign: Callable[[int], int] = lambda power: 1,
-    ) -> None:
-        coefficients, error = fit(function, interval[0], interval[1], len(formats) - 1)
-        integers = [
-            fixed(sign(power) * value, bits, bias if power == 0 else 0.0)
-            for power, (value, bits) in enumerate(zip(coefficients, formats, strict=True))
-        ]
-        same = len(set(formats)) == 1
-        bits_text = f"all Q{formats[0]}" if same else ", ".join(f"Q{bits}" for bits in formats)
-        out.append(
-            (
-                name,
-                f"{meaning};\n * {bits_text}; fit error 2^{float(mpmath.log(error, 2)):.1f}",
-                integers,
-            )
-        )
-
-    add(
-        "LOG2",
-        "log2(1 + r) / r",
-        near_zero(lambda r: mpmath.log1p(r) / (r * ln2), 1 / ln2),
-        (low, high),
-        (30, 28, 26, 24),
-        bias=0.5,
-    )
-    add(
-        "LOG",
-        "(log(1 + r) - r) / r^2",
-        near_zero(lambda r: (mpmath.log1p(r) - r) / r**2, -half),
-        (low, high),
-        (31, 26, 21, 16),
-    )
-    add(
-        "EXP2",
-        "(2^t - 1) / t, |t| <= 1/64",
-        near_zero(lambda t: mpmath.expm1(t * ln2) / t, ln2),
-        (-mpf(1) / 64, mpf(1) / 64),
-        (28, 23, 18),
-    )
-    add(
-        "RECIPROCAL",
-        "1 / (1 + r)",
-        lambda r: 1 / (1 + r),
-        (low, high),
-        (30, 25, 20, 15, 10),
-    )
-    add(
-        "EXPM1",
-        "(exp(x) - 1 - x) / x^2, |x| <= 1/2",
-        near_zero(lambda x: (mpmath.expm1(x) - x) / x**2, half),
-        (-half, half),
-        (31, 31, 31, 31, 31, 31, 31),
-    )
-    add(
-        "TANH",
-        "(1 - tanh(x) / x) / x^2 in s = x^2 <= 1/4, signs alternating",
-        near_zero(lambda s: (1 - mpmath.tanh(mpmath.sqrt(s)) / mpmath.sqrt(s)) / s, mpf(1) / 3),
-        (mpf(0), quarter),
-        (32, 32, 32, 32, 32, 32),
-        sign=lambda power: -1 if power % 2 else 1,
-    )
-    quarter_turn = mp.pi / 2
-    add(
-        "SIN",
-        "sin(f pi/2) / f in s = f^2 <= 1/4, signs alternating",
-        near_zero(
-            lambda s: mpmath.sin(mpmath.sqrt(s) * quarter_turn) / mpmath.sqrt(s), quarter_turn
+    ln2, half, turn = mpmath.log(2), mpf(0.5), mp.pi / 2
+    reduced, quarter = reduced_range(), (mpf(0), mpf(0.25))
+    return [
+        polynomial(
+            "LOG2",
+            "log2(1 + r) / r",
+            near_zero(lambda r: mpmath.log1p(r) / (r * ln2), 1 / ln2),
+            reduced,
+            (30, 28, 26, 24),
+            bias=0.5,
         ),
-        (mpf(0), quarter),
-        (31, 32, 32, 32, 32),
-        bias=-0.5,
-        sign=lambda power: -1 if power % 2 else 1,
-    )
-    add(
-        "COS",
-        "(1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating",
-        near_zero(
-            lambda s: (1 - mpmath.cos(mpmath.sqrt(s) * quarter_turn)) / s, quarter_turn**2 / 2
+        polynomial(
+            "LOG",
+            "(log(1 + r) - r) / r^2",
+            near_zero(lambda r: (mpmath.log1p(r) - r) / r**2, -half),
+            reduced,
+            (31, 26, 21, 16),
         ),
-        (mpf(0), quarter),
-        (31, 31, 31, 31, 31),
-        sign=lambda power: -1 if power % 2 else 1,
-    )
-    add(
-        "ATAN",
-        "(1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating",
-        near_zero(lambda s: (1 - mpmath.atan(mpmath.sqrt(s)) / mpmath.sqrt(s)) / s, mpf(1) / 3),
-        (mpf(0), mpf(1)),
-        (32,) * 12,
-        sign=lambda power: -1 if power % 2 else 1,
-    )
-    return out
+        polynomial(
+            "EXP2",
+            "(2^t - 1) / t, |t| <= 1/64",
+            near_zero(lambda t: mpmath.expm1(t * ln2) / t, ln2),
+            (-mpf(1) / 64, mpf(1) / 64),
+            (28, 23, 18),
+        ),
+        polynomial(
+            "RECIPROCAL", "1 / (1 + r)", lambda r: 1 / (1 + r), reduced, (30, 25, 20, 15, 10)
+        ),
+        polynomial(
+            "EXPM1",
+            "(exp(x) - 1 - x) / x^2, |x| <= 1/2",
+            near_zero(lambda x: (mpmath.expm1(x) - x) / x**2, half),
+            (-half, half),
+            (31,) * 7,
+        ),
+        polynomial(
+            "TANH",
+            "(1 - tanh(x) / x) / x^2 in s = x^2 <= 1/4, signs alternating",
+            even(lambda x: (1 - mpmath.tanh(x) / x) / x**2, mpf(1) / 3),
+            quarter,
+            (32,) * 6,
+            alternating=True,
+        ),
+        polynomial(
+            "SIN",
+            "sin(f pi/2) / f in s = f^2 <= 1/4, signs alternating",
+            even(lambda f: mpmath.sin(f * turn) / f, turn),
+            quarter,
+            (31, 32, 32, 32, 32),
+            bias=-0.5,
+            alternating=True,
+        ),
+        polynomial(
+            "COS",
+            "(1 - cos(f pi/2)) / s in s = f^2 <= 1/4, signs alternating",
+            even(lambda f: (1 - mpmath.cos(f * turn)) / f**2, turn**2 / 2),
+            quarter,
+            (31,) * 5,
+            alternating=True,
+        ),
+        polynomial(
+            "ATAN",
+            "(1 - atan(t) / t) / s in s = t^2 <= 1, signs alternating",
+            even(lambda t: (1 - mpmath.atan(t) / t) / t**2, mpf(1) / 3),
+            (mpf(0), mpf(1)),
+            (32,) * 12,
+            alternating=True,
+        ),
+    ]
 
 
 def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:

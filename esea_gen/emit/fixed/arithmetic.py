@@ -32,6 +32,18 @@ class Arithmetic(LoweringBase):
 
     # -- operations ------------------------------------------------------------------------------
 
+    def _narrowest(
+        self, i: int, finish: Callable[[int, int, int], Value], natural: int, f: int
+    ) -> Value:
+        # In 32 bits where it may be and fits; else with all bits that came in, else without.
+        narrow = [(f, 32)] if self._bits(i) == 32 else []
+        for at, bits in (*narrow, (natural, 64)):
+            try:
+                return finish(at, f, bits)
+            except OverflowProofError:
+                pass
+        return finish(f, f, 64)
+
     def _sum(self, i: int, n: Node) -> Value:
         join = ex.add if n.op == "add" else ex.sub
         (al, ah), (bl, bh) = (self._ends(a) for a in n.args)
@@ -46,15 +58,7 @@ class Arithmetic(LoweringBase):
                     return whole(natural)
                 except OverflowProofError:
                     pass
-            if self._bits(i) == 32:
-                try:
-                    return finish(f, f, 32)
-                except OverflowProofError:
-                    pass
-            try:
-                return finish(natural, f, 64)
-            except OverflowProofError:
-                return finish(f, f, 64)
+            return self._narrowest(i, finish, natural, f)
 
         def whole(at: int) -> Value:
             # Nothing is lost: what ends in comparisons alone decides as it should.
@@ -216,18 +220,7 @@ class Arithmetic(LoweringBase):
                 errors[first + position] = constant + (0.5 * 2.0**-f if finer else 0.0)
             return Value(joined, f, 0.0, 0, errors)
 
-        def build(f: int) -> Value:
-            if self._bits(i) == 32:
-                try:
-                    return finish(f, f, 32)
-                except OverflowProofError:
-                    pass
-            try:
-                return finish(natural, f, 64)
-            except OverflowProofError:
-                return finish(f, f, 64)
-
-        return self._settle(i, min(best, natural), build)
+        return self._settle(i, min(best, natural), lambda f: self._narrowest(i, finish, natural, f))
 
     def _select(self, i: int, n: Node) -> Value:
         condition = self._condition(n.args[0])

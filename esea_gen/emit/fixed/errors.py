@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.emit.fixed.bound import Array, Span, analyse, numeric_nodes, span
-from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
-from esea_gen.emit.ranges import (
+from esea_gen.emit.error_bounds import (
     BEYOND,
-    Analysis,
     Bound,
-    RangeError,
+    Errors,
     fixed_point,
     is_linear,
     limits_of,
     linear_bound,
     pieces,
 )
+from esea_gen.emit.fixed.bound import Array, Span, analyse, numeric_nodes, span
+from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
+from esea_gen.emit.ranges import Analysis, RangeError
 from esea_gen.emit.ranges import RangeValue as FloatValue
 from esea_gen.language.block import Block
 
@@ -36,9 +36,6 @@ def _point(value: float, error: float, boxes: int) -> Span:
         return span(value, value, error, boxes)
     whole = span(value, value, 0.0, boxes)
     return Span(whole.low, whole.high, whole.a, np.full(boxes, error / abs(value)))
-
-
-Errors = list[list[float]]
 
 
 def _finer(cuts: Sequence[float], limits: tuple[float, float]) -> list[float]:

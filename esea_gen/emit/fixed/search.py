@@ -14,8 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from esea_gen.emit.error_bounds import BEYOND, Errors, linear_bound
 from esea_gen.emit.fixed import expression as ex
-from esea_gen.emit.fixed.errors import Errors, Propagation, any_bound
+from esea_gen.emit.fixed.errors import Propagation, any_bound
 from esea_gen.emit.fixed.plan import (
     BlockPlan,
     Planner,
@@ -25,7 +26,7 @@ from esea_gen.emit.fixed.plan import (
     run_lowered,
 )
 from esea_gen.emit.fixed.values import LoweringError, best_fraction
-from esea_gen.emit.ranges import BEYOND, RangeError, linear_bound
+from esea_gen.emit.ranges import RangeError
 from esea_gen.emit.walker import Kernel
 from esea_gen.language.block import Block
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from esea_gen.emit.error_bounds import Bound
 from esea_gen.emit.fixed.plan import BlockPlan
 from esea_gen.emit.fixed.search import coarse_values
-from esea_gen.emit.ranges import Bound
 
 
 @dataclass(frozen=True)

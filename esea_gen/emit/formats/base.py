@@ -22,7 +22,7 @@ class Format(ABC):
     c_type, dtype: of a number, in C and in numpy.
     epsilon: largest rounding error, relative to the number; of whole numbers to the field's range.
     default: whether it is built where no format is named, and covered by a device's content hash.
-    floating: whether it has NaN and infinity, and error bounds that ``emit.ranges`` derives.
+    floating: whether it has NaN and infinity, and error bounds that ``emit.error_bounds`` derives.
     needs_libm: whether the emitted C links the platform's libm.
     verified_by: command that compares its C with the symbolic Blocks.
     compiler_flags, libraries: what a compiler's command line needs beside ``-std=c99 -O2``.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from esea_gen.emit.error_bounds import whole_nodes
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.formats.floating import SELECTING
-from esea_gen.emit.ranges import whole_nodes
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.verify.intervals import Interval
