@@ -152,10 +152,8 @@ def tuning(device, law):
 def test_two_laws_in_one_system_change_without_a_bump(both):
     require_tool("gcc")
     assert [law.name for law in both.laws] == ["sliding_mode", "predictive"]
-    t = (
-        np.arange(len(load_study("tuning", ClosedLoopStudy).cases()[0].trajectory.tau_desired_Nm))
-        * 1e-3
-    )
+    (case,) = load_study("tuning", ClosedLoopStudy).cases()
+    t = np.arange(len(case.trajectory.tau_desired_Nm)) * 1e-3
     law = ((t >= CHANGE_S[0]) & (t < CHANGE_S[1])).astype(float)
     case, run = tuning(both, law)
     held = run.controller["law_held"]
