@@ -201,7 +201,7 @@ def mutate(
         raise typer.Exit(1)
 
 
-traces = typer.Typer(help="Reference traces: how every shipped System behaves.")
+traces = typer.Typer(help="Committed traces: how every shipped System behaves.")
 
 
 app.add_typer(traces, name="traces", no_args_is_help=True)
@@ -226,7 +226,7 @@ def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
 
 @traces.command("accept")
 def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
-    """Take the present behaviour as the reference."""
+    """Take the present behaviour as the one to keep."""
     from esea_gen.verify.traces import accept_traces
 
     for line in accept_traces(folder):

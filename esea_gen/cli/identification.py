@@ -122,7 +122,7 @@ def torque_check(
     json_file: JsonOption = None,
 ) -> None:
     from esea_gen.studies.torque_check.check import TorqueCheck
-    from esea_gen.studies.torque_check.load import Reference
+    from esea_gen.studies.torque_check.load import KnownLoad
     from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
     from esea_gen.studies.torque_check.study import instructions
 
@@ -137,7 +137,7 @@ def torque_check(
     elif mass is not None and arm is not None:
         check = TorqueCheck(
             loaded,
-            Reference(
+            KnownLoad(
                 mass,
                 arm,
                 math.radians(angle),
@@ -148,9 +148,7 @@ def torque_check(
         )
     elif recording is not None or mass is not None or arm is not None:
         lacking = " and ".join(n for n, v in (("--mass", mass), ("--arm", arm)) if v is None)
-        raise UserError(
-            f"the reference torque is not known: {lacking} missing.", "Give mass (kg) and arm (m)."
-        )
+        raise UserError(f"the load is not known: {lacking} missing.", "Give mass (kg) and arm (m).")
     if recording is not None:
         assert check is not None
         apply_recording(check, read_recording(recording))
