@@ -27,10 +27,10 @@ from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import plant_variant, run_on
 
 CONTROLLERS = {
-    "smc-published": "SMC as printed",
+    "smc-published": "SMC as published",
     "smc": "SMC as shipped",
-    "mpc-published": "MPC as printed, preview",
-    "mpc-published-no-preview": "MPC as printed",
+    "mpc-published": "MPC as published, preview",
+    "mpc-published-no-preview": "MPC as published",
     "mpc-no-preview": "MPC",
     "mpc": "MPC, preview",
 }

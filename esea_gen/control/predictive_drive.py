@@ -29,7 +29,7 @@ SMOOTH_RAD = 1e-4
 Q_BEST, R_BEST = 300.0, 1.0
 
 # Who tells of the person's torque and of the rates: the extended-state observer with the tracking
-# observer of the deflection; or as printed, (5.10) with a parabola, and filtered differences.
+# observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
 Person = Literal["extended_state", "parabola"]
 
 

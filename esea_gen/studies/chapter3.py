@@ -31,7 +31,7 @@ RAMP_RAD_S = np.deg2rad(20.0)
 class Figure3:
     """One number of the forward model.
 
-    thesis: as printed; None where the text prints none.
+    thesis: as published; None where the text gives none.
     recomputed: from an independent recomputation of the same equations.
     """
 

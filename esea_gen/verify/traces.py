@@ -25,7 +25,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import External
 
-MARK = "# esea-gen reference trace"
+MARK = "# esea-gen trace"
 EVERY = 20  # steps a row
 TOLERANCE = 1e-9  # of full scale, and of the value: libm differs between machines by less
 DIGITS = 10
