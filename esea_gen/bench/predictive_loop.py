@@ -136,7 +136,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--random", type=int, default=0, help="random plants and people")
     parser.add_argument("--controllers", nargs="+", default=list(CONTROLLERS))
     parser.add_argument("--resume", type=Path, help="journal: go on where a run was cut off")
-    parser.add_argument("--jobs", type=int, default=-1, help="processes; -1 for one a core")
+    parser.add_argument("--jobs", type=int, default=-1, help="parallel processes; -1: all cores")
     parser.add_argument("--cluster", help="address of a Dask scheduler, instead of processes here")
     chosen = parser.parse_args(arguments)
 
