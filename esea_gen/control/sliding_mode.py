@@ -64,7 +64,7 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
         A device with a drive.
     lead : float, optional
         Default of the tunable ``lead``.  When not given, 1 where the device file takes the
-        set-point's acceleration as zero (the controller is then the printed one), else 2.
+        set-point's acceleration as zero (the controller is then the published one), else 2.
 
     Returns
     -------
