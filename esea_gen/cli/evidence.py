@@ -227,7 +227,7 @@ def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
 
 @traces.command("accept")
 def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
-    """Take the present behaviour as the one to keep."""
+    """Accept the present behaviour."""
     from esea_gen.verify.traces import accept_traces
 
     for line in accept_traces(folder):
