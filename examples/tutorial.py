@@ -67,7 +67,7 @@ print(f"\n{len(t_s)} steps: torque from {model_Nm.min():.3f} to {model_Nm.max():
 # 4. The same stream through the generated C ------------------------------------------------------
 #
 # `compile_device` renders the C, compiles it for this machine and loads it: the bytes that the
-# board runs.  f64 is the host's reference, f32 is what ships.
+# board runs.  f64 is for the host, f32 is what ships.
 
 results = {}
 for real in ("f64", "f32"):

@@ -107,7 +107,7 @@ def compiled(device: Device, real: str) -> CRunner:
 # -- the semantics a second time: a plain state machine --------------------------------------------
 
 
-class Reference:
+class PlainLimits:
     """What docs/limits.md says, tick by tick, in plain floats; ``unsure`` collects near ties."""
 
     def __init__(self, numbers: Numbers, tie: float) -> None:
@@ -342,12 +342,12 @@ def invariants(y: dict[str, np.ndarray], x: dict[str, np.ndarray], n: Numbers) -
     assert np.all(y["fault"][1:][same] == y["fault"][:-1][same])
 
 
-def against_reference(runner: CRunner, x, numbers: Numbers, tie: float, u_error: float) -> None:
+def against_plain_limits(runner: CRunner, x, numbers: Numbers, tie: float, u_error: float) -> None:
     """The C against the plain model, tick by tick up to the first near tie of computed values."""
     runner.reset()
     y, _ = runner.run(x)
     invariants(y, x, numbers)
-    model = Reference(numbers, tie)
+    model = PlainLimits(numbers, tie)
     for k, row in enumerate(rows(x)):
         expected = model.step(**row)
         if expected.pop("unsure"):

@@ -17,8 +17,8 @@ from esea_gen.studies.discretisation import (
     REFINE_HZ,
     SCHEMES,
     EncodedMotion,
+    continuous_torque,
     discretisation,
-    reference_torque,
 )
 
 from .conftest import require_tool
@@ -151,10 +151,10 @@ def tables():
     return discretisation()
 
 
-def test_reference_against_an_adaptive_integrator(elbow):
+def test_continuous_torque_against_an_adaptive_integrator(elbow):
     require_tool("gcc")
     motion = EncodedMotion(10.0, 1.0, 4.0)
-    got = reference_torque(elbow, motion, 4.0)
+    got = continuous_torque(elbow, motion, 4.0)
 
     def slope(t, tau):
         theta, w = (float(f(np.array(t))) for f in (motion.theta, motion.omega))

@@ -378,7 +378,7 @@ def test_speeds_and_accelerations_are_derivatives(path):
     assert theta[0] == omega[0] == 0
 
 
-def test_paths_are_those_of_the_reference_trials():
+def test_paths_are_those_of_the_published_trials():
     slow = backdriven(0.25)
     assert (len(slow.theta_p_rad), slow.start, slow.end) == (45000, 10000, 45000)
     assert slow.theta_p_rad[2000] == pytest.approx(math.pi / 2)

@@ -13,12 +13,12 @@ from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.executor import (
     coefficients_of,
     exact_trajectory,
-    float32_reference,
+    float32_trajectory,
     initial_state,
     setup_difference,
     step_arguments,
 )
-from esea_gen.verify.runs import CasadiReference, run_c
+from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.sanitize import GivenRenderer
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 from esea_gen.verify.unreachable import imply
@@ -102,11 +102,11 @@ def test_what_follows_from_a_condition():
 def test_the_c_gives_every_bit(elbow, elbow_f64, elbow_f32, real, name):
     """F64 against CasADi's own C, f32 against NumPy, operation by operation; counters too."""
     library = elbow_f64 if real == "f64" else elbow_f32
-    reference = CasadiReference(elbow.system) if real == "f64" else None
+    oracle = CasadiOracle(elbow.system) if real == "f64" else None
     block = block_of(elbow, name)
     assert setup_difference(block, library) == ""
     for stream in shipped(elbow, block, FORMATS[real].dtype):
-        expected = exact_trajectory(block, library, stream, reference)
+        expected = exact_trajectory(block, library, stream, oracle)
         assert expected.first_difference(*run_c(library.block(name), stream)) == ""
         assert set(expected.states) == set(library.block(name).state.dtype.names)
 
@@ -119,7 +119,7 @@ def test_fusing_selects_changes_no_value(elbow, elbow_f32, name):
     for stream in shipped(elbow, block):
         y, s = run_c(elbow_f32.block(name), stream)
         arguments = step_arguments(block, stream, s, initial, coefficients, fmt)
-        plain = float32_reference(walk(block.step), block, stream, arguments)
+        plain = float32_trajectory(walk(block.step), block, stream, arguments)
         for expected, got in ((plain.outputs, y), (plain.states, s)):
             for key, value in expected.items():
                 assert np.array_equal(value, got[key]), key  # equal but for the sign of a zero

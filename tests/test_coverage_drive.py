@@ -21,7 +21,7 @@ from esea_gen.verify.executor import (
     step_arguments,
 )
 from esea_gen.verify.memories import other_memories
-from esea_gen.verify.runs import AS_WRITTEN, CasadiReference, run_c, run_symbolic
+from esea_gen.verify.runs import AS_WRITTEN, CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 from esea_gen.verify.ties import aimed_stream
 
@@ -142,12 +142,12 @@ def test_what_is_proven_impossible_never_happens(drive, name, real):
 def test_the_c_gives_every_bit(drive, name, real):
     # Either zero is right for fmin(0, -0) in C: both sides call the library's function.
     block, library = block_of(drive, name), compile_device(drive, real, AS_WRITTEN)
-    reference = CasadiReference(drive.system) if real == "f64" else None
+    oracle = CasadiOracle(drive.system) if real == "f64" else None
     assert setup_difference(block, library) == ""
     for stream in tried(drive, block, FORMATS[real].dtype):
-        if stream.coefficients and reference is None:
+        if stream.coefficients and oracle is None:
             continue  # in f32 the mutants' own start holds these against the executor
-        expected = exact_trajectory(block, library, stream, reference)
+        expected = exact_trajectory(block, library, stream, oracle)
         assert expected.first_difference(*run_c(library.block(name), stream)) == ""
 
 

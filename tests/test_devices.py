@@ -34,7 +34,7 @@ from esea_gen.hostlib import compile_device
 from esea_gen.language.ports import unit_of
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiReference
+from esea_gen.verify.runs import CasadiOracle
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 
 from .conftest import ROOT, require_tool
@@ -176,7 +176,7 @@ def test_its_c_equals_its_model(name, reals):
     require_tool("gcc")
     device = esea_gen.load_device(name)
     libraries = {real: compile_device(device, real) for real in reals.split()}
-    reference = CasadiReference(device.system)
+    oracle = CasadiOracle(device.system)
     chirp = recorded_stream(device, domain_chirp(device, 1.0))
     for block in device.system.kinds:
         bounds = derive_bounds(device, block) if "f32" in libraries else {}
@@ -187,9 +187,9 @@ def test_its_c_equals_its_model(name, reals):
             if block.name == "sensor":
                 assert bound.assumptions == ()  # the dead zone's edge is decided alike
         for real, library in libraries.items():
-            oracle = reference if real == "f64" else None
+            peer = oracle if real == "f64" else None
             for stream in [*streams(block, steps=600), chirp[block.name]]:
-                result = compare(device, block, library, stream, bounds, oracle)
+                result = compare(device, block, library, stream, bounds, peer)
                 assert result.passed, (result.block, result.stream, real, result.problems)
                 if real == "f64":
                     assert result.bit_identical

@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -214,6 +215,75 @@ def test_the_files_that_the_page_names_are_there():
             name = name.replace("esea_elbow", "esea_<device>")
             name = re.sub(r"^esea_f32(_tables)?\.h$", r"\1.h", name)
             assert f"`{name}" in page, path
+
+
+# -- words and rooms ------------------------------------------------------------------------------
+
+CODE = re.compile(r"`([^`]+)`")
+SOURCES = [ROOT / name for name in ("esea_gen", "host", "firmware")]
+
+
+def glossary() -> list[list[str]]:
+    """Cells of every entry."""
+    lines = (DOCS / "glossary.md").read_text(encoding="utf-8").splitlines()
+    rows = [[c.strip() for c in x.strip("|").split("|")] for x in lines if x.startswith("| ")]
+    return [row for row in rows if row[0] != "term"]
+
+
+def unknown_words(rows: list[list[str]]) -> list[str]:
+    """Words set as code in the first two columns that no source file holds."""
+    files = [p for folder in SOURCES for p in folder.rglob("*") if p.is_file()]
+    suffixes = {".py", ".toml", ".c", ".h"}
+    texts = [p.read_text(encoding="utf-8") for p in files if p.suffix in suffixes]
+    source = set(re.findall(r"(?:--)?\w+", "\n".join(texts)))
+    return [w for row in rows for w in CODE.findall(" ".join(row[:2])) if w not in source]
+
+
+def unknown_places(rows: list[list[str]]) -> list[str]:
+    """Files of the last column that are not there."""
+    places = [w for row in rows for w in CODE.findall(row[3])]
+    return [w for w in places if not any((d / w).exists() for d in (ROOT, ROOT / "esea_gen"))]
+
+
+def rooms() -> list[str]:
+    """Rooms in the order that imports are held to, the highest first."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = project["tool"]["importlinter"]["contracts"][0]["layers"]
+    return [room for layer in layers for room in sorted(layer.split(" | "))]
+
+
+def test_the_glossary_speaks_of_what_is_there():
+    rows = glossary()
+    assert len(rows) > 50
+    assert all(len(row) == 4 and row[0] and row[2] and row[3] for row in rows)
+    assert len({row[0] for row in rows}) == len(rows)
+    assert unknown_words(rows) == []
+    assert unknown_places(rows) == []
+
+
+def test_a_word_or_place_that_is_gone_is_found():
+    """Armed: a name that no file holds, and a file that is not there."""
+    row = ["reference", "`Referenz`, `Block`", "made up", "`language/bloc.py`, `language/block.py`"]
+    assert unknown_words([row]) == ["Referenz"]
+    assert unknown_places([row]) == ["language/bloc.py"]
+
+
+def test_the_glossary_has_every_room_and_public_class():
+    rows = glossary()
+    words = {w for row in rows for w in CODE.findall(" ".join(row[:2]))}
+    classes = {n for n in esea_gen.__all__ if isinstance(getattr(esea_gen, n), type)}
+    assert {"Block", "System", "Device"} <= classes
+    assert classes - words == set()
+    places = [w for row in rows for w in CODE.findall(row[3])]
+    found = {w.split("/")[0].removesuffix(".py") for w in places}
+    assert set(rooms()) - found == set()
+
+
+def test_the_rooms_on_the_page_are_those_that_imports_are_held_to():
+    page = (DOCS / "concepts.md").read_text(encoding="utf-8")
+    (section,) = re.findall(r"^## Rooms$(.*?)^\[", page, re.DOTALL | re.MULTILINE)
+    shown = re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
+    assert shown == rooms()
 
 
 # -- docstrings -----------------------------------------------------------------------------------

@@ -49,8 +49,8 @@ def test_the_page_is_self_contained_and_well_formed(html):
     assert len(page.ids) == len(set(page.ids)), "an id occurs twice"
     assert len(html) < 3e6
     assert str(ROOT) not in html
-    for reference in re.findall(r'(?:href="#|url\(#)([^")]+)', html):
-        assert reference in page.ids
+    for target in re.findall(r'(?:href="#|url\(#)([^")]+)', html):
+        assert target in page.ids
     assert page.tags.count("svg") == 4
 
 

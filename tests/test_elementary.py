@@ -237,10 +237,10 @@ def bits_of(values: Any) -> np.ndarray:
     return np.asarray(values, dtype=np.float32).view(np.uint32)
 
 
-# The reference is float64, whose functions are good to about one unit in their own last place, here
+# Exact values are float64, whose functions are good to about one unit in their own last place, here
 # 2^-29 ULP; a test below checks that against mpmath.
 def exact(name: str, *arguments: Any) -> np.ndarray:
-    """Return the reference as float64; powk takes its exponent as the integer."""
+    """Return the exact values as float64; powk takes its exponent as the integer."""
     with np.errstate(all="ignore"):
         x = np.asarray(arguments[0], dtype=np.float64)
         if name == "powk":
@@ -252,21 +252,21 @@ def exact(name: str, *arguments: Any) -> np.ndarray:
         return np.asarray(getattr(np, name)(x))
 
 
-def errors_ulp(result: np.ndarray, reference: np.ndarray) -> np.ndarray:
+def errors_ulp(result: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Return errors in ULP of float32; infinite where the class of value differs."""
     with np.errstate(all="ignore"):
-        exponent = np.where(reference == 0.0, -149, np.frexp(reference)[1] - 24)
+        exponent = np.where(wanted == 0.0, -149, np.frexp(wanted)[1] - 24)
         ulp = np.ldexp(1.0, np.maximum(exponent, -149))
-        error = np.abs(result.astype(np.float64) - reference) / ulp
+        error = np.abs(result.astype(np.float64) - wanted) / ulp
         # Infinity is right from half a unit above the largest float on; an ULP there is 2^104.
         infinite = np.isinf(result)
         error = np.where(
             infinite,
-            np.where(np.abs(reference) >= 2.0**128 - 2.0**103 - 2.0**97, 0.0, np.inf),
+            np.where(np.abs(wanted) >= 2.0**128 - 2.0**103 - 2.0**97, 0.0, np.inf),
             error,
         )
-        error = np.where(infinite & (np.sign(result) != np.sign(reference)), np.inf, error)
-        both = np.isnan(result) & np.isnan(reference)
+        error = np.where(infinite & (np.sign(result) != np.sign(wanted)), np.inf, error)
+        both = np.isnan(result) & np.isnan(wanted)
         error = np.where(both, 0.0, error)
     return np.where(np.isnan(error), np.inf, error)
 
@@ -359,7 +359,7 @@ def test_error_stays_within_the_documented_one(lib: Library, name: str) -> None:
     assert measured(lib, name) <= ACCURACY_ULP[name]
 
 
-def test_reference_is_exact_enough(lib: Library) -> None:
+def test_the_exact_values_are_exact_enough(lib: Library) -> None:
     # float64 stands for the exact value above; even a thousandth of an ULP would hide nothing.
     one = {
         name: getattr(mpmath, name)
@@ -369,15 +369,15 @@ def test_reference_is_exact_enough(lib: Library) -> None:
     with mpmath.workdps(40):
         for name, function in one.items():
             x = unary_inputs(name, 200, 7)[::401]
-            reference = exact(name, x)
-            for value, expected in zip(x.tolist(), reference.tolist(), strict=True):
+            wanted = exact(name, x)
+            for value, expected in zip(x.tolist(), wanted.tolist(), strict=True):
                 if math.isfinite(expected) and expected != 0.0:
                     assert abs(function(mpmath.mpf(value)) - expected) <= 2.0**-51 * abs(
                         expected
                     ), (name, value)
         for name, (x, y) in {"powk": powers(300, 7), "atan2": arctangents(300, 7)}.items():
-            reference = exact(name, x, y)
-            for a, b, expected in zip(x.tolist(), y.tolist(), reference.tolist(), strict=True):
+            wanted = exact(name, x, y)
+            for a, b, expected in zip(x.tolist(), y.tolist(), wanted.tolist(), strict=True):
                 if not math.isfinite(expected) or abs(expected) < 2.0**-1000:
                     continue
                 if name == "powk":
@@ -388,13 +388,13 @@ def test_reference_is_exact_enough(lib: Library) -> None:
 
 
 def test_error_measure_sees_errors() -> None:
-    reference = np.array([1.0, 0.0, 1.0, 2.0**-149, 3.0e38, 4.0e38, 4.0e38, np.nan, 1.0, -np.inf])
+    wanted = np.array([1.0, 0.0, 1.0, 2.0**-149, 3.0e38, 4.0e38, 4.0e38, np.nan, 1.0, -np.inf])
     result = np.array(
         [1.0, 2.0**-149, 1.0 + 2.0**-23, 0.0, np.inf, np.inf, -np.inf, np.nan, np.nan, np.inf],
         dtype=np.float32,
     )
     expected = [0.0, 1.0, 1.0, 1.0, np.inf, 0.0, np.inf, 0.0, np.inf, np.inf]
-    assert errors_ulp(result, reference).tolist() == expected
+    assert errors_ulp(result, wanted).tolist() == expected
 
 
 @pytest.mark.slow
@@ -471,23 +471,23 @@ def test_pow_follows_ieee_754_inside_its_domain(lib: Library) -> None:
     values = np.concatenate([values, extra])
     x, y = (grid.ravel() for grid in np.meshgrid(values, values))
     with np.errstate(all="ignore"):
-        reference = exact("pow", x, y)
+        wanted = exact("pow", x, y)
         outside = (np.abs(y) >= 16) & np.isfinite(y) & (np.abs(x) != 1) & np.isfinite(x) & (x != 0)
     result = lib("pow", x, y)
     assert np.all(bits_of(result[outside]) == NAN)
     inside = ~outside
-    assert errors_ulp(result[inside], reference[inside]).max() <= ACCURACY_ULP["pow"]
+    assert errors_ulp(result[inside], wanted[inside]).max() <= ACCURACY_ULP["pow"]
     zero = inside & (result == 0)
-    assert np.array_equal(np.signbit(result[zero]), np.signbit(reference[zero]))
+    assert np.array_equal(np.signbit(result[zero]), np.signbit(wanted[zero]))
 
 
 def test_atan2_follows_annex_f(lib: Library) -> None:
     values = floats(np.concatenate([SPECIAL_BITS, SPECIAL_BITS | np.uint32(SIGN)]))
     y, x = (grid.ravel() for grid in np.meshgrid(values, values))
-    result, reference = lib("atan2", y, x), exact("atan2", y, x)
-    assert errors_ulp(result, reference).max() <= ACCURACY_ULP["atan2"]
+    result, wanted = lib("atan2", y, x), exact("atan2", y, x)
+    assert errors_ulp(result, wanted).max() <= ACCURACY_ULP["atan2"]
     number = ~np.isnan(result)
-    assert np.array_equal(np.signbit(result[number]), np.signbit(reference[number]))
+    assert np.array_equal(np.signbit(result[number]), np.signbit(wanted[number]))
 
 
 def test_tiny_arguments_keep_their_sign_and_value(lib: Library) -> None:

@@ -24,7 +24,7 @@ from esea_gen.model.encoder import FrameError, encoder, step_max_counts
 from esea_gen.model.joint import deflection
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiReference
+from esea_gen.verify.runs import CasadiOracle
 from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool
@@ -596,12 +596,12 @@ def test_the_c_equals_the_block(name):
     device = make(14, motor) if name == "table" else make(12, ZEROED)
     block = encoder(device, "motor")
     system = reading(device, block)
-    reference, bounds = CasadiReference(system), derive_bounds(device, block)
+    oracle, bounds = CasadiOracle(system), derive_bounds(device, block)
     for real in ("f64", "f32"):
         library = compile_system(system, real)
         for stream in [*streams(block, steps=1200), at_the_limits(block, steps=1200)]:
-            oracle = reference if real == "f64" else None
-            result = compare(device, block, library, stream, bounds, oracle)
+            peer = oracle if real == "f64" else None
+            result = compare(device, block, library, stream, bounds, peer)
             assert result.passed, (real, stream.name, result.problems, result.status_differences)
 
 

@@ -19,7 +19,7 @@ from esea_gen.language.stream import SPECIAL, Stream
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify
-from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 
 from .conftest import require_tool
@@ -100,10 +100,10 @@ def changed(elbow, real: str, old: str, new: str) -> HostLibrary:
 def test_the_comparison_sees_a_fault(elbow, verified, real, old, new):
     library = changed(elbow, real, old, new)
     bounds = verified.bounds["sensor"]
-    reference = CasadiReference(elbow.system) if real == "f64" else None
+    oracle = CasadiOracle(elbow.system) if real == "f64" else None
     tried = streams(elbow.sensor)
     tried.append(recorded_stream(elbow, domain_chirp(elbow, 2.0))["sensor"])
-    results = [compare(elbow, elbow.sensor, library, s, bounds, reference) for s in tried]
+    results = [compare(elbow, elbow.sensor, library, s, bounds, oracle) for s in tried]
     assert not all(r.passed for r in results)
 
 

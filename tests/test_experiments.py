@@ -56,7 +56,7 @@ def rms(study: str, controller: str, plant: str = "real", case: int = 0) -> floa
 
 
 def test_improved_sliding_mode_against_the_printed_one():
-    # Trials on the reference plant gave 0.513 Nm in the tuning case for the law as printed, and the
+    # Trials on the standard plant gave 0.513 Nm in the tuning case for the law as published, the
     # thesis measured 0.590 on its device.
     printed = rms("tuning", "smc-published")
     assert 0.45 < printed < 0.60

@@ -90,7 +90,7 @@ def board(elbow, native):
         yield running
 
 
-def reference(elbow, theta_rad):
+def expected_of(elbow, theta_rad):
     library = compile_device(elbow, "f32")
     return library.task("sense").run({"theta_rad": theta_rad}, trace=False)[0]
 
@@ -131,7 +131,7 @@ def test_first_input_starts_running_and_reset_stops(board):
 
 def test_invalid_deflection_is_flagged_and_does_not_poison_the_state(board, elbow):
     stream = np.float32([0.05, np.nan, 0.05, np.inf, 0.06])
-    expected = reference(elbow, stream)
+    expected = expected_of(elbow, stream)
     for k, theta_rad in enumerate(stream):
         out = step(board, k, float(theta_rad))
         assert out.tau_Nm == expected["tau_Nm"][k]
@@ -410,7 +410,7 @@ def test_emulated_stream_equals_the_host_bit_for_bit(emulated, elbow):
     assert emulated.identical, emulated.first_difference
     assert emulated.steps == STEPS
     # The stream did go through the guards, and through torque.
-    expected = reference(elbow, chirp())
+    expected = expected_of(elbow, chirp())
     assert np.count_nonzero(expected["sensor_status"]) > 5
     assert np.abs(emulated.outputs["tau_Nm"]).max() > 1
     for name in ("sequence_gaps", "bad_frames", "unknown_messages", "lost_bytes"):

@@ -37,7 +37,7 @@ from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states
 from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_motions
 from esea_gen.verify.runs import run_c
 from esea_gen.verify.streams import domain_chirp, streams
-from esea_gen.verify.traces import reference_stream
+from esea_gen.verify.traces import trace_stream
 
 from .conftest import require_tool
 from .test_fixed import header_problems
@@ -117,8 +117,8 @@ def test_a_wrong_decision_is_not_explained_by_rounding(drive, library):
 
 
 def test_the_whole_system_in_q31(drive, library):
-    """Eight seconds of the reference stream through both tasks: C in q31 against C in f64."""
-    system, stream = drive.system, reference_stream(drive)
+    """Eight seconds of the trace stream through both tasks: C in q31 against C in f64."""
+    system, stream = drive.system, trace_stream(drive)
     length = len(next(iter(stream.values())))
     inputs = {}
     for task in system.tasks:
@@ -166,7 +166,7 @@ def test_a_board_takes_tunables_in_units_and_refuses_bad_ones(library):
 
 
 def test_an_arm_is_judged_where_it_is_taken():
-    """A narrowed reference in one arm of a choice is no broken interval on the other side."""
+    """A narrowed name in one arm of a choice is no broken interval on the other side."""
     x = ex.read("x", 32, *ex.INT32)
     narrow = ex.Expr("ref", (), 32, 0, 9, (), "x")
     small = ex.compare("le", x, ex.literal(9))

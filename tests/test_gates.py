@@ -33,7 +33,7 @@ def test_the_emitted_objects_pass(elbow, target):
     assert report.to_dict()["target"] == target
 
 
-def test_the_reference_passes_what_applies_to_it(elbow):
+def test_the_double_precision_c_passes_what_applies_to_it(elbow):
     require_tool("gcc")
     assert check_objects(elbow, "host", "f64").problems == ()
 

@@ -41,16 +41,16 @@ def pushed(hand: Hand, kp: float, kd: float, plant: str = "real", **options):
 
 
 def test_the_energy_is_what_the_hand_gave():
-    """The plant's own work of the person, less what moves in the hand, went into the port."""
+    """The plant's own work of the person, less what moves in the hand, went in there."""
     hand = Hand("arm", 0.2, 0.3, 30.0)
     run = pushed(hand, 1.5, 0.25)
     figures = judge_push(run, hand, 1.5, U_MAX_NM)
     work = run.plant["work_person_J"]
     moving = 0.5 * hand.inertia_kgm2 * run.plant["omega_l_rad_s"] ** 2
-    port = work - moving
+    into = work - moving
     # Trapezoids of 1 ms against the plant's own sum at 0.2 ms.
-    assert figures.absorbed_J == pytest.approx(port[-1], abs=2e-5)
-    assert figures.generated_J == pytest.approx(max(0.0, -port.min()), abs=2e-5)
+    assert figures.absorbed_J == pytest.approx(into[-1], abs=2e-5)
+    assert figures.generated_J == pytest.approx(max(0.0, -into.min()), abs=2e-5)
     assert figures.absorbed_J > 100 * 2e-5
 
 

@@ -22,7 +22,7 @@ from esea_gen.model.published_inverse import FILTER_B, filter_taps, published_in
 from esea_gen.studies.chapter4 import SIGNALS
 from esea_gen.studies.discretisation import at_rate
 from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
@@ -371,9 +371,9 @@ def test_c_is_the_symbolic_block(elbow, kind):
     block = BLOCKS[kind](elbow)
     system = inverse_system(elbow, block)
     double, single_precision = (compile_system(system, real) for real in ("f64", "f32"))
-    reference = CasadiReference(system)
+    oracle = CasadiOracle(system)
     for stream in streams(block, steps=1500):
-        result = compare(elbow, block, double, stream, {}, reference)
+        result = compare(elbow, block, double, stream, {}, oracle)
         assert result.passed, (stream.name, result.problems)
         assert result.bit_identical
         y, s = run_c(single_precision.block(block.name), stream)

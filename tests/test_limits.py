@@ -17,7 +17,7 @@ from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
 from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool
@@ -34,7 +34,7 @@ from .limits_model import (
     STEPS,
     TIES,
     above,
-    against_reference,
+    against_plain_limits,
     alone,
     calm,
     changed,
@@ -73,7 +73,7 @@ def brisk_runners(brisk) -> dict[str, CRunner]:
 @given(st.lists(EVENT, max_size=9))
 def test_any_stream_against_a_plain_state_machine(brisk_runners, real, events):
     x = stream_of(events)
-    against_reference(brisk_runners[real], x, BRISK, TIES[real], ERRORS[real])
+    against_plain_limits(brisk_runners[real], x, BRISK, TIES[real], ERRORS[real])
 
 
 @settings(deadline=None, max_examples=100)
@@ -469,10 +469,10 @@ def test_c_is_the_symbolic_block(drive):
     for block in (limits(drive), command_stamp(drive)):
         system = alone(drive, block)
         double, one = (compile_system(system, real) for real in REALS)
-        reference = CasadiReference(system)
+        oracle = CasadiOracle(system)
         tried = [*streams(block, steps=600), at_the_limits(block, steps=600)]
         for stream in tried:
-            result = compare(drive, block, double, stream, {}, reference)
+            result = compare(drive, block, double, stream, {}, oracle)
             assert result.passed, (stream.name, result.problems)
             assert result.bit_identical
             y, s = run_c(one.block(block.name), stream)

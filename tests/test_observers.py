@@ -29,7 +29,7 @@ from esea_gen.observe.rates import (
 )
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiReference, run_c
+from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
@@ -419,10 +419,10 @@ NAMES = ("motor_rate", "load_rate", "drive_observer", "human_lag", "human_eso")
 def test_c_is_the_symbolic_block(drive, libraries, name):
     system = libraries["f64"].system
     block = system.blocks[name]
-    reference = CasadiReference(system)
+    oracle = CasadiOracle(system)
     bounds = derive_bounds(drive, block)
     for stream in streams(block, steps=800):
-        result = compare(drive, block, libraries["f64"], stream, {}, reference)
+        result = compare(drive, block, libraries["f64"], stream, {}, oracle)
         assert result.passed, (stream.name, result.problems)
         assert result.bit_identical
         assert compare(drive, block, libraries["f32"], stream, bounds, None).passed, stream.name

@@ -16,7 +16,7 @@ from esea_gen.analysis.gain_region import gain_region, required_damping
 from esea_gen.analysis.linear_loop import Controller, LinearPlant, close_loop, linearise
 from esea_gen.analysis.passivity import (
     Hand,
-    PortRun,
+    HandRun,
     energy_balance,
     hand_family,
     passivity_map,
@@ -100,8 +100,8 @@ def wall_run(kp, kd, hand, m=0.1, b=0.05, steps=3000, period=5e-3):
         tau[k] = -kp * x[0] - kd * x[1]
         x = step[:2, :2] @ x + step[:2, 2] * tau[k]
         if abs(x[0]) > 1e6:
-            return PortRun(np.full(steps, np.nan), tau)
-    return PortRun(theta, tau, held=True)
+            return HandRun(np.full(steps, np.nan), tau)
+    return HandRun(theta, tau, held=True)
 
 
 def test_a_held_spring_gives_out_energy():
@@ -124,7 +124,7 @@ def test_a_held_spring_gives_out_energy():
 
 
 def test_runs_that_end_early_count_as_diverging():
-    lost = PortRun(np.full(100, np.nan), np.zeros(100))
+    lost = HandRun(np.full(100, np.nan), np.zeros(100))
     result = passivity_map(lambda *_: lost, [1.0], [0.0], [Hand("none")])
     assert result.diverging.all()
     assert np.isinf(result.generated_J).all()
@@ -227,14 +227,14 @@ def test_map_over_gains_follows_colgate():
     assert region.least_Hz[0, -1] == pytest.approx(500, rel=0.01)
 
 
-def test_a_passive_port_is_stable_with_every_hand():
+def test_a_passive_driving_point_is_stable_with_every_hand():
     rng = np.random.default_rng(1)
     plant, controller = mass(0.2, 1.0), difference_wall(600.0, 0.5)
     assert close_loop(plant, controller, parts=8).passivity()[0]
     for _ in range(60):
         j, b, k = 10 ** rng.uniform([-4, -4, -2], [1, 1, 4])
         assert close_loop(plant.holding(Hand("any", j, b, k)), controller).stable
-    # An active port is not; here a hand with 10 Nm/rad and its own inertia.
+    # An active one is not; here a hand with 10 Nm/rad and its own inertia.
     active = difference_wall(6000.0, 0.0)
     assert not close_loop(plant, active, parts=8).passivity()[0]
     assert not close_loop(plant.holding(Hand("x", 0.01, 0.0, 10.0)), active).stable

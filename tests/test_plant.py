@@ -95,7 +95,7 @@ def elastomer_rate(delta: float, rate: float, tau_r: float) -> float:
 
 
 def slopes(t, y, u, turn, p, path):
-    """Right side of (5.1) to (5.3), typed from the thesis and the reference plants' description."""
+    """Right side of (5.1) to (5.3), typed from the thesis and the standard plants' description."""
     xg, vg, xm, vm, xl, vl, u_a, _ = y
     torque = torque_of(y, turn)
     drive = N * u_a - p["fv_Nms_rad"] * vg - p["fc_Nm"] * math.tanh(vg / 0.02)
@@ -554,7 +554,7 @@ def test_counts_at_the_edges(encoders):
 # -- numbers and people ---------------------------------------------------------------------------
 
 
-def test_reference_numbers():
+def test_standard_numbers():
     r = PLANTS.real
     assert (r.friction_scale, r.cable_stiffness_Nm_rad, r.cable_backlash_rad) == (1.25, 150, 0.01)
     assert (r.cable_loss, r.motor_side_inertia_kgm2, r.gear_disturbance_rms_rad_s2) == (

@@ -1,4 +1,4 @@
-"""Predictive control on the board and in closed loop: bound, warnings, reference experiments."""
+"""Predictive control on the board and in closed loop: bound, warnings, standard experiments."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ def test_a_state_shown_as_an_output_changes_nothing_else(drive):
         with_state_as_output(drive.sensor, "tau_Nm", "")
 
 
-def test_the_reference_experiments(drive):
+def test_the_standard_experiments(drive):
     # Real plant, uncertain person; medians over ten seeds stand in docs/predictive.md.
     require_tool("gcc")
     assert rms("tuning", "mpc") < 0.06

@@ -285,7 +285,7 @@ def test_one_layer_is_better_than_two(tmp_path):
     assert rms("impedance", "mpc") == pytest.approx(rms("impedance", str(two)), rel=0.15)
 
 
-# -- as printed ------------------------------------------------------------------------------------
+# -- as published ----------------------------------------------------------------------------------
 
 
 def test_predictive_control_as_printed_stands_as_in_the_thesis():

@@ -97,7 +97,7 @@ def test_the_bound_holds_for_any_expression(tree, centre, width):
         if not np.array_equal(point, np.float32(point)):
             continue
         true = float(exact(point.astype(float)))
-        # 1e-12: the reference is float64 itself.
+        # 1e-12: what it is held against is float64 itself.
         slack = 1e-12 * (1 + abs(true))
         assert abs(single(kernel, point) - true) <= bound.error + slack
         assert bound.low - slack <= true <= bound.high + slack

@@ -33,7 +33,7 @@ HOSTILE = 'A <script>alert("x")</script> & "coupling"'
 
 
 class Page(HTMLParser):
-    """Collects tags, text and outward references; complains about tags that do not match."""
+    """Collects tags, text and outward links; complains about tags that do not match."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -150,8 +150,8 @@ def test_the_page_is_self_contained_and_well_formed(
         assert len(page.ids) == len(set(page.ids)), "an id occurs twice"
         assert len(text) < 3e6
         assert str(ROOT) not in text
-        for reference in re.findall(r'(?:href="#|url\(#)([^")]+)', text):
-            assert reference in page.ids
+        for target in re.findall(r'(?:href="#|url\(#)([^")]+)', text):
+            assert target in page.ids
 
 
 def test_the_page_shows_every_parameter_with_its_status(

@@ -182,7 +182,7 @@ def test_bandwidth_of_a_second_order_lag(wn, zeta, gain):
     assert found.bandwidth_Hz == pytest.approx(
         wn * math.sqrt(q + math.hypot(q, 1)) / (2 * np.pi), rel=2e-3
     )
-    assert found.reference_gain == pytest.approx(gain, rel=1e-3)
+    assert found.passband_gain == pytest.approx(gain, rel=1e-3)
     assert not found.returns
 
 
@@ -194,9 +194,9 @@ def test_the_definition_of_a_bandwidth_is_said():
     assert b.returns
     assert 2 < b.bandwidth_Hz < 3
     assert r.bandwidth(drop_dB=20).bandwidth_Hz is None
-    assert r.bandwidth(reference_gain=2.0).bandwidth_Hz == f[0]
+    assert r.bandwidth(passband_gain=2.0).bandwidth_Hz == f[0]
     with pytest.raises(UserError):
-        r.bandwidth(reference_gain=0.0)
+        r.bandwidth(passband_gain=0.0)
     for bad in (f[::-1], f - 0.1):
         with pytest.raises(UserError, match="rise"):
             FrequencyResponse(bad, dip, None, None, "")
@@ -366,7 +366,7 @@ def test_sweep_at_irregular_samples(swept):
     assert np.max(np.abs(r.response / (true - 1j / (4 * np.pi) * curve) - 1)) < 0.006
     wn, q = 2 * np.pi * 8, 1 - 2 * 0.4**2
     closed_form = wn * math.sqrt(q + math.hypot(q, 1)) / (2 * np.pi)
-    assert r.bandwidth(reference_gain=1.0).bandwidth_Hz == pytest.approx(closed_form, rel=6e-3)
+    assert r.bandwidth(passband_gain=1.0).bandwidth_Hz == pytest.approx(closed_form, rel=6e-3)
     fit = r.lag(2)
     assert fit.delay_s == pytest.approx(0.01, abs=1e-4)
     assert fit.damping == pytest.approx(0.4, abs=0.005)
@@ -402,7 +402,7 @@ def test_a_wrong_sweep_is_refused(swept):
     k=st.floats(0.1, 50),
     kind=st.sampled_from(["angle", "rate"]),
 )
-def test_impedance_of_a_known_port(j, b, k, kind):
+def test_impedance_of_a_known_driving_point(j, b, k, kind):
     n, lines = 5000, np.array([1, 2, 4, 7, 12, 20, 30])
     w = 2 * np.pi * lines / (n * H)
     phase = np.arange(n)[:, None] * H * w + np.arange(7)
@@ -511,7 +511,7 @@ def test_figures_say_what_the_numbers_are(tmp_path, swept):
         rms_by_case(["a", "b"], {"MPC": [0.1]})
     r = sweep_response(*swept)
     # What the drop is from: the dot stands that far below it, not below 0 dB.
-    figure = bode([("x", r)], [("x", r.bandwidth(reference_gain=1.0))])
+    figure = bode([("x", r)], [("x", r.bandwidth(passband_gain=1.0))])
     assert "−3.01 dB at 11 Hz, from the\ngiven gain, 0 dB" in legend(figure)
     for gain, says in ((1.05, "+0.42 dB"), (0.5, "−6.02 dB")):
         scaled = dataclasses.replace(r, response=gain * r.response / r.response[0])

@@ -25,7 +25,7 @@ from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.rates import motor_rate
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiReference, run_c, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
@@ -631,9 +631,9 @@ def test_c_is_the_symbolic_block(drive, libraries, name):
     system = double.system
     block = system.blocks[name]
     bounds, rule = ({}, None) if kind == "slow" else bounds_or_rule(drive, block)
-    reference_c = CasadiReference(system)
+    oracle = CasadiOracle(system)
     for stream in streams(block, steps=800):
-        result = compare(drive, block, double, stream, {}, reference_c)
+        result = compare(drive, block, double, stream, {}, oracle)
         assert result.passed, (stream.name, result.problems)
         assert result.bit_identical
         y, s = run_c(single.block(name), stream)

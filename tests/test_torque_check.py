@@ -15,7 +15,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.model.inverse import inverse_system
 from esea_gen.studies.torque_check.check import TorqueCheck
-from esea_gen.studies.torque_check.load import Reference
+from esea_gen.studies.torque_check.load import KnownLoad
 from esea_gen.studies.torque_check.procedure import (
     LIMITS,
     largest_torque_Nm,
@@ -33,7 +33,7 @@ FULL = 4.47
 TORQUE = 1.0 * 9.81 * 0.2
 RATE_HZ = 100.0
 SETTLE_S, RECORD_S, HANDLING_S = 5.0, 10.0, 3.0
-REFERENCE = Reference(1.0, 0.2)
+KNOWN = KnownLoad(1.0, 0.2)
 
 
 def limit(name: str) -> float:
@@ -81,10 +81,8 @@ def sensor(
     return CheckRecording("rig.csv", time, values, tuple(labels) if labelled else None)
 
 
-def checked(
-    device, recording: CheckRecording, reference: Reference = REFERENCE, **more
-) -> TorqueCheck:
-    check = TorqueCheck(device, reference, **more)
+def checked(device, recording: CheckRecording, known: KnownLoad = KNOWN, **more) -> TorqueCheck:
+    check = TorqueCheck(device, known, **more)
     apply_recording(check, recording)
     return check
 
@@ -139,30 +137,30 @@ def test_each_fault_fails_its_own_criterion(elbow, name, fault, edge, seen):
     assert report.endswith("Verdict: FAIL")
 
 
-def expanded(reference: Reference) -> float:
+def expanded(known: KnownLoad) -> float:
     """Second derivation: by changing each quantity a little."""
     total = 0.0
     for key in ("mass_kg", "arm_m", "angle_rad", "g_m_s2"):
-        u = getattr(reference, f"u_{key}")
-        value = getattr(reference, key)
-        ends = [replace(reference, **{key: value + s * 1e-4}).torque_Nm for s in (-1, 1)]
+        u = getattr(known, f"u_{key}")
+        value = getattr(known, key)
+        ends = [replace(known, **{key: value + s * 1e-4}).torque_Nm for s in (-1, 1)]
         total += ((ends[1] - ends[0]) / 2e-4 * u) ** 2
         if key == "angle_rad":
-            curve = (ends[0] - 2 * reference.torque_Nm + ends[1]) / 1e-8
+            curve = (ends[0] - 2 * known.torque_Nm + ends[1]) / 1e-8
             total += 0.5 * (curve * u * u) ** 2
     return 2 * math.sqrt(total)
 
 
 @pytest.mark.parametrize("gain_error", [1, -1])
 @pytest.mark.parametrize(
-    "reference",
-    [REFERENCE, replace(REFERENCE, u_arm_m=0.004), replace(REFERENCE, u_mass_kg=0.0, u_arm_m=0.0)],
+    "known",
+    [KNOWN, replace(KNOWN, u_arm_m=0.004), replace(KNOWN, u_mass_kg=0.0, u_arm_m=0.0)],
 )
-def test_accuracy_is_the_limit_less_the_uncertainty(elbow, gain_error, reference):
-    room = limit("accuracy") - expanded(reference)
+def test_accuracy_is_the_limit_less_the_uncertainty(elbow, gain_error, known):
+    room = limit("accuracy") - expanded(known)
     for k, verdict in ((0.97, "pass"), (1.03, "fail")):
         recorded = sensor(gain=1 + gain_error * k * room / TORQUE)
-        check = checked(elbow, recorded, reference)
+        check = checked(elbow, recorded, known)
         assert check.verdict == verdict
         assert failing(check) == (set() if verdict == "pass" else {"accuracy"})
         accuracy = [d for d in check.decisions if d.criterion == "accuracy"]
@@ -178,15 +176,15 @@ def test_a_wrong_sign_fails(elbow):
         checked(elbow, replace(flipped, step=None))
 
 
-# -- the reference ------------------------------------------------------------------------------
+# -- the known load ----------------------------------------------------------------------------
 
 
-def test_reference_torque_and_budget():
-    r = Reference(1.3, 0.25, math.radians(20), 0.004, 0.002, math.radians(1.5))
+def test_known_torque_and_budget():
+    r = KnownLoad(1.3, 0.25, math.radians(20), 0.004, 0.002, math.radians(1.5))
     assert r.torque_Nm == pytest.approx(1.3 * 9.81 * 0.25 * math.cos(math.radians(20)))
     assert 2 * r.u_torque_Nm == pytest.approx(expanded(r), rel=1e-4)
     # At the horizontal the angle's first-order part vanishes; Monte Carlo sees the second.
-    level = Reference(1.0, 0.2, 0.0, 0.0, 0.0, math.radians(8), u_g_m_s2=0.0)
+    level = KnownLoad(1.0, 0.2, 0.0, 0.0, 0.0, math.radians(8), u_g_m_s2=0.0)
     rng = np.random.default_rng(3)
     drawn = level.torque_Nm * np.cos(rng.normal(0, math.radians(8), 400_000))
     assert level.u_torque_Nm == pytest.approx(np.std(drawn), rel=0.03)
@@ -208,9 +206,9 @@ def test_reference_torque_and_budget():
         ({"g_m_s2": 1.62}, "gravity = 1.62"),
     ],
 )
-def test_impossible_references_are_refused(values, message):
+def test_impossible_loads_are_refused(values, message):
     with pytest.raises(UserError) as error:
-        replace(REFERENCE, **values)
+        replace(KNOWN, **values)
     assert message in str(error.value)
 
 
@@ -230,11 +228,11 @@ def test_loads_outside_the_domain_are_refused(elbow):
     assert (low, high) == pytest.approx((0.25 * FULL, by_hand))
     for share, message in ((1.001 * high, "Hang at most 2.00"), (0.999 * low, "Hang at least 0.5")):
         with pytest.raises(UserError, match=message):
-            TorqueCheck(elbow, replace(REFERENCE, mass_kg=share / 9.81 / 0.2))
+            TorqueCheck(elbow, replace(KNOWN, mass_kg=share / 9.81 / 0.2))
     for share in (0.999 * high, 1.001 * low):
-        TorqueCheck(elbow, replace(REFERENCE, mass_kg=share / 9.81 / 0.2))
+        TorqueCheck(elbow, replace(KNOWN, mass_kg=share / 9.81 / 0.2))
     with pytest.raises(UserError, match="Measure the arm better"):
-        TorqueCheck(elbow, replace(REFERENCE, u_arm_m=0.01))
+        TorqueCheck(elbow, replace(KNOWN, u_arm_m=0.01))
     knee = esea_gen.load_device("knee")
     delta = knee.file.domain.theta_max_rad.value
     assert largest_torque_Nm(knee) == pytest.approx(
@@ -253,7 +251,7 @@ def phase(label: str = "zero_1", level: float = 0.0, seconds: float = 15.0, rate
 
 
 def test_steps_come_in_order(elbow):
-    check = TorqueCheck(elbow, REFERENCE)
+    check = TorqueCheck(elbow, KNOWN)
     assert check.verdict == "incomplete"
     assert check.next_step.label == "zero_1"
     with pytest.raises(UserError, match="plus_1 cannot be recorded now: the next one is zero_1"):
@@ -275,7 +273,7 @@ def test_steps_come_in_order(elbow):
 
 
 def test_a_failure_shows_before_the_end(elbow):
-    check = TorqueCheck(elbow, REFERENCE)
+    check = TorqueCheck(elbow, KNOWN)
     check.record(*phase(level=0.2))
     assert check.verdict == "fail"
     assert check.missing
@@ -301,14 +299,14 @@ def spoiled(change) -> tuple:
     ],
 )
 def test_what_cannot_be_judged_is_asked_for_again(elbow, change, message):
-    check = TorqueCheck(elbow, REFERENCE)
+    check = TorqueCheck(elbow, KNOWN)
     with pytest.raises(UserError, match=message):
         check.record(*spoiled(change))
     assert not check.measurements
 
 
 def test_settling_is_left_out_and_drift_and_noise_are_told_apart(elbow):
-    check = TorqueCheck(elbow, REFERENCE)
+    check = TorqueCheck(elbow, KNOWN)
     t = np.arange(1600) / 100
     noise = 0.004 * (-1.0) ** np.arange(len(t))
     tau = np.where(t < 5, 1.0, 0.01 + 0.003 * (t - 10)) + noise
@@ -348,7 +346,7 @@ def test_it_goes_on_where_it_stopped(elbow, tmp_path):
         (lambda c: c | {"kind": "else"}, "not the result of a torque check"),
         (lambda c: c | {"version": 2}, "version 2"),
         (lambda c: c | {"device_digest": "0"}, "has changed since"),
-        (lambda c: {k: v for k, v in c.items() if k != "reference"}, "damaged"),
+        (lambda c: {k: v for k, v in c.items() if k != "known_load"}, "damaged"),
         (lambda c: c | {"measurements": c["measurements"][1:]}, "out of order"),
         (lambda c: c | {"measurements": [{"label": "zero_1"}]}, "damaged"),
         (
@@ -357,12 +355,12 @@ def test_it_goes_on_where_it_stopped(elbow, tmp_path):
         ),
         (lambda c: c | {"measurements": [c["measurements"][0] | {"mean_Nm": "x"}]}, "damaged"),
         (lambda c: c | {"repeats": 2.5}, "damaged"),
-        (lambda c: c | {"reference": c["reference"] | {"mass_kg": 9.0}}, "above 3.94 Nm"),
+        (lambda c: c | {"known_load": c["known_load"] | {"mass_kg": 9.0}}, "above 3.94 Nm"),
         (lambda c: [c], "not the result"),
     ],
 )
 def test_only_an_earlier_check_is_gone_on_with(elbow, change, message):
-    check = TorqueCheck(elbow, REFERENCE)
+    check = TorqueCheck(elbow, KNOWN)
     check.record(*phase())
     check.record(*phase("plus_1", TORQUE))
     content = json.loads(json.dumps(check.to_dict()))
@@ -393,7 +391,7 @@ def test_phases_without_labels(elbow):
     start = by_label.measurements[11].start_s - SETTLE_S
     cut = (recorded.time_s < start - HANDLING_S) | (recorded.time_s > start + 16)
     short = CheckRecording("cut.csv", recorded.time_s[cut], recorded.tau_Nm[cut], None)
-    check = TorqueCheck(elbow, REFERENCE)
+    check = TorqueCheck(elbow, KNOWN)
     apply_recording(check, short)
     assert check.verdict == "incomplete"
     assert check.missing[0].label == "minus_3"
@@ -406,7 +404,7 @@ def test_phases_without_labels(elbow):
 def test_a_recording_is_taken_whole_or_not_at_all(elbow):
     recorded = sensor()
     labels = ["zero_1" if x == "zero_4" else x for x in recorded.step]
-    check = TorqueCheck(elbow, REFERENCE)
+    check = TorqueCheck(elbow, KNOWN)
     with pytest.raises(UserError, match=r"is 'zero_1', but zero_4 comes there.*Labels, in order"):
         apply_recording(check, replace(recorded, step=tuple(labels)))
     assert not check.measurements
@@ -509,7 +507,7 @@ def test_the_command(tmp_path, command):
     assert "13. zero_7" in shown
     code, shown, _ = command("elbow", *LOAD)
     assert code == 0
-    assert "Reference: 1.962 Nm" in shown
+    assert "Known load: 1.962 Nm" in shown
     write(tmp_path / "good.csv", sensor())
     code, shown, _ = command("elbow", *LOAD, "--recording", "good.csv", "--json", "r.json")
     assert code == 0
@@ -567,7 +565,7 @@ def test_the_command_from_a_shell(tmp_path):
 
 
 def test_instructions_give_every_limit_and_its_reason(elbow):
-    text = "\n".join(instructions(elbow, TorqueCheck(elbow, REFERENCE)))
+    text = "\n".join(instructions(elbow, TorqueCheck(elbow, KNOWN)))
     for x in LIMITS:
         assert x.reason in text
         assert f"{x.percent / 100 * FULL:.3g} Nm" in text

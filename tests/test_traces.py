@@ -1,4 +1,4 @@
-"""Reference traces: behaviour is kept, and a change of it reads well."""
+"""Committed traces: behaviour is kept, and a change of it reads well."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from esea_gen.verify.traces import (
     accept_traces,
     check_traces,
     differences,
-    reference_stream,
     run_trace,
+    trace_stream,
 )
 
 from .conftest import ROOT
@@ -55,7 +55,7 @@ def test_there_is_a_small_file_for_every_device():
 
 
 def test_the_stream_tries_what_it_says(elbow, trace):
-    stream = reference_stream(elbow)["theta_rad"]
+    stream = trace_stream(elbow)["theta_rad"]
     steps = sum(round(p.duration_s / elbow.period_s) for p in PARTS)
     assert len(stream) == steps
     usual = stream[np.isfinite(stream)]
@@ -71,7 +71,7 @@ def test_the_stream_tries_what_it_says(elbow, trace):
 
 def test_all_inputs_are_driven_and_differ():
     device = load_device("wrist")
-    stream = reference_stream(device)
+    stream = trace_stream(device)
     assert set(stream) == {x.name for x in device.system.inputs}
     a, b = list(stream.values())[:2]
     assert np.nanmax(np.abs(a - b)) > 0.1 * np.nanmax(np.abs(a[np.isfinite(a)]))

@@ -219,7 +219,7 @@ def test_encoders_count_and_bend(elbow):
         assert e.read(theta, counts=False, nonlinear=False) == pytest.approx(theta, abs=1e-12)
 
 
-def test_the_continuous_reference_has_converged(elbow):
+def test_the_continuous_model_has_converged(elbow):
     require_tool("gcc")
     from scipy.interpolate import CubicSpline
 

@@ -40,7 +40,7 @@ class Workers:
     Parameters
     ----------
     jobs : int
-        Processes on this machine; -1 for one a core, 1 for none beside this one.
+        Processes on this machine; -1: all cores, 1 for none beside this one.
     cluster : str, optional
         Address of a Dask scheduler, whose workers then run all cases instead.
 
@@ -55,7 +55,7 @@ class Workers:
 
     def __post_init__(self) -> None:
         if self.jobs < 1 and self.jobs != -1:
-            raise UserError(f"workers: {self.jobs}.", "Give 1 or more, or -1 for one a core.")
+            raise UserError(f"workers: {self.jobs}.", "Give 1 or more, or -1 for all cores.")
 
 
 def seeded(count: int, *, root: int = 0, **fixed: Any) -> list[dict[str, Any]]:
@@ -126,7 +126,7 @@ def run_cases(
     folder : path, optional
         Of the journal; without it nothing is kept.
     workers : int or Workers
-        Who runs them; a number is that of processes on this machine, -1 for one a core.
+        Who runs them; a number is that of processes on this machine, -1: all cores.
     retry_failed : bool
         Run cases again that the journal holds as failed.
     progress : callable, optional

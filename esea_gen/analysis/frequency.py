@@ -30,22 +30,22 @@ class Bandwidth:
     bandwidth_Hz : float or None
         Lowest frequency at which the gain falls through the level; the lowest of the data when it
         is below there already, None when it does not fall through within the data.
-    reference_gain : float
+    passband_gain : float
         Gain that the fall counts from.
-    reference : str
+    passband : str
         Where that comes from.
     drop_dB : float
         The fall.
     peak_dB, peak_Hz : float
-        Highest gain relative to the reference, and where.
+        Highest gain relative to the passband's, and where.
     returns : bool
         Whether the gain comes back above the level at a higher frequency: then the figure hangs
         on the definition.
     """
 
     bandwidth_Hz: float | None
-    reference_gain: float
-    reference: str
+    passband_gain: float
+    passband: str
     drop_dB: float
     peak_dB: float
     peak_Hz: float
@@ -199,7 +199,7 @@ class FrequencyResponse:
         self,
         *,
         drop_dB: float = HALF_POWER_DB,
-        reference_gain: float | None = None,
+        passband_gain: float | None = None,
         min_coherence: float = 0.0,
     ) -> Bandwidth:
         """Lowest frequency at which the gain has fallen by some dB.
@@ -208,7 +208,7 @@ class FrequencyResponse:
         ----------
         drop_dB : float
             The fall, above 0; half of the power (3.01 dB) by default.
-        reference_gain : float, optional
+        passband_gain : float, optional
             Gain to count from: 1 for "of the command", a static gain from a step for "of DC".  The
             gain at the lowest frequency when not given.
         min_coherence : float
@@ -222,15 +222,15 @@ class FrequencyResponse:
         Raises
         ------
         UserError
-            On a drop or reference that is not above 0, or too few points.
+            On a drop or passband gain that is not above 0, or too few points.
         """
         used = self.band(0.0, math.inf, min_coherence)
-        start = float(used.gain[0]) if reference_gain is None else reference_gain
+        start = float(used.gain[0]) if passband_gain is None else passband_gain
         if not (start > 0 and drop_dB > 0 and math.isfinite(start) and math.isfinite(drop_dB)):
             raise UserError(
-                f"bandwidth: reference gain {start}, drop {drop_dB} dB.", "Both must be above 0."
+                f"bandwidth: passband gain {start}, drop {drop_dB} dB.", "Both must be above 0."
             )
-        words = f"gain at {used.frequency_Hz[0]:.3g} Hz" if reference_gain is None else "given gain"
+        words = f"gain at {used.frequency_Hz[0]:.3g} Hz" if passband_gain is None else "given gain"
         relative = used.gain_dB - 20 * math.log10(start)
         below = relative < -drop_dB
         peak = int(np.argmax(relative))

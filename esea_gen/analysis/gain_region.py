@@ -27,8 +27,8 @@ class GainRegion:
     kp_Nm_rad, kd_Nms_rad: gains, shapes (p,) and (d,).
     hands: hands that the loop was closed with, h of them.
     radius: largest eigenvalue's magnitude, shape (p, d, h).
-    passive: whether the port is passive without any hand, shape (p, d).
-    least: least relative real part of the port's admittance, shape (p, d).
+    passive: whether the driving point is passive without any hand, shape (p, d).
+    least: least relative real part of the driving point's admittance, shape (p, d).
     least_Hz: its frequency, shape (p, d).
     """
 
@@ -68,7 +68,7 @@ def gain_region(
     parts: int = 8,
     progress: Callable[[int, int], None] | None = None,
 ) -> GainRegion:
-    """Map stability with each hand and passivity of the port over gains.
+    """Map stability with each hand and passivity of the driving point over gains.
 
     loop: ``loop(kp, kd) -> (Plant, Controller)``, linearised at rest.
     progress: told after each pair of gains how many of how many are done.
@@ -101,10 +101,10 @@ def required_damping(
     *,
     points: int = 4096,
 ) -> float:
-    """Damping that a rigid port needs to render a sampled impedance passively.
+    """Damping that a rigid driving point needs to render a sampled impedance passively.
 
     transfer: h(z), resisting torque per angle, Nm/rad, for an array of z.
-    return: nms/rad: the port is passive if, and only if, its own damping is more.
+    return: nms/rad: the driving point is passive if, and only if, its own damping is more.
 
     b > T/2 / (1 - cos wT) Re{(1 - exp(-j wT)) H(exp(j wT))} for 0 <= w <= pi/T, from [1]_; for the
     spring and damper H = K + B (z - 1)/(T z) its largest value is K T/2 + |B|.

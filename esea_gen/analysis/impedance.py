@@ -1,4 +1,4 @@
-"""Output impedance: the torque with which a port resists a prescribed motion."""
+"""Output impedance: the torque with which a driving point resists a prescribed motion."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ GOOD_FIT = 0.2
 
 @dataclass(frozen=True)
 class ImpedanceFit:
-    """Inertia, damping and stiffness that a port shows in a band.
+    """Inertia, damping and stiffness that a driving point shows in a band.
 
     inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad: the fit; nothing keeps them above 0: a negative
-        damping is what an active port shows.
+        damping is what an active driving point shows.
     inertia_std, damping_std, stiffness_std: standard deviations, from the misfit.
     misfit: RMS of the relative complex misfit.
     """
@@ -47,7 +47,7 @@ class ImpedanceFit:
 
 @dataclass(frozen=True)
 class OutputImpedance:
-    """Torque with which a port resists a prescribed motion, over frequency.
+    """Torque with which a driving point resists a prescribed motion, over frequency.
 
     angle: resisting torque per angle, Nm/rad.
     """
@@ -110,7 +110,7 @@ class OutputImpedance:
     def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
         """Some frequencies as lines of text, and the fit in a band.
 
-        return: torque per angle, then the fit; a warning where the port behaves as no such mass.
+        return: torque per angle, then the fit; a warning where no such mass is what it behaves as.
         """
         fit = self.fit(low_Hz, high_Hz)
         poor = (
@@ -136,7 +136,7 @@ def impedance(
     response: of the torque (Nm) to the motion, by any of the estimators.
     sign: -1 when the torque acts on what is moved (tau_e of the thesis: a spring pulls back), 1
         when it is the torque that the moving needs.
-    return: a passive port has a phase per rate between -90 and 90 deg.
+    return: a passive driving point has a phase per rate between -90 and 90 deg.
     """
     if motion not in ("angle", "rate") or sign not in (-1.0, 1.0):
         raise ValueError(f"motion {motion!r} must be 'angle' or 'rate', sign {sign} -1 or 1")

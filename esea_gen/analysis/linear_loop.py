@@ -1,4 +1,4 @@
-"""A linear plant at a port, a sampled controller and a hand, closed: exact between the samples."""
+"""A linear plant, a sampled controller and a hand, closed: exact between the samples."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def _matrix(name: str, value: npt.ArrayLike, rows: int, columns: int) -> Array:
 
 @dataclass(frozen=True)
 class LinearPlant:
-    """A linear plant between a sampled controller and a port, in continuous time.
+    """A linear plant between a sampled controller and a driving point, in continuous time.
 
     a: states, shape (n, n).
     b_u: controller's inputs, held over a period, shape (n, m).
-    b_tau: torque of the hand on the port, shape (n,).
+    b_tau: torque of the hand on the driving point, shape (n,).
     c_y: measurements, sampled once a period, shape (q, n).
-    c_theta, c_omega: angle and rate of the port, shape (n,).
+    c_theta, c_omega: angle and rate of the driving point, shape (n,).
     """
 
     a: Array
@@ -60,12 +60,12 @@ class LinearPlant:
             raise UserError("c_omega is not the rate of c_theta.", "c_theta @ a must be c_omega.")
         if not (self.c_theta @ self.b_tau == 0 and self.c_omega @ self.b_tau > 0):
             raise UserError(
-                "The port has no inertia: its torque does not accelerate it.",
+                "The driving point has no inertia: its torque does not accelerate it.",
                 "Keep a load inertia between hand and elastomer.",
             )
 
     def holding(self, hand: Hand) -> LinearPlant:
-        """The plant with a hand on its port."""
+        """The plant with a hand on its driving point."""
         freed = 1 + hand.inertia_kgm2 * float(self.c_omega @ self.b_tau)
         row = -(
             hand.inertia_kgm2 * self.c_omega @ self.a
@@ -159,10 +159,10 @@ def linearise(
 
 @dataclass(frozen=True)
 class Loop:
-    """Closed loop over one period, port torque and mean port rate in equal parts of it.
+    """Closed loop over one period: torque and mean rate of the driving point in equal parts.
 
     a, b, c, d: x(k+1) = a x(k) + b w(k), v(k) = c x(k) + d w(k): w the hand's torque, held in each
-        of the parts, shape (parts,); v the mean rate of the port in each part, shape (parts,).
+        of the parts, shape (parts,); v the driving point's mean rate in each, shape (parts,).
     """
 
     a: Array
@@ -190,7 +190,7 @@ class Loop:
         return self.radius < 1
 
     def admittance(self, frequency_Hz: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-        """Mean port rates over port torques.
+        """Mean rates over torques of the driving point.
 
         frequency_Hz: up to half the controller's rate (the parts hold what is above), shape (f,).
         """
@@ -201,7 +201,7 @@ class Loop:
         return np.asarray(self.d + self.c @ inner)
 
     def resistance(self, frequency_Hz: npt.ArrayLike) -> Array:
-        """Least real part of the admittance: whether the port takes power or gives it.
+        """Least real part of the admittance: whether the driving point takes power or gives it.
 
         frequency_Hz: where, shape (f,).
         return: least eigenvalue of the admittance's Hermitian part over its Frobenius norm, shape
@@ -212,9 +212,9 @@ class Loop:
         return np.asarray(least / np.maximum(np.linalg.norm(y, axis=(1, 2)), 1e-300))
 
     def passivity(self) -> tuple[bool, float, float]:
-        """Positive-realness of the port admittance.
+        """Positive-realness of the driving-point admittance.
 
-        return: whether the port is passive (stable by itself, and no frequency at which it gives
+        return: whether it is passive (stable by itself, and no frequency at which the point gives
             out power), the least `resistance`, and its frequency in Hz.
         """
         half = 0.5 / self.period_s
@@ -237,7 +237,7 @@ class Loop:
 def close_loop(plant: LinearPlant, controller: Controller, *, parts: int = 8) -> Loop:
     """Sampled controller on a continuous plant, exact between the samples.
 
-    parts: into how many equal parts of a period the port's torque is divided.
+    parts: into how many equal parts of a period the driving point's torque is divided.
 
     In a part of length h the hand's torque w is held, so the work it does is exactly
     w (theta(end) - theta(start)) = h w v.  Positive-realness of the lifted w -> v therefore says

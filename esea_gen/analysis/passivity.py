@@ -1,7 +1,7 @@
 """Passivity of a rendered impedance over its gains, from the energy of recorded runs.
 
-A hand that is passive and a port that is passive cannot oscillate, whatever the hand's inertia,
-damping and stiffness; a port that is not needs a look at each hand.
+A passive hand and a passive driving point cannot oscillate, whatever the hand's inertia,
+damping and stiffness; one that is not passive needs a look at each hand.
 `esea_gen.analysis.gain_region` does the same on matrices.
 """
 
@@ -79,14 +79,14 @@ def hand_family(
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energy that a port took in over a run.
+    """Energy that a driving point took in over a run.
 
     Parameters
     ----------
     absorbed_J : ndarray
         Taken in since the start, at the samples of the angle, shape (n,).
     stored_J : float
-        What the port held at the start.
+        What the driving point held at the start.
     exchanged_J : float
         Energy that went either way, in total.
     """
@@ -97,7 +97,7 @@ class EnergyBalance:
 
     @property
     def generated_J(self) -> float:
-        """Energy given out beyond what was ever put in; 0 for a passive port."""
+        """Energy given out beyond what was ever put in; 0 for a passive driving point."""
         return max(0.0, -float(np.min(self.absorbed_J)) - self.stored_J)
 
     @property
@@ -118,14 +118,14 @@ def energy_balance(
     Parameters
     ----------
     theta_rad : array_like
-        Angle of the port, shape (n,).
+        Angle of the driving point, shape (n,).
     tau_Nm : array_like
-        Torque of the port ON the hand, at the same samples, shape (n,).
+        Torque of the driving point ON the hand, at the same samples, shape (n,).
     held : bool
         The torque keeps a sample's value until the next sample: the sum is then exact.  Otherwise
         the trapezoidal rule is taken.
     stored_J : float
-        Energy of the port at the start, for example of a virtual spring that starts deflected.
+        Energy it holds at the start, for example of a virtual spring that starts deflected.
 
     Returns
     -------
@@ -148,18 +148,18 @@ def energy_balance(
 
 
 @dataclass(frozen=True)
-class PortRun:
+class HandRun:
     """What a run of the closed loop leaves for the energy balance.
 
     Parameters
     ----------
     theta_rad, tau_Nm : ndarray
-        Angle of the port and its torque on the hand, shape (n,) each; a run that was stopped may
+        Angle of the driving point and its torque on the hand, shape (n,) each; a stopped run may
         hold values that are not finite.
     held : bool
         The torque is held between samples.
     stored_J : float
-        Energy of the port at the start.
+        Energy of the driving point at the start.
     """
 
     theta_rad: Array
@@ -287,7 +287,7 @@ def checked_gains(name: str, values: Sequence[float] | Array) -> Array:
     return array
 
 
-Runner = Callable[[float, float, Hand], PortRun]
+Runner = Callable[[float, float, Hand], HandRun]
 
 
 def passivity_map(
@@ -304,7 +304,7 @@ def passivity_map(
     Parameters
     ----------
     run : callable
-        ``run(kp, kd, hand) -> PortRun``: a closed-loop run with that hand, set in motion.
+        ``run(kp, kd, hand) -> HandRun``: a closed-loop run with that hand, set in motion.
     kp_Nm_rad, kd_Nms_rad : sequence of float
         Gains, rising.
     hands : sequence of Hand
@@ -318,7 +318,7 @@ def passivity_map(
     Returns
     -------
     PassivityMap
-        Necessary, not sufficient: a run can show that a port is active, not that it never is.
+        Necessary, not sufficient: a run can show activity, not that there never is any.
 
     Raises
     ------

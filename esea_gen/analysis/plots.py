@@ -256,7 +256,7 @@ def bode(
             if b.bandwidth_Hz is None:
                 continue
             colour = COLOURS[names.index(name) % len(COLOURS)] if name in names else INK
-            level = 20 * np.log10(b.reference_gain) - b.drop_dB
+            level = 20 * np.log10(b.passband_gain) - b.drop_dB
             # The figure stands in the legend: two loops' marks often fall together.
             grid[0].plot(
                 [b.bandwidth_Hz],
@@ -266,8 +266,8 @@ def bode(
                 ms=6,
                 mfc="white",
                 mew=1.5,
-                label=f"−{b.drop_dB:.3g} dB at {b.bandwidth_Hz:.3g} Hz, from the\n{b.reference}, "
-                f"{_signed_dB(b.reference_gain)} dB",
+                label=f"−{b.drop_dB:.3g} dB at {b.bandwidth_Hz:.3g} Hz, from the\n{b.passband}, "
+                f"{_signed_dB(b.passband_gain)} dB",
             )
         grid[0].set_ylabel("gain, dB")
         grid[1].set_ylabel("phase, deg")

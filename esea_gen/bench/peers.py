@@ -23,7 +23,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.formats.f64 import reference_c
+from esea_gen.emit.formats.f64 import casadi_c
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources, find_compiler
@@ -129,9 +129,7 @@ def peer_sources(
         # CasADi's text refers to nothing of ours but the number it computes in.
         real_t = "" if real == "f64" else "#define casadi_real float\n"
         casadi = {
-            n.removeprefix("reference/"): t
-            for n, t in reference_c(system).items()
-            if n.endswith(".c")
+            n.removeprefix("reference/"): t for n, t in casadi_c(system).items() if n.endswith(".c")
         }
         out[f"casadi {real}"] = Sources(
             "CasADi C (f64)" if real == "f64" else "CasADi C (casadi_real=float)",

@@ -268,7 +268,7 @@ def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> list[str]:
 
 
 def _dense_minimum(h: Array, f: Array) -> Array:
-    # Active set of a tight augmented-Lagrangian-free reference: coordinate descent to the end.
+    # Active set of a tight augmented-Lagrangian-free answer: coordinate descent to the end.
     x = np.zeros(len(f))
     for _ in range(20000):
         before = x.copy()

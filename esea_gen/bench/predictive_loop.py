@@ -1,9 +1,9 @@
-"""Predictive and sliding mode control in closed loop with the reference plants, side by side.
+"""Predictive and sliding mode control in closed loop with the standard plants, side by side.
 
     python -m esea_gen.bench.predictive_loop --seeds 10 --random 200 --resume /tmp/journal
 
 The controllers are the generated f32 C of their device files (``devices/controllers``); plants,
-people and trajectories are the reference ones (``twin/plants.toml``).  Printed is the true error
+people and trajectories are the standard ones (``twin/plants.toml``).  Printed is the true error
 (coupling's torque less the wanted one), and how many runs were unstable or tripped.  With
 ``--resume`` a run that was cut off goes on where it was.
 """
@@ -27,10 +27,10 @@ from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import plant_variant, run_on
 
 CONTROLLERS = {
-    "smc-published": "SMC as printed",
+    "smc-published": "SMC as published",
     "smc": "SMC as shipped",
-    "mpc-published": "MPC as printed, preview",
-    "mpc-published-no-preview": "MPC as printed",
+    "mpc-published": "MPC as published, preview",
+    "mpc-published-no-preview": "MPC as published",
     "mpc-no-preview": "MPC",
     "mpc": "MPC, preview",
 }
@@ -132,11 +132,11 @@ def recorded_rows(controller: str, case: Case, steps: int, seed: int = 0) -> Arr
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=10, help="reference plants; 0 for none")
+    parser.add_argument("--seeds", type=int, default=10, help="standard plants; 0 for none")
     parser.add_argument("--random", type=int, default=0, help="random plants and people")
     parser.add_argument("--controllers", nargs="+", default=list(CONTROLLERS))
     parser.add_argument("--resume", type=Path, help="journal: go on where a run was cut off")
-    parser.add_argument("--jobs", type=int, default=-1, help="processes; -1 for one a core")
+    parser.add_argument("--jobs", type=int, default=-1, help="parallel processes; -1: all cores")
     parser.add_argument("--cluster", help="address of a Dask scheduler, instead of processes here")
     chosen = parser.parse_args(arguments)
 

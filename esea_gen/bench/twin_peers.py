@@ -26,7 +26,7 @@ class PlantEquations:
     """Drive, cable and elastomer with the output fixed, as one writes them down in Python.
 
     Right sides of (5.1), (5.2), (3.3) and (3.4) of the thesis, cable and gear disturbance as in the
-    reference plants.  Left out is what the tuning case does not reach: trips, and the person.  A
+    standard plants.  Left out is what the tuning case does not reach: trips, and the person.  A
     stop operator is a closed form of the deflection as long as that does not turn; ``turned`` takes
     hold of it.
 

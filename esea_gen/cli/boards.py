@@ -29,7 +29,8 @@ def firmware(
     device: DeviceArgument,
     board: BoardOption = DEFAULT_BOARD,
     folder: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Output; build/<device>.")
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Output folder; default: build/<device>."),
     ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
@@ -55,7 +56,9 @@ def emulate(
     board: BoardOption = DEFAULT_BOARD,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", help="Of a drive: how much of the tuning case; 3."),
+        typer.Option(
+            "--seconds", help="For a drive: how many seconds of the tuning case; default: 3."
+        ),
     ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,

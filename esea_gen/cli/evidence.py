@@ -30,7 +30,7 @@ def verify(
     real: RealOption = None,
     recording: Annotated[
         Path | None,
-        typer.Option("--recording", metavar="MAPPING", help="Also a recorded deflection."),
+        typer.Option("--recording", metavar="MAPPING", help="Also run a recorded deflection."),
     ] = None,
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
@@ -152,7 +152,7 @@ def coverage(
 def gates(
     device: DeviceArgument,
     target: Annotated[
-        list[str] | None, typer.Option("--target", help="Target; all of them when not given.")
+        list[str] | None, typer.Option("--target", help="Target; default: all.")
     ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
@@ -179,9 +179,10 @@ def mutate(
     device: DeviceArgument,
     real: RealOption = None,
     sample: Annotated[
-        int | None, typer.Option("--sample", min=1, help="So many mutants, drawn; else all.")
+        int | None,
+        typer.Option("--sample", min=1, help="Number of mutants, drawn at random; default: all."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the draw.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random draw.")] = 0,
     block: BlockOption = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
@@ -201,7 +202,7 @@ def mutate(
         raise typer.Exit(1)
 
 
-traces = typer.Typer(help="Reference traces: how every shipped System behaves.")
+traces = typer.Typer(help="Committed traces: how every shipped System behaves.")
 
 
 app.add_typer(traces, name="traces", no_args_is_help=True)
@@ -226,7 +227,7 @@ def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
 
 @traces.command("accept")
 def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
-    """Take the present behaviour as the reference."""
+    """Accept the present behaviour."""
     from esea_gen.verify.traces import accept_traces
 
     for line in accept_traces(folder):
@@ -257,16 +258,17 @@ def fixed(
         float, typer.Option("--minutes", min=1.0, help="Length of the chirps in the domain.")
     ] = 1.0,
     recording: Annotated[
-        Path | None, typer.Option("--recording", metavar="MAPPING", help="A recording to run.")
+        Path | None, typer.Option("--recording", metavar="MAPPING", help="Recording to run.")
     ] = None,
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
     cores: Annotated[
-        bool, typer.Option("--cores", help="Also on emulated Cortex-M3, M0 and M4F.")
+        bool, typer.Option("--cores", help="Also run on emulated Cortex-M3, M0 and M4F.")
     ] = False,
     prove: Annotated[
-        bool, typer.Option("--prove", help="Also Frama-C's value analysis, assumptions listed.")
+        bool,
+        typer.Option("--prove", help="Also run Frama-C's value analysis; lists its assumptions."),
     ] = False,
     controller: ControllerOption = None,
     json_file: JsonOption = None,

@@ -50,7 +50,7 @@ def simulate(
         typer.Option(
             "--person",
             metavar="none|ideal|uncertain|random",
-            help="Who moves the load; suits plant and experiment when not given.",
+            help="Who moves the load; default: what suits plant and study.",
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first run.")] = 0,
@@ -62,11 +62,13 @@ def simulate(
     cluster: ClusterOption = None,
     resume: Annotated[
         Path | None,
-        typer.Option("--resume", metavar="DIR", help="Journal: go on where a run was cut off."),
+        typer.Option("--resume", metavar="DIR", help="Journal: continue an interrupted run."),
     ] = None,
     csv_file: Annotated[
         Path | None,
-        typer.Option("--csv", metavar="FILE", callback=writable, help="Also every run as CSV."),
+        typer.Option(
+            "--csv", metavar="FILE", callback=writable, help="Also write every run as CSV."
+        ),
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -107,11 +109,11 @@ def passivity(
     ] = 9,
     push: Annotated[
         float,
-        typer.Option("--push", metavar="RAD_S", help="Speed that the push gives a hand alone."),
+        typer.Option("--push", metavar="RAD_S", help="Speed that the push gives a free hand."),
     ] = 0.5,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
     sliding: Annotated[
-        bool, typer.Option("--sliding/--no-sliding", help="Also the sliding condition.")
+        bool, typer.Option("--sliding/--no-sliding", help="Also check the sliding condition.")
     ] = True,
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
@@ -142,7 +144,9 @@ def tune(
     plant: PlantOption = "real",
     parameter: Annotated[
         str | None,
-        typer.Option("--parameter", metavar="NAME", help="Tunable; the thesis' procedure without."),
+        typer.Option(
+            "--parameter", metavar="NAME", help="Tunable; default: the thesis' procedure."
+        ),
     ] = None,
     values: Annotated[
         str, typer.Option("--values", metavar="A,B,C", help="Values of the parameter.")

@@ -37,11 +37,12 @@ def build(
         typer.Option(
             "--real",
             metavar="f64|f32|q31",
-            help="Number format; all of the device's when not given.",
+            help="Number format; default: all of the device's.",
         ),
     ] = None,
     folder: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Output; generated/<device>.")
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Output folder; default: generated/<device>."),
     ] = None,
     controller: ControllerOption = None,
 ) -> None:
@@ -67,7 +68,9 @@ def build(
 
 @app.command()
 def check(
-    devices: Annotated[list[str] | None, typer.Argument(help="Devices; all shipped.")] = None,
+    devices: Annotated[
+        list[str] | None, typer.Argument(help="Devices; default: all shipped.")
+    ] = None,
     folder: Annotated[
         Path, typer.Option("--in", metavar="DIR", help="Folder that holds <device>/.")
     ] = GENERATED,
@@ -107,7 +110,7 @@ def new(
         str, typer.Option("--from", metavar="DEVICE", help="Device whose numbers to start from.")
     ] = "elbow",
     target: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The file; NAME.toml.")
+        Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: NAME.toml.")
     ] = None,
 ) -> None:
     """Write a commented device file to edit; its numbers are copied, each marked as assumed."""
@@ -138,7 +141,7 @@ def _schema_text() -> str:
 @app.command()
 def schema(
     target: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write it there.")
+        Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: print.")
     ] = None,
 ) -> None:
     """Print the JSON schema of device files, for completion in editors."""

@@ -23,7 +23,8 @@ def identify(
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
     folder: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Output; identified/<device>.")
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Output folder; default: identified/<device>."),
     ] = None,
     inverse: Annotated[
         bool, typer.Option("--inverse", help="Refit the published inverse's play operators too.")
@@ -60,15 +61,17 @@ def identify(
 @app.command(cls=StudyCommand)
 def uncertainty(
     device: DeviceArgument,
-    runs: Annotated[int, typer.Option("--runs", help="Runs of the Monte-Carlo.")] = 100,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of its draws.")] = 1,
+    runs: Annotated[int, typer.Option("--runs", help="Monte Carlo runs.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random draws.")] = 1,
     residual_deg: Annotated[
         float,
-        typer.Option("--residual-deg", help="Nonlinearity that the encoders' correction leaves."),
+        typer.Option("--residual-deg", help="Encoder nonlinearity left after correction, degrees."),
     ] = 0.1,
     recording: Annotated[
         Path | None,
-        typer.Option("--recording", metavar="MAPPING", help="What the device was identified with."),
+        typer.Option(
+            "--recording", metavar="MAPPING", help="Recording that the device was identified from."
+        ),
     ] = None,
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
@@ -94,13 +97,14 @@ def uncertainty(
 def torque_check(
     device: DeviceArgument,
     mass: Annotated[
-        float | None, typer.Option("--mass", metavar="KG", help="Mass that is hung up.")
+        float | None, typer.Option("--mass", metavar="KG", help="Mass hung on the arm.")
     ] = None,
     arm: Annotated[
-        float | None, typer.Option("--arm", metavar="M", help="From the axis to where it hangs.")
+        float | None,
+        typer.Option("--arm", metavar="M", help="From the joint axis to where the mass hangs."),
     ] = None,
     angle: Annotated[
-        float, typer.Option("--angle", metavar="DEG", help="Of the arm off the horizontal.")
+        float, typer.Option("--angle", metavar="DEG", help="Angle of the arm to the horizontal.")
     ] = 0.0,
     mass_uncertainty: Annotated[
         float, typer.Option("--mass-uncertainty", metavar="KG", help="Standard uncertainty.")
@@ -113,16 +117,16 @@ def torque_check(
     ] = 1.0,
     recording: Annotated[
         Path | None,
-        typer.Option("--recording", metavar="FILE", help="CSV: time_s, tau_Nm and perhaps step."),
+        typer.Option("--recording", metavar="FILE", help="CSV: time_s, tau_Nm, optionally step."),
     ] = None,
     resume: Annotated[
         Path | None,
-        typer.Option("--resume", metavar="FILE", help="JSON of a check to go on with."),
+        typer.Option("--resume", metavar="FILE", help="Continue the check in this JSON file."),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
     from esea_gen.studies.torque_check.check import TorqueCheck
-    from esea_gen.studies.torque_check.load import Reference
+    from esea_gen.studies.torque_check.load import KnownLoad
     from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
     from esea_gen.studies.torque_check.study import instructions
 
@@ -137,7 +141,7 @@ def torque_check(
     elif mass is not None and arm is not None:
         check = TorqueCheck(
             loaded,
-            Reference(
+            KnownLoad(
                 mass,
                 arm,
                 math.radians(angle),
@@ -148,9 +152,7 @@ def torque_check(
         )
     elif recording is not None or mass is not None or arm is not None:
         lacking = " and ".join(n for n, v in (("--mass", mass), ("--arm", arm)) if v is None)
-        raise UserError(
-            f"the reference torque is not known: {lacking} missing.", "Give mass (kg) and arm (m)."
-        )
+        raise UserError(f"the load is not known: {lacking} missing.", "Give mass (kg) and arm (m).")
     if recording is not None:
         assert check is not None
         apply_recording(check, read_recording(recording))

@@ -57,12 +57,12 @@ JsonOption = Annotated[
 
 BlockOption = Annotated[
     list[str] | None,
-    typer.Option("--block", metavar="NAME", help="Block; all of them when not given."),
+    typer.Option("--block", metavar="NAME", help="Block; default: all."),
 ]
 
 
 RealOption = Annotated[
-    list[str] | None, typer.Option("--real", metavar="f64|f32", help="Number format; all of them.")
+    list[str] | None, typer.Option("--real", metavar="f64|f32", help="Number format; default: all.")
 ]
 
 
@@ -106,7 +106,7 @@ def _jobs(value: int) -> int:
 
 
 JobsOption = Annotated[
-    int, typer.Option("--jobs", callback=_jobs, help="Processes; -1 for one a core.")
+    int, typer.Option("--jobs", callback=_jobs, help="Parallel processes; -1: all cores.")
 ]
 
 
@@ -143,7 +143,7 @@ FigureOption = Annotated[
         "--figure",
         metavar="FILE",
         callback=_picture_file,
-        help="Also a plot: .png, .svg or .pdf.",
+        help="Also write a plot: .png, .svg or .pdf.",
     ),
 ]
 

@@ -19,7 +19,7 @@ from esea_gen.targets import DEFAULT_BOARD
 def report(
     device: DeviceArgument,
     recording: Annotated[
-        Path | None, typer.Option("--recording", metavar="MAPPING", help="A recording to run.")
+        Path | None, typer.Option("--recording", metavar="MAPPING", help="Recording to run.")
     ] = None,
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
@@ -27,7 +27,9 @@ def report(
     board: BoardOption = DEFAULT_BOARD,
     page: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", callback=writable, help="The page; <device>.html."),
+        typer.Option(
+            "--out", metavar="FILE", callback=writable, help="Output file; default: <device>.html."
+        ),
     ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,

@@ -29,7 +29,7 @@ SMOOTH_RAD = 1e-4
 Q_BEST, R_BEST = 300.0, 1.0
 
 # Who tells of the person's torque and of the rates: the extended-state observer with the tracking
-# observer of the deflection; or as printed, (5.10) with a parabola, and filtered differences.
+# observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
 Person = Literal["extended_state", "parabola"]
 
 
@@ -118,7 +118,7 @@ class _Drive:
 
     def __init__(self, device: DeviceData, impedance: bool, person: Person) -> None:
         drive = self.drive = drive_of(device)
-        self.impedance, self.printed = impedance, person == "parabola"
+        self.impedance, self.published = impedance, person == "parabola"
         a = drive.actuator
         self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
         self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
@@ -152,7 +152,7 @@ class _Drive:
         angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
         return angle | {
             "delta": u.delta_rad,
-            "omega_m": u.omega_m_rad_s if self.printed else u.omega_l_rad_s + u.omega_rad_s,
+            "omega_m": u.omega_m_rad_s if self.published else u.omega_l_rad_s + u.omega_rad_s,
             "omega_l": u.omega_l_rad_s,
             "u_a": u.u_a_Nm,
             **({"tau_r": tau_r} if self.maxwell else {}),
@@ -253,7 +253,7 @@ class _Drive:
 
     def human(self, u: SimpleNamespace, p: SimpleNamespace, s: Any) -> Any:
         """Forecast of the person's torque."""
-        if not self.printed:
+        if not self.published:
             return u.tau_h_Nm + u.tau_h_rate_Nm_s * s
         tau = u.tau_h_Nm + s * (u.tau_h_rate_Nm_s + 0.5 * s * u.tau_h_curve_Nm_s2)
         # A parabola knows no end: a person does.
@@ -263,7 +263,7 @@ class _Drive:
         """What the forecast takes of the time since the measurement."""
         fade = self.drive.disturbance.decay_s.value
         # The extended-state observer's own model: the rate decays, the torque settles.
-        return t if self.printed else fade * (1 - math.exp(-t / fade))
+        return t if self.published else fade * (1 - math.exp(-t / fade))
 
     def prepare(self, c: SimpleNamespace) -> dict[str, Any]:
         return {
@@ -308,7 +308,7 @@ class _Drive:
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
             around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
-            if self.printed
+            if self.published
             else around("omega_rad_s", drive.rate_rad_s, "deflection's rate"),
             *(
                 (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
@@ -329,7 +329,11 @@ class _Drive:
             around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
             around("tau_h_rate_Nm_s", 1e4, "its rate"),
-            *((around("tau_h_curve_Nm_s2", 1e5, "its second derivative"),) if self.printed else ()),
+            *(
+                (around("tau_h_curve_Nm_s2", 1e5, "its second derivative"),)
+                if self.published
+                else ()
+            ),
             Port("mode", 0, 2, "0 off: the command is 0"),
         )
 

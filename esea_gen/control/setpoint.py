@@ -36,7 +36,7 @@ def setpoint_rates(
 
     kind: ``observer``: a third-order tracking observer with a triple real pole, which follows a
         constant acceleration without error. ``differences``: plain first and second difference, as
-        printed.
+        published.
     return: input ``theta_set_rad``, the inverse's set-point; outputs ``delta_set_rad``,
         ``delta_rate_rad_s``, ``delta_acc_rad_s2`` and a status word.
 

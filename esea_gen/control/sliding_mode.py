@@ -64,7 +64,7 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
         A device with a drive.
     lead : float, optional
         Default of the tunable ``lead``.  When not given, 1 where the device file takes the
-        set-point's acceleration as zero (the controller is then the printed one), else 2.
+        set-point's acceleration as zero (the controller is then the published one), else 2.
 
     Returns
     -------
@@ -294,7 +294,7 @@ class _SlidingMode:
         return surface, integral
 
     def setpoint_acceleration(self, c: SimpleNamespace, u: SimpleNamespace, label: Labels) -> ca.SX:
-        """theta_d'': of the set-point and, by (5.3), of the load; 0 as printed."""
+        """theta_d'': of the set-point and, by (5.3), of the load; 0 as published."""
         if self.model_acceleration:
             load = (u.tau_Nm + u.tau_h_Nm) * (1 / self.drive.joint.Jh_kgm2.value)
             set_acc = u.delta_acc_rad_s2 + c.load_share * load

@@ -292,7 +292,7 @@ class SlidingMode(Section):
         default=None,
     )
     setpoint_acceleration: Literal["zero", "model"] = Field(
-        description="Acceleration of the set-point: zero as printed, or from the model."
+        description="Acceleration of the set-point: zero as published, or from the model."
     )
 
 
@@ -315,7 +315,7 @@ class Predictive(Section):
     )
     person: Literal["extended_state", "parabola"] = Field(
         default="extended_state",
-        description="Torque of the person ahead: extended-state observer, or as printed, the "
+        description="Torque of the person ahead: extended-state observer, or as published, the "
         "observer (5.10) with a parabola through its past and rates from filtered differences.",
     )
 

@@ -16,10 +16,10 @@ from esea_gen.language.program import Program
 from esea_gen.language.statements import (
     EPSILON,
     Call,
+    Exit,
     For,
     Invoke,
     Ix,
-    Leave,
     Memory,
     Part,
     ProgramError,
@@ -233,7 +233,7 @@ class _Writer:
             refs: list[Ref] = []
             if isinstance(s, Call):
                 refs = [*s.args, *s.results]
-            elif isinstance(s, Leave) or (isinstance(s, When) and isinstance(s.flag, Ref)):
+            elif isinstance(s, Exit) or (isinstance(s, When) and isinstance(s.flag, Ref)):
                 refs = [s.flag]  # type: ignore[list-item]
             elif isinstance(s, Invoke):
                 used |= set(self._pointers(self.program.parts[s.part]))
@@ -306,7 +306,7 @@ class _Writer:
                 lines += self._call(s, context, depth)
             elif isinstance(s, SetIndex):
                 lines.append(f"{pad}{s.var} = {self._index(s.value, context)};")
-            elif isinstance(s, Leave):
+            elif isinstance(s, Exit):
                 zero = self.fmt.literal(0.0)
                 lines.append(f"{pad}if ({self.place(s.flag, 0, context)} != {zero})")
                 lines.append(f"{pad}    break;")

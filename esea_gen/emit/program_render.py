@@ -11,7 +11,7 @@ from esea_gen.language.system import System, Task
 
 
 class ProgramRenderer(Renderer):
-    """Renders a System of one Program: its C files only, no example and no reference."""
+    """Renders a System of one Program: its C files only, no example and no C of CasADi's."""
 
     def files(self) -> dict[str, str]:
         """The C files."""

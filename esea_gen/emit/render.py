@@ -92,7 +92,7 @@ def content_hash(
     """The hash that runs through device, C, firmware, log and report.
 
     It covers the device file's content, the text of every emitted C file in the given number
-    formats, the reference C, the dialect's templates and the versions that the bytes depend on.
+    formats, CasADi's own C, the dialect's templates and the versions that the bytes depend on.
     """
     h = hashlib.sha256()
 
@@ -288,7 +288,7 @@ class Renderer:
         out = self.own_files()
         out["main.c"] = self.render("device/main.c.j2", example=self.example())
         out |= {n: self.render(t) for n, t in self.fmt.templates(self.prefix).items()}
-        out |= self.fmt.reference(self.system)
+        out |= self.fmt.casadi_c(self.system)
         return out | {path.name: path.read_text() for path in self.fmt.sources()}
 
     def example(self) -> dict[str, Any]:

@@ -12,10 +12,10 @@ from esea_gen.language.ports import Port, port_ok
 from esea_gen.language.statements import (
     EPSILON,
     Call,
+    Exit,
     For,
     Invoke,
     Ix,
-    Leave,
     Memory,
     Part,
     ProgramError,
@@ -275,14 +275,14 @@ class Builder:
         self._body.pop()
 
     def leave(self, flag: Ref) -> None:
-        """Leave the innermost loop when a real element is not 0.
+        """Exit the innermost loop when a real element is not 0.
 
         Parameters
         ----------
         flag : Ref
             The element.
         """
-        self._body[-1].append(Leave(flag))
+        self._body[-1].append(Exit(flag))
 
     def index(self, name: str) -> Ix:
         """An index variable of the part that is open.

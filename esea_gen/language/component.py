@@ -62,7 +62,7 @@ class Component(ABC):
 
     @abstractmethod
     def simulator(self, tunables: Mapping[str, float] | None = None) -> Executor:
-        """A reference executor, freshly initialised.
+        """An executor, freshly initialised.
 
         Parameters
         ----------

@@ -33,8 +33,8 @@ from esea_gen.language.start import PrepareFn, check_ports, start_functions
 from esea_gen.language.statements import (
     WORK_RANGE,
     Call,
+    Exit,
     Invoke,
-    Leave,
     Memory,
     Part,
     ProgramError,
@@ -191,7 +191,7 @@ class Program(Component):
         return {f"k{i}_{f.name()}": f for i, f in enumerate(found.values(), 1)}
 
     def simulator(self, tunables: Mapping[str, float] | None = None) -> ProgramSimulator:
-        """The reference executor, float64.
+        """The executor, float64.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class Program(Component):
         return ProgramSimulator(self, tunables)
 
 
-class _LeaveError(Exception):
+class _ExitLoopError(Exception):
     """A loop is left early."""
 
 
@@ -279,14 +279,14 @@ class ProgramSimulator(Executor):
         if isinstance(s, SetIndex):
             var, value = s.var, s.value
             return lambda env: env.__setitem__(var, value.value(env, tables))
-        if isinstance(s, Leave):
+        if isinstance(s, Exit):
             array, start = self._arrays[s.flag.array], s.flag.start
 
-            def leave(env: dict[str, int]) -> None:
+            def exit_loop(env: dict[str, int]) -> None:
                 if array[start.value(env, tables)] != 0:
-                    raise _LeaveError
+                    raise _ExitLoopError
 
-            return leave
+            return exit_loop
         if isinstance(s, Invoke):
             part, args = self.program.parts[s.part], s.args
 
@@ -300,7 +300,7 @@ class ProgramSimulator(Executor):
             return self._when(s)
         loop, inside = s, self._compile(s.body)
 
-        def run(env: dict[str, int]) -> None:
+        def run_loop(env: dict[str, int]) -> None:
             start, stop = loop.start.value(env, tables), loop.stop.value(env, tables)
             most = loop.most.value(env, tables)
             if stop - start > most:
@@ -312,7 +312,7 @@ class ProgramSimulator(Executor):
                     done += 1
                     for f in inside:
                         f(env)
-            except _LeaveError:
+            except _ExitLoopError:
                 pass
             self.passes[loop.var] = max(done, self.passes.get(loop.var, 0))
             if loop.total is not None:
@@ -322,7 +322,7 @@ class ProgramSimulator(Executor):
                         f"loop {loop.var}: {together} passes in a step, stated {loop.total}"
                     )
 
-        return run
+        return run_loop
 
     def _when(self, s: When) -> Callable[[dict[str, int]], None]:
         tables, then, other = self._tables, self._compile(s.then), self._compile(s.otherwise)
@@ -334,11 +334,11 @@ class ProgramSimulator(Executor):
             left, right = flag[0].value(env, tables), flag[2].value(env, tables)
             return left < right if flag[1] == "<" else left == right
 
-        def run(env: dict[str, int]) -> None:
+        def choose(env: dict[str, int]) -> None:
             for f in then if true(env) else other:
                 f(env)
 
-        return run
+        return choose
 
     def _call(self, s: Call) -> Callable[[dict[str, int]], None]:
         key = id(s.kernel)
@@ -368,11 +368,11 @@ class ProgramSimulator(Executor):
                 raise ProgramError(f"{s.kernel.name()}: {f.array}[{k}..{last}] of {size}")
             return slice(k, last + 1, f.stride)
 
-        def run(env: dict[str, int]) -> None:
+        def call(env: dict[str, int]) -> None:
             for x, array, f in reads:
                 x[:] = array[place(f, env, len(array))]
             go()
             for x, array, f in writes:
                 array[place(f, env, len(array))] = x
 
-        return run
+        return call

@@ -175,8 +175,8 @@ class When:
 
 
 @dataclass(frozen=True)
-class Leave:
-    """Leave the innermost loop when a real element is not 0."""
+class Exit:
+    """Exit the innermost loop when a real element is not 0."""
 
     flag: Ref
 
@@ -200,7 +200,7 @@ class Invoke:
     args: tuple[Ix, ...]
 
 
-Statement = Call | For | When | Leave | SetIndex | Invoke
+Statement = Call | For | When | Exit | SetIndex | Invoke
 
 
 @dataclass(frozen=True)

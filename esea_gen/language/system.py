@@ -401,7 +401,7 @@ class System:
     def simulator(
         self, tunables: Mapping[str, Mapping[str, float]] | None = None
     ) -> SystemSimulator:
-        """A reference executor of the whole System.
+        """An executor of the whole System.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ from esea_gen.observe import drive_of
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
-# The thesis fits the past 11 values and evaluates at the next 11.  Their spacing is not printed: at
+# The thesis fits the past 11 values and evaluates at the next 11; their spacing is not given: at
 # 1 ms the noise of a value would grow ten thousandfold until the eleventh next one.
 VALUES, SPACING_S = 11, 0.05
 MOST_KEPT = 501

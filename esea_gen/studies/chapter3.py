@@ -2,7 +2,7 @@
 
 The text gives few numbers of the model itself: the torque range, and the deflections and rates
 that it was trained on.  Beside these stand the figures of an independent recomputation in float64
-(``REFERENCE``), which the thesis does not print.
+(``recomputed``), which the thesis does not print.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ RAMP_RAD_S = np.deg2rad(20.0)
 class Figure3:
     """One number of the forward model.
 
-    thesis: as printed; None where the text prints none.
-    reference: from an independent recomputation of the same equations.
+    thesis: as published; None where the text gives none.
+    recomputed: from an independent recomputation of the same equations.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Figure3:
     unit: str
     ours: float
     thesis: float | None = None
-    reference: float | None = None
+    recomputed: float | None = None
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,13 @@ class Chapter3:
     relaxation: dict[str, tuple[Array, Array]]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: every number with the thesis' and the reference's beside it."""
+        """JSON-ready: every number with the thesis' and the recomputed one beside it."""
         return {
             f.name: {
                 "meaning": f.meaning,
                 "unit": f.unit,
                 "thesis": f.thesis,
-                "reference": f.reference,
+                "recomputed": f.recomputed,
                 "ours": f.ours,
             }
             for f in self.figures
@@ -72,11 +72,11 @@ class Chapter3:
     def table(self) -> list[str]:
         """The numbers as lines of text."""
         lines = [
-            "Chapter 3: the forward model (reference: an independent recomputation)",
-            f"{'':62}{'thesis':>9}{'reference':>11}{'ours':>9}",
+            "Chapter 3: the forward model (recomputed: independently, from the same equations)",
+            f"{'':62}{'thesis':>9}{'recomputed':>11}{'ours':>9}",
         ]
         for f in self.figures:
-            cells = [f"{v:.4g}" if v is not None else "-" for v in (f.thesis, f.reference, f.ours)]
+            cells = [f"{v:.4g}" if v is not None else "-" for v in (f.thesis, f.recomputed, f.ours)]
             label = f"{f.meaning} ({f.unit})"
             lines.append(f"  {label:60}{cells[0]:>9}{cells[1]:>11}{cells[2]:>9}")
         return lines
@@ -113,7 +113,7 @@ class _Excited:
         self.loops: dict[str, tuple[Array, Array]] = {}
         self.relaxation: dict[str, tuple[Array, Array]] = {}
 
-    def run(self, theta: Array) -> dict[str, Array]:
+    def answer(self, theta: Array) -> dict[str, Array]:
         self.task.reset()
         outputs, _ = self.task.run({"theta_rad": theta}, trace=False)
         return {k: np.asarray(v, dtype=np.float64) for k, v in outputs.items()}
@@ -121,14 +121,14 @@ class _Excited:
     def swept(self, amplitude_deg: float, end_Hz: float) -> dict[str, Array]:
         t = np.arange(round(end_Hz / SWEEP_HZ_S / self.h)) * self.h
         theta = np.asarray(np.deg2rad(amplitude_deg) * np.sin(np.pi * SWEEP_HZ_S * t * t))
-        y = self.run(theta)
+        y = self.answer(theta)
         self.loops[f"{amplitude_deg:g} deg, 0-{end_Hz:g} Hz"] = (theta[::5], y["tau_Nm"][::5])
         return y
 
     def slow(self, amplitude_deg: float) -> tuple[Array, Array]:
         t = np.arange(round(200 / self.h)) * self.h  # two cycles: the second one is a closed loop
         theta = np.asarray(np.deg2rad(amplitude_deg) * np.sin(2 * np.pi * 0.01 * t))
-        return theta, self.run(theta)["tau_Nm"]
+        return theta, self.answer(theta)["tau_Nm"]
 
     def add(
         self,
@@ -137,9 +137,9 @@ class _Excited:
         unit: str,
         ours: float,
         thesis: float | None = None,
-        reference: float | None = None,
+        recomputed: float | None = None,
     ) -> None:
-        self.figures.append(Figure3(name, meaning, unit, ours, thesis, reference))
+        self.figures.append(Figure3(name, meaning, unit, ours, thesis, recomputed))
 
     def sweeps(self) -> None:
         y = self.swept(11.5, 1.0)
@@ -147,7 +147,7 @@ class _Excited:
         self.add("sweep_peak_Nm", "largest torque, 11.5 deg swept 0-1 Hz", "Nm", peak, 4.47, 4.49)
         part = _peak(y["tau_hysteresis_Nm"])
         self.add(
-            "hysteresis_Nm", "hysteresis part, where it saturates", "Nm", part, reference=0.118
+            "hysteresis_Nm", "hysteresis part, where it saturates", "Nm", part, recomputed=0.118
         )
         self.swept(5.0, 1.5)
 
@@ -157,16 +157,16 @@ class _Excited:
         self.loops["10 deg, 0.01 Hz"] = (theta[last][::50], torque[last][::50])
         loop_mJ = 1e3 * float(np.trapezoid(torque[last], theta[last]))
         largest = "largest torque, {} deg at 0.01 Hz"
-        self.add("slow_peak_Nm", largest.format(10), "Nm", _peak(torque), reference=3.05)
-        self.add("loop_mJ", "work of one such cycle", "mJ", loop_mJ, reference=87.6)
+        self.add("slow_peak_Nm", largest.format(10), "Nm", _peak(torque), recomputed=3.05)
+        self.add("loop_mJ", "work of one such cycle", "mJ", loop_mJ, recomputed=87.6)
         _, torque = self.slow(11.5)
-        self.add("slow_largest_Nm", largest.format(11.5), "Nm", _peak(torque), reference=3.97)
+        self.add("slow_largest_Nm", largest.format(11.5), "Nm", _peak(torque), recomputed=3.97)
 
     def relax(self, amplitude_deg: float) -> None:
         amplitude = np.deg2rad(amplitude_deg)
         ramp = np.arange(0.0, amplitude, RAMP_RAD_S * self.h)
         theta = np.concatenate([np.zeros(1000), ramp, np.full(round(HOLD_S / self.h), amplitude)])
-        held = self.run(theta)["tau_Nm"][1000 + len(ramp) :]
+        held = self.answer(theta)["tau_Nm"][1000 + len(ramp) :]
         keep = np.unique(np.geomspace(1, len(held), 400).astype(int)) - 1
         self.relaxation[f"{amplitude_deg:g} deg"] = (keep * self.h, held[keep])
         self.add(

@@ -59,7 +59,7 @@ ROWS = {
 }
 COLUMNS = {
     "thesis": "thesis",
-    "printed": "ours, as printed",
+    "printed": "ours, as published",
     "printed_interior": "  interior",
     "rounding": "ours, within the printed rounding",
     "rounding_interior": "  interior",

@@ -160,7 +160,7 @@ MOTIONS = (
 )
 
 
-def reference_torque(device: Device, motion: EncodedMotion, duration_s: float) -> Array:
+def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) -> Array:
     """Rate torque of the continuous model, on a grid of ``REFINE_HZ``.
 
     return: torque in Nm, one value a fine step, from time 0. The exponential step is exact for a
@@ -293,7 +293,7 @@ def _growth(scheme: str) -> tuple[bool, bool]:
 def _ideal(
     device: Device,
     limit_s: float,
-    references: dict[EncodedMotion, Array],
+    exact: dict[EncodedMotion, Array],
     say: Callable[[str], None],
 ) -> list[SchemeRow]:
     full = device.tau_full_scale_Nm
@@ -308,12 +308,12 @@ def _ideal(
                 if scheme == OURS
                 else _compiled(coarse, maxwell_block(coarse, scheme))
             )
-            for motion, reference in references.items():
+            for motion, fine in exact.items():
                 t = np.arange(round(min(limit_s, motion.duration_s) * rate)) / rate
                 runner.reset()
                 omega = motion.omega(t - 0.5 / rate)
                 y, _ = runner.run({"theta_rad": motion.theta(t), "omega_rad_s": omega}, trace=False)
-                error = y["tau_rate_Nm"] - reference[:: round(REFINE_HZ / rate)][: len(t)]
+                error = y["tau_rate_Nm"] - fine[:: round(REFINE_HZ / rate)][: len(t)]
                 error = 100 * error / full
                 largest[rate] = max(largest[rate], float(np.max(np.abs(error))))
                 rms[rate] = max(rms[rate], float(np.sqrt(np.mean(error**2))))
@@ -321,12 +321,12 @@ def _ideal(
     return rows
 
 
-def _real(device: Device, motion: EncodedMotion, reference: Array, limit_s: float) -> list[RateRow]:
+def _real(device: Device, motion: EncodedMotion, fine: Array, limit_s: float) -> list[RateRow]:
     from scipy.signal import butter, sosfilt
 
     rate_Hz = 1.0 / device.period_s
     t = np.arange(round(min(limit_s, motion.duration_s) * rate_Hz)) / rate_Hz
-    true = reference[:: round(REFINE_HZ / rate_Hz)][: len(t)]
+    true = fine[:: round(REFINE_HZ / rate_Hz)][: len(t)]
     load = LOAD_RAD * (1 - np.cos(2 * np.pi * LOAD_HZ * t))
     library = compile_device(device, "f64")
     sensor, velocity = library.block("sensor"), library.block("velocity")
@@ -374,14 +374,14 @@ def discretisation(
     if device.file.elastomer.maxwell is None:
         raise ValueError(f"device {device.name} has no rate terms: nothing to discretise")
     say = progress or (lambda _: None)
-    references = {}
+    exact = {}
     for motion in MOTIONS:
-        say(f"reference: {motion.name}")
-        references[motion] = reference_torque(device, motion, min(limit_s, motion.duration_s))
-    ideal = _ideal(device, limit_s, references, say)
+        say(f"continuous model: {motion.name}")
+        exact[motion] = continuous_torque(device, motion, min(limit_s, motion.duration_s))
+    ideal = _ideal(device, limit_s, exact, say)
     say("real encoders")
     coarse = at_rate(device, RATES_HZ[0])
-    real = _real(coarse, MOTIONS[0], references[MOTIONS[0]], limit_s)
+    real = _real(coarse, MOTIONS[0], exact[MOTIONS[0]], limit_s)
     return Discretisation(device.name, ideal, real)
 
 

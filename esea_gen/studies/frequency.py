@@ -47,7 +47,7 @@ class Frequency(ClosedLoopStudy):
         for response in done.kept.values():
             band, margins = response.bandwidth(), response.open_loop().margins()
             at = f"{band.bandwidth_Hz:.3g} Hz" if band.bandwidth_Hz else "beyond the sweep"
-            lines.append(f"bandwidth (-3 dB of the {band.reference}): {at}")
+            lines.append(f"bandwidth (-3 dB of the {band.passband}): {at}")
             if margins.phase_margin_deg is not None:
                 lines.append(
                     f"open loop from T/(1-T): phase margin {margins.phase_margin_deg:.0f} deg at "

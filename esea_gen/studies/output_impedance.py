@@ -59,23 +59,23 @@ class OutputImpedanceStudy(ClosedLoopStudy):
 
     def table(self, done: Simulation) -> list[str]:
         """Errors, then the impedance."""
-        ports = [line for p in done.kept.values() for line in p.table(ROWS, *FIT_HZ)]
-        return torque_errors.table(done) + ports
+        rows = [line for p in done.kept.values() for line in p.table(ROWS, *FIT_HZ)]
+        return torque_errors.table(done) + rows
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
         """With ``output_impedance`` and ``impedance_fit``."""
         content = torque_errors.to_dict(done)
-        for port in done.kept.values():
-            content["output_impedance"] = port.to_dict()
-            content["impedance_fit"] = dataclasses.asdict(port.fit(*FIT_HZ))
+        for shown in done.kept.values():
+            content["output_impedance"] = shown.to_dict()
+            content["impedance_fit"] = dataclasses.asdict(shown.fit(*FIT_HZ))
         return content
 
     def figure(self, done: Simulation) -> Figure:
         """Size and phase."""
         if not done.kept:
             return torque_errors.figure(done)
-        (port,) = done.kept.values()
-        return impedance_figure([(torque_errors.label(done), port)])
+        (shown,) = done.kept.values()
+        return impedance_figure([(torque_errors.label(done), shown)])
 
 
 def _phase(values: npt.NDArray[np.complex128]) -> Array:
@@ -93,7 +93,7 @@ def impedance_figure(
 
     impedances: name and impedance.
     fits: fits to draw over those of the same name, in their band.
-    return: two panels; the grey band of the lower one is what a passive port keeps to.
+    return: two panels; the grey band of the lower one is what a passive driving point keeps to.
     """
     names = [n for n, _ in impedances]
     import matplotlib as mpl

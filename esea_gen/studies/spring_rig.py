@@ -47,7 +47,7 @@ def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
     """Bandwidth by the definition that reproduces the published figures.
 
     time_s: sample times, shape (n,).
-    u, y: command and reference sensor, shape (n,).
+    u, y: command and the rig's own sensor, shape (n,).
 
     Ratio of the two discrete spectra as if the samples were regular, with the last sample's time
     as the length; gain in dB and phase in degrees smoothed by a straight line over 99 lines
@@ -219,7 +219,7 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
         response.bandwidth(),
         response.bandwidth(drop_dB=AUTHOR_DROP_DB),
         spectra.band(0.5, SWEEP.end_Hz - 1).bandwidth(),
-        response.bandwidth(reference_gain=1.0),
+        response.bandwidth(passband_gain=1.0),
         response,
         spectra,
         grid.dropped_s,

@@ -19,8 +19,8 @@ SINES = 6
 
 
 def assumed(name: str, default: float, low: float, high: float, meaning: str) -> Tunable:
-    """A tunable whose default is one of the reference plants' numbers."""
-    return Tunable(name, default, low, high, meaning, "reference plants, plants.toml", "assumed")
+    """A tunable whose default is one of the standard plants' numbers."""
+    return Tunable(name, default, low, high, meaning, "standard plants, plants.toml", "assumed")
 
 
 def checked_file(device: DeviceData) -> DeviceFile:
@@ -174,7 +174,7 @@ def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
     """What may vary from one plant to the next without a new compilation.
 
     cable: whether the plant has a compliant cable between gear and motor-side part.
-    return: of the Block ``plant``; defaults: nominal drive, reference cable, no disturbance, the
+    return: of the Block ``plant``; defaults: nominal drive, standard cable, no disturbance, the
         ideal person.
     """
     return (

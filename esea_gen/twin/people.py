@@ -1,4 +1,4 @@
-"""Plants and people to run: the reference ones, and draws from their families."""
+"""Plants and people to run: the standard ones, and draws from their families."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def person_tunables(person: Person) -> tuple[Tunable, ...]:
     """A person as tunables of the Block ``plant``."""
     values = person.values()
     return tuple(
-        Tunable(k, values[k], low, high, text, "reference people, plants.toml", "assumed")
+        Tunable(k, values[k], low, high, text, "standard people, plants.toml", "assumed")
         for k, (low, high, text) in _PERSON_BOUNDS.items()
     )
 
@@ -119,7 +119,7 @@ def _bits(device: DeviceData) -> dict[str, float]:
 
 
 def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> PlantVariant:
-    """The reference plant: more friction, cable with backlash and loss, disturbance, encoders."""
+    """The standard plant: more friction, cable with backlash and loss, disturbance, encoders."""
     r, a = PLANTS.real, device.file.actuator
     assert a is not None
     values = {k: float(getattr(r, k)) for k in _CABLE_KEYS} | _bits(device)

@@ -1,4 +1,4 @@
-"""Reference plants, people and trajectories: the numbers of ``plants.toml``."""
+"""Standard plants, people and trajectories: the numbers of ``plants.toml``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Nominal:
 
 @dataclass(frozen=True, config=STRICT)
 class Real:
-    """The reference plant with everything that the nominal one leaves out.
+    """The standard plant with everything that the nominal one leaves out.
 
     friction_scale: friction over the device file's, viscous and Coulomb.
     cable_stiffness_Nm_rad, cable_damping_Nms_rad: cable between gear and motor-side part.
@@ -110,7 +110,7 @@ class Person:
     gravity_Nm: times the sine of the angle, towards full extension.
     torque_noise_Nm, torque_noise_Hz: effective value and bandwidth (first order) of the torque
         noise.
-    load_velocity_filter_Hz: the load-side velocity filter that the reference trials used with this
+    load_velocity_filter_Hz: the load-side velocity filter that the published trials used with this
         person.
     clamped: no person: the load is held where it starts.
     """

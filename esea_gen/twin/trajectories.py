@@ -1,4 +1,4 @@
-"""Reference trajectories: what the person intends, and the torque that is asked for, at 1 kHz."""
+"""Standard trajectories: what the person intends, and the torque that is asked for, at 1 kHz."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def tuning() -> Trajectory:
 def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:
     """Slow sinusoid from full extension, 90 degrees peak to peak.
 
-    frequency_Hz: of the path; the reference trials have 0.1, 0.15, 0.2 and 0.25 Hz.
+    frequency_Hz: of the path; the published trials have 0.1, 0.15, 0.2 and 0.25 Hz.
     """
     _positive("frequency_Hz", frequency_Hz)
     p = PLANTS.trajectory.backdriven

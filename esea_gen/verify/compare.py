@@ -15,7 +15,7 @@ from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import forward_residual, full_scales, operating_ranges, residual_flag
 from esea_gen.verify.one_step import StepRule, drift
-from esea_gen.verify.runs import CasadiReference, Run, run_c, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, Run, run_c, run_symbolic
 from esea_gen.verify.streams import inside
 from esea_gen.verify.verdict import EXACT, LASTING, ONE_STEP, RESIDUAL, Comparison
 
@@ -31,14 +31,14 @@ def compare(
     library: HostLibrary,
     stream: Stream,
     bounds: dict[str, Bound],
-    reference: CasadiReference | None,
+    oracle: CasadiOracle | None,
     rule: StepRule | None = None,
     expected: Run | None = None,
 ) -> Comparison:
     """Compare one Block on one stream.
 
     bounds: for f32, from :func:`esea_gen.verify.bounds.bounds_or_rule`.
-    reference: for f64, CasADi's own C.
+    oracle: for f64, CasADi's own C.
     rule: for f32, compare one step at a time, from the same memory, instead of by ``bounds``.
     expected: what :func:`run_symbolic` gives, where it is known already.
     """
@@ -53,8 +53,8 @@ def compare(
     _judge_residual(device, block, stream, got[0], result)
     if not stream.injections and _repaired(block, got[0]):
         result.problems.append("the state was judged corrupt although nobody touched it")
-    if reference is not None:
-        result.bit_identical = _same_bits(block, reference, stream, got)
+    if oracle is not None:
+        result.bit_identical = _same_bits(block, oracle, stream, got)
     again = run_c(library.block(block.name), stream, restore=True)
     for a, b, ports in zip(got, again, (block.outputs, block.state), strict=True):
         for p in ports:
@@ -174,10 +174,10 @@ def unexplained(
     return int(wrong.sum())
 
 
-def _same_bits(block: Block, reference: CasadiReference, stream: Stream, got: Run) -> bool:
+def _same_bits(block: Block, oracle: CasadiOracle, stream: Stream, got: Run) -> bool:
     simulator = block.simulator()
     coefficients = list(simulator.coefficients.values())
-    wanted = reference.run(block, coefficients, list(simulator.state.values()), stream)
+    wanted = oracle.run(block, coefficients, list(simulator.state.values()), stream)
     return all(
         found[p.name].astype(np.float64).tobytes() == expected[p.name].tobytes()
         for found, expected, ports in zip(got, wanted, (block.outputs, block.state), strict=True)

@@ -34,7 +34,7 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import bounds_or_rule, full_scales
 from esea_gen.verify.compare import compare
 from esea_gen.verify.program import compare_program, program_streams
-from esea_gen.verify.runs import CasadiReference, Run, run_executor, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, Run, run_executor, run_symbolic
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 from esea_gen.verify.verdict import Comparison, Verification
 
@@ -127,7 +127,7 @@ def verify(
     known: dict[tuple[str, int], Run] = {}
     for real in reals:
         library = compile_device(device, real)
-        reference = CasadiReference(device.system) if real == "f64" else None
+        oracle = CasadiOracle(device.system) if real == "f64" else None
         for program in _of_kind(chosen, "program"):
             for k, stream in enumerate(tried[program.name]):
                 say(f"{program.name}, {real}: {stream.name}")
@@ -149,7 +149,7 @@ def verify(
                     known[block.name, k] = run_symbolic(block, stream)
                 expected = known[block.name, k]
                 comparisons.append(
-                    compare(device, block, library, stream, held, reference, rule, expected)
+                    compare(device, block, library, stream, held, oracle, rule, expected)
                 )
     scales = {b.name: full_scales(device, b) for b in chosen}
     smallest: dict[str, float] = {}

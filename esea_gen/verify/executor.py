@@ -24,7 +24,7 @@ from esea_gen.hostlib.compiler import compile_sources, declarations
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
-from esea_gen.verify.runs import CasadiReference, run_c
+from esea_gen.verify.runs import CasadiOracle, run_c
 
 UINT32_MAX = 2**32 - 1
 
@@ -253,7 +253,7 @@ def initial_state(block: Block, fmt: Format, coefficients: Sequence[Array]) -> l
     return flat_results(fmt.passes(walk(block.init)), fmt, coefficients)
 
 
-def float32_reference(
+def float32_trajectory(
     kernel: Kernel, block: Block, stream: Stream, arguments: Sequence[Array]
 ) -> KernelTrajectory:
     """Every step of a run evaluated in float32, from the states that the run recorded.
@@ -275,7 +275,7 @@ def float32_reference(
 
 
 def exact_trajectory(
-    block: Block, library: HostLibrary, stream: Stream, reference: CasadiReference | None
+    block: Block, library: HostLibrary, stream: Stream, oracle: CasadiOracle | None
 ) -> KernelTrajectory:
     """The bits that a Block's C must give on a stream.
 
@@ -285,15 +285,15 @@ def exact_trajectory(
     fmt = FORMATS[library.real]
     coefficients = coefficients_of(block, fmt, {})
     initial = initial_state(block, fmt, coefficients)
-    if reference is not None:
-        y, s = reference.run(block, coefficients, initial, stream)
+    if oracle is not None:
+        y, s = oracle.run(block, coefficients, initial, stream)
         status = {p.name: y[p.name].astype(np.uint32) for p in block.outputs if p.flags}
         outputs = y | status
         return KernelTrajectory(stream, outputs, s | expected_counters(block, stream, outputs))
     _, trace = run_c(library.block(block.name), stream)
     arguments = step_arguments(block, stream, trace, initial, coefficients, fmt)
     kernel, _ = emitted_kernel(block, fmt)
-    return float32_reference(kernel, block, stream, arguments)
+    return float32_trajectory(kernel, block, stream, arguments)
 
 
 # Settings of the tunables within their bounds, beside their defaults: shares of the room between.

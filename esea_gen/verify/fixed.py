@@ -1,4 +1,4 @@
-"""The q31 C against its reference executor, bit for bit, and against the symbolic Block."""
+"""The q31 C against its executor, bit for bit, and against the symbolic Block."""
 
 from __future__ import annotations
 

@@ -190,7 +190,7 @@ def check_objects(
     """Compile a device's C for a target and hold its object files against the rules.
 
     real: number format. The rules on double and libm, and the stack limit, are those of f32; f64 is
-        the host's reference.
+        what the host computes with.
     files: files to compile in place of the device's own; tests break a rule in one.
     """
     chosen = find_target(target)

@@ -9,7 +9,7 @@ from typing import Any
 import cffi
 import numpy as np
 
-from esea_gen.emit.formats.f64 import reference_c
+from esea_gen.emit.formats.f64 import casadi_c
 from esea_gen.emit.render import template_folder
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.runner import CRunner
@@ -26,19 +26,19 @@ AS_WRITTEN = ("-fno-builtin-fmin", "-fno-builtin-fmax")
 Run = tuple[dict[str, Array], dict[str, Array]]  # outputs and states, per port
 
 
-class CasadiReference:
+class CasadiOracle:
     """CasADi's own generated C of a System's Blocks, compiled for the host."""
 
     def __init__(self, system: System) -> None:
         self.stem = f"esea_{system.name}_casadi"
-        files = {n.removeprefix("reference/"): t for n, t in reference_c(system).items()}
-        loop = template_folder() / "verify" / "reference_loop.c"
+        files = {n.removeprefix("reference/"): t for n, t in casadi_c(system).items()}
+        loop = template_folder() / "verify" / "casadi_loop.c"
         files[loop.name] = loop.read_text(encoding="utf-8")
         path = compile_sources(files, AS_WRITTEN, ("-lm",))
         self.ffi = cffi.FFI()
         names = [f"{self.stem}_{b.name}_step" for b in system.kinds if b.kind == "block"]
         self.ffi.cdef(
-            "void esea_reference_run(int (*)(const double**, double**, int*, double*, int), "
+            "void esea_casadi_run(int (*)(const double**, double**, int*, double*, int), "
             "const double**, double**, int*, double*, double*, const double*, size_t, double*, "
             "size_t, const double*, size_t, const double*, double*, double*, size_t);"
         )
@@ -96,7 +96,7 @@ class CasadiReference:
                 values = changed(block, prepared, stream.coefficients[start])
                 c.put(dict(zip(c.names, values, strict=True)))
             s.put(stream.injections.get(start, {}))
-            self.lib.esea_reference_run(
+            self.lib.esea_casadi_run(
                 *(function, arguments, results, iw, w),
                 *(at(s.values), at(after.values), len(s.values), at(u.values), len(u.values)),
                 *(at(y.values), len(y.values)),

@@ -1,4 +1,4 @@
-"""Reference traces: what every shipped System answers to one fixed stream, kept as text.
+"""Committed traces: what every shipped System answers to one fixed stream, kept as text.
 
 A change of behaviour, wanted or not, shows as a few readable lines: which output, from which step,
 from what to what, how much of full scale.  One command accepts it.
@@ -25,7 +25,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import External
 
-MARK = "# esea-gen reference trace"
+MARK = "# esea-gen trace"
 EVERY = 20  # steps a row
 TOLERANCE = 1e-9  # of full scale, and of the value: libm differs between machines by less
 DIGITS = 10
@@ -98,7 +98,7 @@ def _scalars(externals: Iterable[External]) -> list[tuple[str, External, int]]:
     ]
 
 
-def reference_stream(device: Device) -> dict[str, Array]:
+def trace_stream(device: Device) -> dict[str, Array]:
     """The fixed stream of a device: the parts of ``PARTS``, one after the other.
 
     Every external input is driven, each with another phase.  Samples stand on a lattice of a power
@@ -210,13 +210,13 @@ def _piece(part: TracePart, s: Array, reach: float, high: float, top_Hz: float, 
 
 
 def run_trace(device: Device) -> Trace:
-    """Run a device's symbolic System over its reference stream.
+    """Run a device's symbolic System over its trace stream.
 
     return: every task at its ticks; between runs an output keeps its value.
     """
     system = device.system
     simulator = system.simulator()
-    stream = reference_stream(device)
+    stream = trace_stream(device)
     count = len(next(iter(stream.values())))
     columns = _scalars(system.outputs)
     flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}

@@ -47,7 +47,7 @@ def _parts(base: Base) -> Parts:
     one_layer = asked is None or asked.impedance == "one_layer"
     person: Person = "extended_state" if asked is None else asked.person
     weights = (Q_BEST, R_BEST) if asked is None else (asked.Q.value, asked.R.value)
-    grid, printed, along = device_horizon(device), person == "parabola", preview or one_layer
+    grid, published, along = device_horizon(device), person == "parabola", preview or one_layer
     control: dict[str, Component] = {}
     replaced: dict[str, Component] = {
         "sensor": with_state_as_output(
@@ -56,7 +56,7 @@ def _parts(base: Base) -> Parts:
             "play states of the stop operators, for predictive control",
         )
     }
-    if printed:
+    if published:
         control["parabola"] = parabola(device)
         replaced["human"] = lag_observer(device)
     if along:
@@ -76,7 +76,7 @@ def _parts(base: Base) -> Parts:
     if preview:
         names = ["tau_preview_Nm", *(["theta_preview_rad", "omega_preview_rad_s"] * one_layer)]
         inputs = {n: (f"ahead.{n}",) for n in names}
-    sources = _sources(printed, along)
+    sources = _sources(published, along)
     return Parts(
         control=control,
         command="predictive.u_Nm",
@@ -93,13 +93,13 @@ def _parts(base: Base) -> Parts:
     )
 
 
-def _sources(printed: bool, along: bool) -> dict[str, dict[str, str]]:
+def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
     # What feeds the inputs that are not the sliding mode's.
-    omega_load = "load_rate.omega_rad_s" if printed else "human.omega_load_rad_s"
+    omega_load = "load_rate.omega_rad_s" if published else "human.omega_load_rad_s"
     shown = ["offset_Nm", "keep", "tau_range_Nm", "tau_wanted_Nm", "theta_wanted_rad"]
     shown += ["omega_wanted_rad_s", "Kp_Nm_rad", "Kd_Nms_rad", "tau_set_Nm", "mode"]
     tau_h = {"tau_h_Nm": "human.tau_h_Nm", "tau_h_rate_Nm_s": "human.tau_h_rate_Nm_s"}
-    if printed:
+    if published:
         tau_h = {"tau_h_Nm": "parabola.tau_h_fit_Nm"}
         tau_h |= {n: f"parabola.{n}" for n in ("tau_h_rate_Nm_s", "tau_h_curve_Nm_s2")}
     wanted = {"mode": "reference.mode", "tau_d_Nm": "reference.tau_set_Nm"}

@@ -14,10 +14,10 @@ from esea_gen.observe.rates import butterworth_rate
 def _parts(base: Base) -> Parts:
     device = base.device
     asked = sliding_mode_numbers(device)
-    # As printed: differences of the set-point, and the person's torque through a lag.
+    # As published: differences of the set-point, and the person's torque through a lag.
     published = asked.setpoint_acceleration == "zero"
     rate: dict[str, Component] = {}
-    # A derivative is of a filtered signal, as printed, where the device file names its cut-off.
+    # A derivative is of a filtered signal, as published, where the device file names its cut-off.
     if asked.setpoint_filter_Hz is not None:
         rate["set_rate"] = butterworth_rate(device, "set_rate", asked.setpoint_filter_Hz)
     return Parts(

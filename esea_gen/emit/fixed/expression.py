@@ -2,7 +2,7 @@
 
 An expression knows the C type it is computed in and the interval of whole numbers it can have.  The
 builders refuse one that could overflow its type, so that a kernel that could be built cannot
-overflow.  The same tree is printed as C and evaluated by the reference executor.
+overflow.  The same tree is printed as C and evaluated by the executor.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Expr:
 
     bits: type: 1 (``int``, 0 or 1), 32, 64, or -32 (``uint32_t``).
     data: numbers that belong to the operation: a shift, a literal's value.
-    name: of a reference: the C name; of a read: the place in memory.
+    name: of a named value: its C name; of a read: the place in memory.
     """
 
     op: str
@@ -59,7 +59,7 @@ def read(place: str, bits: int, low: int, high: int) -> Expr:
     return Expr("read", (), bits, low, high, (), place)
 
 
-def reference(name: str, value: Expr) -> Expr:
+def named(name: str, value: Expr) -> Expr:
     """A value that has a name."""
     return Expr("ref", (), value.bits, value.low, value.high, (), name)
 
@@ -399,7 +399,7 @@ def names(x: Expr) -> set[str]:
 def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:
     """Value of an expression over many argument sets at once.
 
-    values: of every read and reference in it, by name: Python integers, shape (count,).
+    values: of every read and named value in it, by name: Python integers, shape (count,).
     """
     if x.op in ("read", "ref"):
         return values[x.name]

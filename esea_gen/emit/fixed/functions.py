@@ -1,4 +1,4 @@
-"""Elementary functions of the q31 format in Python integers: the reference of ``esea_q31.c``.
+"""Elementary functions of the q31 format in Python integers: what ``esea_q31.c`` must give.
 
 Every function here gives the same whole number as the C of the same name, whatever its arguments.
 The error constants are measured over every argument there is of the two cores that all functions

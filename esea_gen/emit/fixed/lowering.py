@@ -121,7 +121,7 @@ class Lowering(Elementary):
             name += "_"
         self.names.add(name)
         self.steps.append(LoweredStep(name, v.expr, comment, i))
-        return Value(ex.reference(name, v.expr), v.fraction, v.local, v.relative, v.constants)
+        return Value(ex.named(name, v.expr), v.fraction, v.local, v.relative, v.constants)
 
     def _convert(self, i: int, target: Target, saturations: list[str]) -> tuple[Expr, float]:
         v = self.values[i]

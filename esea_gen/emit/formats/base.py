@@ -67,7 +67,7 @@ class Format(ABC):
     def sources(self) -> tuple[Path, ...]:
         """Headers and sources that travel with the emitted C."""
 
-    def reference(self, system: System) -> dict[str, str]:
+    def casadi_c(self, system: System) -> dict[str, str]:
         """C by another generator that ships beside ours, to compare with; by relative path."""
         return {}
 

@@ -1,4 +1,4 @@
-"""Double precision: the host's reference, equal to CasADi's own C bit for bit."""
+"""Double precision: for the host, equal to CasADi's own C bit for bit."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ class F64(FloatingFormat):
         """None: functions are libm's."""
         return ()
 
-    def reference(self, system: System) -> dict[str, str]:
+    def casadi_c(self, system: System) -> dict[str, str]:
         """CasADi's own C of every kernel."""
-        return reference_c(system)
+        return casadi_c(system)
 
 
-def reference_c(system: System) -> dict[str, str]:
-    """CasADi's own C of every kernel, float64: the reference that ships beside ours."""
+def casadi_c(system: System) -> dict[str, str]:
+    """CasADi's own C of every kernel, float64; it ships beside ours."""
     stem = f"esea_{system.name}_casadi"
     generator = ca.CodeGenerator(
         f"{stem}.c", {"with_header": True, "prefix": f"{stem}_", "casadi_int": "int"}

@@ -28,9 +28,9 @@ NOTICE, GROWTH = 0.04, 1.21
 class HandRun:
     """What a push came to.
 
-    generated_J: energy that the port gave out beyond what was ever put in.
+    generated_J: energy that the driving point gave out beyond what was ever put in.
     held_J, held_end_J: energy of the hand, its spring and the rendered one: mean over the second
-        and over the last third after the push. With a passive port it never rises.
+        and over the last third after the push. With a passive driving point it never rises.
     limited_share: share of the samples with the command at the motor's limit.
     fault: first reason of the limits' latch, 0 for none.
     ran_away: 1 when the plant left its ranges; the other figures are 0 then.

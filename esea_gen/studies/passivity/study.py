@@ -1,7 +1,7 @@
 """Passivity of the rendered impedance over its gains, from runs of the compiled controller.
 
-A passive hand at the load port is pushed once, the controller renders a spring and damper to where
-the hand was, and the energy that the port took in is added up.  The plant's person is the hand: an
+A passive hand at the load is pushed once, the controller renders a spring and damper to where
+the hand was, and the energy taken in there is added up.  The plant's person is the hand: an
 inertia with its own damping and a spring to a place that does not move, without noise or gravity.
 """
 

@@ -5,9 +5,9 @@ phases in both directions, several times; each phase is left to settle, then rec
 asked of the recordings, with limits in % of full scale and the reason for each, is in
 :data:`esea_gen.studies.torque_check.procedure.LIMITS`.
 
-The reference has an uncertainty of its own (mass, arm, angle, gravity: first order, [1]_), and the
+The known load has an uncertainty of its own (mass, arm, angle, gravity: first order, [1]_), and the
 sensor must be inside the limit *less* that uncertainty (guarded acceptance, [2]_): a pass then
-means that the error is within the limit although the reference is not perfectly known.
+means that the error is within the limit although the load is not perfectly known.
 
 References
 ----------
@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
-from esea_gen.studies.torque_check.load import Reference, require
+from esea_gen.studies.torque_check.load import KnownLoad, require
 from esea_gen.studies.torque_check.procedure import (
     LIMITS,
     REPEATS,
@@ -45,7 +45,7 @@ SETTLE_S, RECORD_S = 5.0, 10.0
 COVERAGE = 2.0  # about 95 %
 MOST_GAP_S = 0.1
 FEWEST_SAMPLES = 50
-# The reference may take up at most this share of the accuracy limit.
+# The known load may take up at most this share of the accuracy limit.
 MOST_UNCERTAIN_SHARE = 0.5
 
 Verdict = Literal["pass", "fail", "incomplete"]
@@ -115,7 +115,7 @@ class TorqueCheck:
     ----------
     device : DeviceData
         What is checked: full scale and domain.
-    reference : Reference
+    known : KnownLoad
         The load.
     repeats : int
         Loads in each direction.
@@ -131,13 +131,13 @@ class TorqueCheck:
     def __init__(
         self,
         device: DeviceData,
-        reference: Reference,
+        known: KnownLoad,
         *,
         repeats: int = REPEATS,
         settle_s: float = SETTLE_S,
         record_s: float = RECORD_S,
     ) -> None:
-        self.device, self.reference, self.repeats = device, reference, repeats
+        self.device, self.known, self.repeats = device, known, repeats
         self.steps = procedure(repeats)
         hint = "Give another time."
         require("the settling time", settle_s, 0.5, 600.0, "s", hint)
@@ -147,12 +147,12 @@ class TorqueCheck:
         self._check_load()
 
     def _check_load(self) -> None:
-        torque = self.reference.torque_Nm
+        torque = self.known.torque_Nm
         low, high = load_range_Nm(self.device)
-        per_kg = torque / self.reference.mass_kg
+        per_kg = torque / self.known.mass_kg
         if torque > high:
             raise UserError(
-                f"{self.reference.mass_kg:g} kg at {self.reference.arm_m:g} m is {torque:.3g} Nm, "
+                f"{self.known.mass_kg:g} kg at {self.known.arm_m:g} m is {torque:.3g} Nm, "
                 f"above {high:.3g} Nm, the largest still load inside the identified domain of "
                 f"{self.device.name}.",
                 f"Hang at most {math.floor(1000 * high / per_kg) / 1000:g} kg there, or shorten "
@@ -160,18 +160,18 @@ class TorqueCheck:
             )
         if torque < low:
             raise UserError(
-                f"{self.reference.mass_kg:g} kg at {self.reference.arm_m:g} m is {torque:.3g} Nm, "
+                f"{self.known.mass_kg:g} kg at {self.known.arm_m:g} m is {torque:.3g} Nm, "
                 f"below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: it would tell little.",
                 f"Hang at least {math.ceil(1000 * low / per_kg) / 1000:g} kg there, or lengthen "
                 "the arm.",
             )
-        expanded, most = COVERAGE * self.reference.u_torque_Nm, MOST_UNCERTAIN_SHARE
+        expanded, most = COVERAGE * self.known.u_torque_Nm, MOST_UNCERTAIN_SHARE
         room = most * self.limit_Nm("accuracy")
         if expanded > room:
-            budget = self.reference.budget_Nm
+            budget = self.known.budget_Nm
             worst = max(budget, key=lambda k: budget[k])
             raise UserError(
-                f"the reference is known to {expanded:.3g} Nm only (95 %), above {room:.3g} Nm, "
+                f"the load is known to {expanded:.3g} Nm only (95 %), above {room:.3g} Nm, "
                 f"{100 * most:g} % of the accuracy limit.",
                 f"Measure the {worst.partition(',')[0]} better; it has the largest part.",
             )
@@ -313,7 +313,7 @@ class TorqueCheck:
             sign = 1 if self.steps[i].kind == "plus" else -1
             torque = sign * (load.mean_Nm - 0.5 * (before.mean_Nm + after.mean_Nm))
             labels = (before.label, load.label, after.label)
-            out.append((labels, torque - self.reference.torque_Nm))
+            out.append((labels, torque - self.known.torque_Nm))
         return tuple(out)
 
     @property
@@ -328,7 +328,7 @@ class TorqueCheck:
             out.append(CheckDecision("noise", (m.label,), m.noise_Nm, limit("noise")))
         found = {m.label: m.mean_Nm for m in self.measurements}
         errors: dict[str, list[float]] = {"plus": [], "minus": []}
-        expanded = COVERAGE * self.reference.u_torque_Nm
+        expanded = COVERAGE * self.known.u_torque_Nm
         for labels, error in self.readings:
             before, load, after = labels
             moved = abs(found[after] - found[before])
@@ -367,10 +367,10 @@ class TorqueCheck:
             "device_digest": self.device.digest,
             "full_scale_Nm": full,
             "verdict": self.verdict,
-            "reference": asdict(self.reference),
-            "reference_torque_Nm": self.reference.torque_Nm,
-            "reference_budget_Nm": self.reference.budget_Nm,
-            "reference_expanded_Nm": COVERAGE * self.reference.u_torque_Nm,
+            "known_load": asdict(self.known),
+            "known_torque_Nm": self.known.torque_Nm,
+            "known_budget_Nm": self.known.budget_Nm,
+            "known_expanded_Nm": COVERAGE * self.known.u_torque_Nm,
             "repeats": self.repeats,
             "settle_s": self.settle_s,
             "record_s": self.record_s,
@@ -418,10 +418,10 @@ class TorqueCheck:
                 fresh,
             )
         try:
-            reference = Reference(**content["reference"])
+            known = KnownLoad(**content["known_load"])
             check = cls(
                 device,
-                reference,
+                known,
                 repeats=content["repeats"],
                 settle_s=content["settle_s"],
                 record_s=content["record_s"],
@@ -439,12 +439,12 @@ class TorqueCheck:
 
     def report(self) -> list[str]:
         """The result as lines of text for a person."""
-        r, full = self.reference, self.device.tau_full_scale_Nm
+        r, full = self.known, self.device.tau_full_scale_Nm
         angle = f", {math.degrees(r.angle_rad):g} deg off the horizontal" if r.angle_rad else ""
         lines = [
             f"Torque check of {self.device.name} ({self.device.title}), full scale {full:g} Nm",
-            f"Reference: {r.mass_kg:g} kg at {r.arm_m:g} m{angle} = {r.torque_Nm:.4g} Nm, known to "
-            f"{COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)",
+            f"Known load: {r.mass_kg:g} kg at {r.arm_m:g} m{angle} = {r.torque_Nm:.4g} Nm, "
+            f"known to {COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)",
         ]
         if self.measurements:
             lines.append(

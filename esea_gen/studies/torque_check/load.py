@@ -1,4 +1,4 @@
-"""The reference torque of a hanging mass, and how well it is known."""
+"""The known torque of a hanging mass, and how well it is known."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def require(what: str, value: float, low: float, high: float, unit: str, fix: st
 
 
 @dataclass(frozen=True)
-class Reference:
+class KnownLoad:
     """The load, and how well it is known: standard uncertainties.
 
     arm_m: from the joint's axis to the point where it hangs.
@@ -72,4 +72,4 @@ class Reference:
         return math.sqrt(sum(v * v for v in self.budget_Nm.values()))
 
 
-__all__ = ["Reference", "require"]
+__all__ = ["KnownLoad", "require"]

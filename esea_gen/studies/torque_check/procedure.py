@@ -44,8 +44,8 @@ LIMITS = (
     Limit(
         "accuracy",
         5.0,
-        "|loaded mean, less the unloaded ones beside it, less the reference|, which must stay "
-        "below the limit less the reference's uncertainty",
+        "|loaded mean, less the unloaded ones beside it, less the known load|, which must stay "
+        "below the limit less the known load's uncertainty",
         "the published error of other elastomers of the kind is 2.9 to 3.7 % RMS, after two days "
         "of use 4.9 %",
     ),

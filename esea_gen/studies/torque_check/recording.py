@@ -19,8 +19,8 @@ from esea_gen.language.ports import Array
 from esea_gen.studies.torque_check.check import Measurement, TorqueCheck
 
 COLUMNS = ("time_s", "tau_Nm", "step")
-# Without labels: the share of the reference above which a sample counts as loaded, and the shortest
-# phase; anything shorter is the mass being hung up or taken off.
+# Without labels: the share of the known load above which a sample counts as loaded, and the
+# shortest phase; anything shorter is the mass being hung up or taken off.
 LOADED_SHARE = 0.3
 SHORTEST_S = 2.0
 
@@ -160,7 +160,7 @@ def apply_recording(check: TorqueCheck, recording: CheckRecording) -> tuple[Meas
         phases = [p for p in _runs(recording.step) if p.name]
         expected = [s.label for s in missing]
     else:
-        phases = _kinds(recording, check.reference.torque_Nm)
+        phases = _kinds(recording, check.known.torque_Nm)
         expected = [s.kind for s in missing]
     before = list(check.measurements)
     try:

@@ -33,9 +33,9 @@ def instructions(device: DeviceData, check: TorqueCheck | None = None) -> list[s
             f"{math.floor(1000 * high / 9.81 / 0.2) / 1000:g} kg."
         )
     else:
-        r = check.reference
+        r = check.known
         lines.append(
-            f"Reference: {r.torque_Nm:.4g} Nm, known to {COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)"
+            f"Known load: {r.torque_Nm:.4g} Nm, known to {COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)"
         )
     lines.append(
         f"Hold the motor still.  Each step: do it, wait {settle:g} s, record {record:g} s, both in "

@@ -23,7 +23,7 @@ from esea_gen.studies.uncertainty.tally import RATE_EDGES, RATES, TORQUE_EDGES
 
 ELBOW_FULL_SCALE_NM = 4.47  # the published signals are the elbow's; others' are scaled
 CYCLE_S = 100.0  # the slow signals repeat after it
-FINE_HZ = 10_000.0  # error of the reference a hundredth of that at 1 kHz
+FINE_HZ = 10_000.0  # error of the fine step a hundredth of that at 1 kHz
 CHUNK = 200_000
 STRIDE = 5  # statistics look at every fifth sample; the C runs all of them
 HARMONICS = 4

@@ -37,7 +37,7 @@ from esea_gen.verify.executor import (
     emitted_kernel,
     exact_trajectory,
     expected_setup,
-    float32_reference,
+    float32_trajectory,
     initial_state,
     setup_difference,
 )
@@ -46,7 +46,7 @@ from esea_gen.verify.mutation.mutants import Mutant
 from esea_gen.verify.mutation.tasks import task_signature
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.program import compare_program, program_streams
-from esea_gen.verify.runs import AS_WRITTEN, CasadiReference, run_c, run_executor, run_symbolic
+from esea_gen.verify.runs import AS_WRITTEN, CasadiOracle, run_c, run_executor, run_symbolic
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 
 # Fast to compile; without optimisation float arithmetic has the same bits.
@@ -90,7 +90,7 @@ class Bench:
         self.programs = [b for b in kinds if isinstance(b, Program)]
         self.blocks = [b for b in kinds if not isinstance(b, Program)]
         self.limits: dict[str, tuple[dict[str, Bound], StepRule | None]] = {}
-        self.reference = CasadiReference(device.system) if real == "f64" else None
+        self.oracle = CasadiOracle(device.system) if real == "f64" else None
         self.judged = {b.name: self._judge(b) for b in self.blocks}
         self.setups = {b.name: expected_setup(b, self.fmt) for b in self.blocks}
         self.executed = {
@@ -115,7 +115,7 @@ class Bench:
         recorded = recorded_stream(self.device, domain_chirp(self.device, 2.0), "chirp in domain")
         out = []
         for stream in [*streams(block), *(s for n, s in recorded.items() if n == block.name)]:
-            exact = exact_trajectory(block, self.library, stream, self.reference)
+            exact = exact_trajectory(block, self.library, stream, self.oracle)
             out.append(Judged(exact, run_symbolic(block, stream) if self.loose else None))
         # Bit by bit only: there, formats may decide differently.
         dtype = self.fmt.dtype
@@ -125,14 +125,14 @@ class Bench:
 
     def _exact(self, block: Block, stream: Stream) -> KernelTrajectory:
         # As exact_trajectory, with the coefficients that the stream puts in.
-        if self.reference is not None or not stream.coefficients:
-            return exact_trajectory(block, self.library, stream, self.reference)
+        if self.oracle is not None or not stream.coefficients:
+            return exact_trajectory(block, self.library, stream, self.oracle)
         coefficients = coefficients_of(block, self.fmt, {})
         _, trace = run_c(self.library.block(block.name), stream)
         initial = initial_state(block, self.fmt, coefficients)
         arguments = recorded_arguments(block, stream, trace, initial, coefficients, self.fmt)
         kernel, _ = emitted_kernel(block, self.fmt)
-        return float32_reference(kernel, block, stream, arguments)
+        return float32_trajectory(kernel, block, stream, arguments)
 
     # -- compiling -------------------------------------------------------------------------------
 

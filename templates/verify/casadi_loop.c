@@ -9,7 +9,7 @@
 
 typedef int (*step_t)(const double **, double **, int *, double *, int);
 
-void esea_reference_run(step_t step, const double **arguments, double **results, int *iw, double *w,
+void esea_casadi_run(step_t step, const double **arguments, double **results, int *iw, double *w,
         double *state, const double *next, size_t states, double *input, size_t inputs,
         const double *output, size_t outputs, const double *in, double *out, double *trace,
         size_t steps)
