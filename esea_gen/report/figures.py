@@ -16,6 +16,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from esea_gen.identify import Recording
 from esea_gen.plotting import (
     BOUND,
     HELD_OUT,
@@ -63,7 +64,56 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
     return figure, figure.subplots(**kwargs)
 
 
-def share_loops(traces: Sequence[Curve]) -> Curve | None:
+def data_sets(recording: Recording, samples: int) -> tuple[tuple[str, npt.NDArray[np.intp]], ...]:
+    """A recording's data sets, as a curve's parts.
+
+    samples: all of the recording's: shown once more where no set has them all, conditioning cycles
+        and transitions too, so that nothing is hidden.
+    """
+    parts = [
+        (
+            f"{s.label}, amplitude {np.degrees(s.amplitude_rad):.3g}°",
+            np.sort(np.concatenate([s.training, s.held_out])),
+        )
+        for s in recording.sets
+    ]
+    if len(parts) != 1 or len(parts[0][1]) != samples:
+        parts.append(("whole recording", np.arange(samples)))
+    return tuple(parts)
+
+
+def plots(
+    traces: Sequence[Curve],
+    full_scale_Nm: float,
+    roundings: Sequence[tuple[Array, Array] | None],
+) -> list[dict[str, Any]]:
+    """Loops and torque over time of every curve, with what their captions need.
+
+    roundings: by curve: times, and float32 less float64.
+    """
+    points = POINTS_PER_PAGE // (2 * max(len(traces), 4))
+    shared = _share_loops(traces)
+    drawn = []
+    for i, (trace, rounding) in enumerate(zip(traces, roundings, strict=True)):
+        parts = len((shared or trace).parts)
+        # A shared figure stands with the first recording.
+        first = shared is None or i == 0
+        drawn.append(
+            {
+                "label": trace.label,
+                "measured": trace.measured_Nm is not None,
+                "held_out": trace.held_out is not None,
+                "parts": parts,
+                "drawn": min(parts, MOST_PANELS),
+                "shared": shared is not None,
+                "loops": loops(shared or trace, f"loops{i}", points) if first else "",
+                "time": over_time(trace, f"time{i}", points, full_scale_Nm, rounding),
+            }
+        )
+    return drawn
+
+
+def _share_loops(traces: Sequence[Curve]) -> Curve | None:
     """Recordings of one loop each as one trace, so that their loops share a figure.
 
     return: none when there is only one, or some have several data sets.

@@ -1,10 +1,11 @@
-"""What the pages share: the Jinja environment and how numbers are written for people."""
+"""What the pages share: sections, the Jinja environment, and how numbers are written for people."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 from markupsafe import Markup
@@ -13,6 +14,29 @@ from esea_gen.emit.render import template_folder
 
 _SUPERSCRIPT = {"^2": "²", "^3": "³"}
 STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "derived": "○"}
+
+
+class Section(NamedTuple):
+    """A part of a page.
+
+    part: its template below ``templates/report``; the last word is its anchor.
+    title: in the page's list of sections.
+    content: its part of the JSON, of what was found.
+    shown: what its template needs beside it: figures, tables in another order.
+    """
+
+    part: str
+    title: str = ""
+    content: Callable[[Any], dict[str, Any]] = lambda _: {}
+    shown: Callable[[Any], dict[str, Any]] = lambda _: {}
+
+    @property
+    def anchor(self) -> str:
+        return self.part.split("/")[-1]
+
+    @property
+    def template(self) -> str:
+        return f"report/{self.part}.html.j2"
 
 
 @cache
@@ -38,9 +62,15 @@ def environment() -> jinja2.Environment:
     return env
 
 
-def render(template: str, **context: Any) -> str:
-    """Render a page."""
-    return environment().get_template(template).render(**context)
+def render(head: Section, sections: Sequence[Section], found: Any, **context: Any) -> str:
+    """A page, one self-contained file.
+
+    context: title, command, hash, and what several sections show.
+    """
+    for section in (head, *sections):
+        context |= section.shown(found)
+    template = environment().get_template("report/page.html.j2")
+    return template.render(head=head, sections=sections, found=found, **context)
 
 
 def number(value: float | None, digits: int = 2) -> str | Markup:

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import OFF, TORQUE
 from esea_gen.twin.closed_loop import PATH, ClosedLoop, ClosedLoopRun
 from esea_gen.twin.people import PlantVariant
-from esea_gen.twin.run import ARM_S, ON_S, plant_variant
+from esea_gen.twin.run import ARM_S, ON_S, plant_variant, previews
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory, tuning
 
 
@@ -54,6 +55,7 @@ def tuning_signals(loop: ClosedLoop, ticks: int) -> dict[str, Array]:
         "stop": np.zeros(ticks),
         "frame_error_motor": np.zeros(ticks),
         "frame_error_load": np.zeros(ticks),
+        "law": np.zeros(ticks),
     }
     return {k: v for k, v in known.items() if k in loop.signals or k in PATH}
 
@@ -64,6 +66,9 @@ def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
     plant = plant_variant(device, "real", "none", seed)
     loop = ClosedLoop(device.system, plant, "f32")
     signals = tuning_signals(loop, ticks)
+    if "predictive" in device.system.blocks:
+        given = previews(tuning(), device_horizon(device))
+        signals |= {k: v[:ticks] for k, v in given.items() if k in loop.signals}
     run = loop.run(signals, plant.values, seed=seed)
     inputs: dict[str, dict[str, Array]] = {}
     outputs: dict[str, dict[str, Array]] = {}
