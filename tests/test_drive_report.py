@@ -145,3 +145,37 @@ def test_a_recording_is_refused_for_a_drive(tmp_path: Path):
     assert done.exit_code != 0
     assert "takes no recording" in str(done.exception)
     assert not (tmp_path / "r.html").exists()
+
+
+def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, monkeypatch):
+    # A stiffer coupling; the yardstick in a second way: the same device under that controller.
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "stiff"\ntitle = "Stiff"\n'
+    stiff = '[elastomer]\nk1_Nm_rad = { value = 12.0, status = "assumed", source = "a test" }\n'
+    own, printed = tmp_path / "stiff.toml", tmp_path / "printed.toml"
+    own.write_text(head + stiff)
+    printed.write_text(f'{head}controller = "smc-published"\n{stiff}')
+    monkeypatch.setattr(drive, "COMPARED", ("tuning",))
+    monkeypatch.setattr(drive, "ALONE", ())
+    _, yardsticks = drive.close_loop(load_device(own), lambda _: None)
+    (case,) = yardsticks["tuning"].cases()
+    (expected,) = simulate("tuning", Setting(str(printed))).cases()
+    (elbows,) = simulate("tuning", Setting("smc-published")).cases()
+    assert case["rms_true_Nm"] == expected["rms_true_Nm"] != elbows["rms_true_Nm"]
+
+
+def test_a_predictive_controller_has_a_page(findings, monkeypatch):
+    device = load_device("elbow_drive", "mpc")
+    board = run_board(device, "host", {}, lambda _: None, ticks=40)
+    assert board.passed
+    assert set(board.results) == {"sense", "control"}
+    _shorten(monkeypatch)
+    monkeypatch.setattr(builder, "run_board", lambda *_: board)
+    simulated = findings.simulations, findings.yardsticks
+    monkeypatch.setattr(drive, "close_loop", lambda *_: simulated)
+    found = gather(device)
+    assert found.passed
+    assert found.command == "esea-gen report elbow_drive --controller mpc"
+    text = Page(found.html()).text
+    assert "predictive: " in text
+    kernels = {k["block"] for k in found.to_dict()["code"]["kernels"]}
+    assert {b.name for b in device.system.kinds} - kernels == {"predictive"}

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
@@ -21,7 +20,6 @@ from esea_gen.verify.firmware import FirmwareImage, build_firmware
 from esea_gen.verify.streams import deflection_inputs
 
 Say = Callable[[str], None]
-Results = dict[str, EmulatorResult]
 
 TICKS = 3000  # of the tuning case, for a device with a law
 
@@ -91,49 +89,27 @@ def run_board(
     """
     known = firmware_boards()
     title = known[board].title if board in known else ""
-    image = None
-    results: Results = {}
+    image, skipped, failed = None, "", ""
+    results: dict[str, EmulatorResult] = {}
+
+    def told(what: str) -> Callable[[int, int], None]:
+        return lambda done, steps: say(f"emulating {what}: {100 * done // steps} %")
+
     try:
         with tempfile.TemporaryDirectory(prefix="esea-report-") as scratch:
             say(f"building firmware for {board}")
             image = build_firmware(device, board, Path(scratch))
             if device.laws:
-                _run_tasks(device, image, ticks, results, say)
-            else:
-                _run_deflections(device, image, deflections, results, say)
+                inputs = record_drive(device, ticks).inputs
+                results |= run_tasks_in_emulator(device, image, inputs, progress=told("tasks"))
+            for label, theta in deflections.items():
+                given = deflection_inputs(device.system, theta)
+                results[label] = run_in_emulator(device, image, given, progress=told(label))
     except UserError as error:
         if board not in known or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
             raise
-        return BoardRun(board, title, image, results, skipped=str(error))
+        skipped = str(error)
     except RuntimeError as error:
         # A board that does not build or answer is a finding: the page says so and fails.
-        return BoardRun(board, title, image, results, failed=str(error))
-    return BoardRun(board, title, image, results)
-
-
-def _run_deflections(
-    device: Device,
-    image: FirmwareImage,
-    deflections: Mapping[str, npt.NDArray[np.float64]],
-    results: Results,
-    say: Say,
-) -> None:
-    for label, theta in deflections.items():
-
-        def told(done: int, steps: int, label: str = label) -> None:
-            say(f"emulating {label}: {100 * done // steps} %")
-
-        results[label] = run_in_emulator(
-            device, image, deflection_inputs(device.system, theta), progress=told
-        )
-
-
-def _run_tasks(
-    device: Device, image: FirmwareImage, ticks: int, results: Results, say: Say
-) -> None:
-    inputs = record_drive(device, ticks).inputs
-
-    def told(done: int, runs: int) -> None:
-        say(f"emulating: {100 * done // runs} %")
-
-    results |= run_tasks_in_emulator(device, image, inputs, progress=told)
+        failed = str(error)
+    return BoardRun(board, title, image, results, skipped, failed)

@@ -37,7 +37,7 @@ class Report(Findings):
 
         How well a model fits or a controller follows does not enter.
         """
-        return not self.problems
+        return self.verification.passed and self.board.passed and not drive.problems(self)
 
     @property
     def problems(self) -> list[str]:
@@ -62,7 +62,7 @@ class Report(Findings):
         """A few lines for the terminal."""
         problems = self.problems
         lines = [
-            f"{self.device.title}: {'FAILED' if problems else 'passed'} "
+            f"{self.device.title}: {'passed' if self.passed else 'FAILED'} "
             f"(content {self.verification.content_hash})",
             *problems[:10],
         ]
@@ -72,22 +72,8 @@ class Report(Findings):
 
     def html(self) -> str:
         """The page, one self-contained file."""
-        comparisons = self.verification.comparisons
-        return render(
-            self.kind.HEAD,
-            self.kind.SECTIONS,
-            self,
-            title=self.device.title,
-            name=self.device.title,
-            f=self.to_dict(),
-            device_name=self.device.name,
-            content_hash=self.verification.content_hash,
-            command=self.command,
-            reals=REAL_NAMES,
-            full_scale_Nm=self.device.tau_full_scale_Nm,
-            comparisons=len(comparisons),
-            steps_verified=sum(c.steps for c in comparisons),
-        )
+        head, sections, title = self.kind.HEAD, self.kind.SECTIONS, self.device.title
+        return render(head, sections, self, title=title, f=self.to_dict(), reals=REAL_NAMES)
 
 
 def verification_problems(verification: Verification) -> list[str]:

@@ -14,29 +14,14 @@ from esea_gen.report.page import Section
 from esea_gen.targets import BOARDS
 
 REAL_NAMES = {real: f"float{real[1:]}" for real in FLOATING_FORMATS}
-OPERATION_GROUPS = (
-    ("add, sub", ("add", "sub")),
-    ("mul", ("mul", "sq", "twice")),
-    ("div", ("div", "inv")),
-    ("power", ("pow",)),
-    ("exp, log, sqrt, tanh", ("exp", "log", "tanh", "sqrt")),
-    ("min, max", ("fmin", "fmax")),
-    ("compare", ("lt", "le", "eq", "ne")),
-    ("select", ("select", "if_else_zero")),
-    ("and, or, not", ("and", "or", "not")),
-    ("neg, abs, sign", ("neg", "fabs", "sign")),
-)
 
 
 def quantities(device: Device) -> list[dict[str, Any]]:
     """Every number of the device file with its unit, status and source."""
     return [
         {
-            "key": key,
-            "value": q.value,
-            "unit": unit_of(key),
-            "status": q.status,
-            "source": q.source,
+            **{"key": key, "value": q.value, "unit": unit_of(key)},
+            **{"status": q.status, "source": q.source},
             "meaning": field_facts(key)["text"],
             "section": key.rsplit(".", 1)[0],
         }
@@ -74,14 +59,13 @@ def _parameters_shown(found: Findings) -> dict[str, Any]:
 
 
 def _equations(found: Findings) -> dict[str, Any]:
-    return {
-        "rate_terms": found.device.file.elastomer.maxwell is not None,
-        "equations": [
-            {"block": b.name, "number": e.number, "text": e.text, "mathml": e.mathml}
-            for b in found.device.system.kinds
-            for e in b.equations
-        ],
-    }
+    equations = [
+        {"block": b.name, "number": e.number, "text": e.text, "mathml": e.mathml}
+        for b in found.device.system.kinds
+        for e in b.equations
+    ]
+    rate_terms = found.device.file.elastomer.maxwell is not None
+    return {"rate_terms": rate_terms, "equations": equations}
 
 
 def _code(found: Findings) -> dict[str, Any]:
@@ -109,16 +93,10 @@ def _code(found: Findings) -> dict[str, Any]:
 
 def _firmware(found: Findings) -> dict[str, Any]:
     board = found.board
-    return {
-        "board": {
-            "name": board.name,
-            "title": board.title,
-            "skipped": board.skipped,
-            "failed": board.failed,
-            "image": None if board.image is None else board.image.to_dict(),
-            "tasks" if found.device.laws else "streams": _results(found),
-        }
-    }
+    content: dict[str, Any] = {k: getattr(board, k) for k in ("name", "title", "skipped", "failed")}
+    content["image"] = None if board.image is None else board.image.to_dict()
+    content["tasks" if found.device.laws else "streams"] = _results(found)
+    return {"board": content}
 
 
 def _results(found: Findings) -> dict[str, dict[str, Any]]:
@@ -157,11 +135,5 @@ def board_note(found: Findings) -> list[str]:
 
 PARAMETERS = Section("device/parameters", "Parameters", _parameters, _parameters_shown)
 EQUATIONS = Section("device/equations", "Equations", _equations)
-# A drive has too many Blocks for a table of operations.
-CODE = Section(
-    "device/code",
-    "Code",
-    _code,
-    lambda found: {"operation_groups": () if found.device.laws else OPERATION_GROUPS},
-)
+CODE = Section("device/code", "Code", _code)
 FIRMWARE = Section("device/firmware", "Firmware", _firmware, _firmware_shown)

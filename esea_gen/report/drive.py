@@ -9,17 +9,9 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.language.ports import unit_of
 from esea_gen.plotting import svg
+from esea_gen.report import common
 from esea_gen.report.board import Say
-from esea_gen.report.common import (
-    CODE,
-    EQUATIONS,
-    FIRMWARE,
-    PARAMETERS,
-    REAL_NAMES,
-    assumed,
-    board_note,
-    made_with,
-)
+from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
 from esea_gen.report.findings import Findings
 from esea_gen.report.page import Section
 from esea_gen.studies.simulation import Simulation, default_person, simulate
@@ -72,13 +64,11 @@ def problems(found: Findings) -> list[str]:
 def _tasks(found: Findings) -> dict[str, Any]:
     """Tasks with their Blocks in order, and what crosses the System's border."""
     system = found.device.system
+    period_ms = 1000 * found.device.period_s
     tasks = [
         {
-            "name": t.name,
-            "period_ms": 1000 * found.device.period_s * t.every,
-            "phase": t.phase,
-            "release": t.release_ticks,
-            "blocks": list(t.blocks),
+            **{"name": t.name, "period_ms": period_ms * t.every, "phase": t.phase},
+            **{"release": t.release_ticks, "blocks": list(t.blocks)},
             "inputs": [x.name for x in system.task_inputs(t)],
             "outputs": [x.name for x in system.task_outputs(t)],
             "latches": [latch.name for latch in system.latches_read(t)],
@@ -96,12 +86,11 @@ def _experiments(found: Findings) -> dict[str, Any]:
         for case in found.simulations[name].cases():
             beside = printed[case["name"]]
             ours, theirs = case["rms_true_Nm"], beside["rms_true_Nm"]
+            kept = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm", "unstable")
             rows.append(
                 {
-                    "experiment": name,
-                    "case": case["name"],
-                    **{k: case[k] for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")},
-                    "unstable": case["unstable"],
+                    **{"experiment": name, "case": case["name"]},
+                    **{k: case[k] for k in kept},
                     "limited_share": case.get("limited_share"),
                     "printed_rms_true_Nm": theirs,
                     "printed_unstable": beside["unstable"],
@@ -115,23 +104,16 @@ def _experiments(found: Findings) -> dict[str, Any]:
 def _figures(found: Findings) -> dict[str, Any]:
     """Of every simulation, those of the response too."""
     captions = {name: s.study.title for name, s in found.simulations.items()}
-    figures = {
-        name: svg(s.figure(), f"drive-{name}", captions[name])
-        for name, s in found.simulations.items()
-    }
+    done = found.simulations.items()
+    figures = {name: svg(s.figure(), f"drive-{name}", captions[name]) for name, s in done}
     return {"captions": captions, "figures": figures, "yardstick": YARDSTICK}
 
 
 def _response(found: Findings) -> dict[str, Any]:
     content = {name: found.simulations[name].to_dict() for name in ALONE}
-    return {
-        "response": {
-            "bandwidth": content["frequency"]["bandwidth"],
-            "margins": content["frequency"]["margins"],
-            "steps": content["step"]["steps"],
-            "impedance_fit": content["output-impedance"]["impedance_fit"],
-        }
-    }
+    taken = {"frequency": ("bandwidth", "margins"), "step": ("steps",)}
+    taken["output-impedance"] = ("impedance_fit",)
+    return {"response": {k: content[name][k] for name, keys in taken.items() for k in keys}}
 
 
 def _checks(found: Findings) -> dict[str, Any]:
@@ -141,9 +123,7 @@ def _checks(found: Findings) -> dict[str, Any]:
         of = {real: found.comparisons(block.name, real) for real in REAL_NAMES}
         rows.append(
             {
-                "block": block.name,
-                "title": block.title,
-                "streams": len(of["f64"]),
+                **{"block": block.name, "title": block.title, "streams": len(of["f64"])},
                 "steps": sum(c.steps for c in of["f64"]),
                 "bits_equal": all(c.bit_identical is not False for c in of["f64"]),
                 "passed": all(c.passed for cs in of.values() for c in cs),
@@ -157,14 +137,9 @@ def _worst(scales: dict[str, float], comparisons: list[Comparison]) -> dict[str,
     residuals = [(*c.residual, c.stream) for c in comparisons if c.residual is not None]
     if residuals:
         error, limit, stream = max(residuals, key=lambda r: r[:2])
-        return {
-            "rule": "residual",
-            "output": "tau_Nm",
-            "error": error,
-            "limit": limit,
-            "percent": 100 * error / scales.get("tau_Nm", 1.0),
-            "stream": stream,
-        }
+        percent = 100 * error / scales.get("tau_Nm", 1.0)
+        row = {"rule": "residual", "output": "tau_Nm", "error": error, "limit": limit}
+        return row | {"percent": percent, "stream": stream}
     rules = ", ".join(sorted({c.rule for c in comparisons}))
     every = [
         (100 * e / scales[k] if scales.get(k) else 0.0, k, e, c.limits.get(k), c.stream)
@@ -175,15 +150,8 @@ def _worst(scales: dict[str, float], comparisons: list[Comparison]) -> dict[str,
     if not every:
         return {"rule": rules, "output": None}
     percent, key, error, most, stream = max(every, key=lambda x: x[0])
-    return {
-        "rule": rules,
-        "output": key,
-        "unit": unit_of(key),
-        "error": error,
-        "limit": most,
-        "percent": percent,
-        "stream": stream,
-    }
+    row = {"rule": rules, "output": key, "unit": unit_of(key), "error": error}
+    return row | {"limit": most, "percent": percent, "stream": stream}
 
 
 def _notes(found: Findings) -> dict[str, Any]:
@@ -209,9 +177,6 @@ SECTIONS = (
     Section("drive/experiments", "Experiments", _experiments, _figures),
     Section("drive/response", "Response", _response),
     Section("drive/checks", "Checks", _checks),
-    FIRMWARE,
-    PARAMETERS,
-    EQUATIONS,
-    CODE,
+    *(common.FIRMWARE, common.PARAMETERS, common.EQUATIONS, common.CODE),
     Section("device/notes", "Notes and limits", _notes),
 )

@@ -14,25 +14,16 @@ from esea_gen.report.page import Section, finite, render
 
 def identification_page(result: Identification) -> str:
     """The page of an identification, one self-contained file."""
-    content = finite(result.to_dict())
+    content = finite(result.to_dict()) | {"content_hash": device_hash(result.device)}
+    content["command"] = f"esea-gen identify {content['mapping']}"
     parameters = [
         {"key": key, "meaning": field_facts(_dotted(key))["text"], **p}
         for key, p in content["parameters"].items()
     ]
-    return render(
-        Section("identification/head"),
-        SECTIONS,
-        result,
-        title=result.device.title,
-        name=f"Identification: {result.device.title}",
-        device_name=content["device"]["name"],
-        content_hash=device_hash(result.device),
-        command=f"esea-gen identify {content['mapping']}",
-        r=content,
-        parameters=parameters,
-        bounds_hit=[p for p in parameters if p["at_bound"]],
-        assumed=[(key, q) for key, q in result.device.quantities() if q.status == "assumed"],
-    )
+    assumed = [(key, q) for key, q in result.device.quantities() if q.status == "assumed"]
+    title = f"Identification: {result.device.title}"
+    shown = {"title": title, "f": content, "parameters": parameters, "assumed": assumed}
+    return render(Section("identification/head"), SECTIONS, result, **shown)
 
 
 def _uncertainty(result: Identification) -> dict[str, Any]:
@@ -40,11 +31,9 @@ def _uncertainty(result: Identification) -> dict[str, Any]:
     weakest = content["uncertainty"]["weakest"] or {}
     direction = (weakest.get("direction") or {}).items()
     rows = [(key, p["value"], p["sigma"]) for key, p in content["parameters"].items()]
-    return {
-        "weakest": sorted(direction, key=lambda kv: -abs(kv[1])),
-        "weakest_change": weakest.get("rms_change_Nm"),
-        "spread": figures.spread(rows, "spread"),
-    }
+    ordered = sorted(direction, key=lambda kv: -abs(kv[1]))
+    change = weakest.get("rms_change_Nm")
+    return {"weakest": ordered, "weakest_change": change, "spread": figures.spread(rows, "spread")}
 
 
 def _torque(result: Identification) -> dict[str, Any]:

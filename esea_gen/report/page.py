@@ -12,7 +12,6 @@ from markupsafe import Markup
 
 from esea_gen.emit.render import template_folder
 
-_SUPERSCRIPT = {"^2": "²", "^3": "³"}
 STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "derived": "○"}
 
 
@@ -29,14 +28,6 @@ class Section(NamedTuple):
     title: str = ""
     content: Callable[[Any], dict[str, Any]] = lambda _: {}
     shown: Callable[[Any], dict[str, Any]] = lambda _: {}
-
-    @property
-    def anchor(self) -> str:
-        return self.part.split("/")[-1]
-
-    @property
-    def template(self) -> str:
-        return f"report/{self.part}.html.j2"
 
 
 @cache
@@ -102,9 +93,8 @@ def unit_text(unit: str) -> str:
     """A unit as it is read."""
     if unit in ("1", "bits"):
         return ""
-    for plain_text, raised in _SUPERSCRIPT.items():
-        unit = unit.replace(plain_text, raised)
-    return unit.replace("Nm s", "Nm·s").replace("Nm", "N·m")
+    raised = unit.replace("^2", "²").replace("^3", "³")
+    return raised.replace("Nm s", "Nm·s").replace("Nm", "N·m")
 
 
 def for_people(value: float, unit: str) -> str:

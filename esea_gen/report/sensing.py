@@ -13,18 +13,9 @@ from esea_gen.identify import MappingFile, Recording, load_mapping, load_recordi
 from esea_gen.language.block import Block
 from esea_gen.language.ports import unit_of
 from esea_gen.language.stream import single
-from esea_gen.report import figures
+from esea_gen.report import common, figures
 from esea_gen.report.board import Say
-from esea_gen.report.common import (
-    CODE,
-    EQUATIONS,
-    FIRMWARE,
-    PARAMETERS,
-    REAL_NAMES,
-    assumed,
-    board_note,
-    made_with,
-)
+from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
 from esea_gen.report.findings import Array, Findings, Run
 from esea_gen.report.page import Section, count_text
 from esea_gen.verify.bounds import operating_ranges
@@ -33,13 +24,6 @@ from esea_gen.verify.streams import deflection_inputs, domain_chirp, first_axis
 
 CHIRP = "chirp in the domain"
 IDENTIFIED = "identified domain"
-STATE_STORY = {
-    "fixed point": "errors are carried through one step by interval arithmetic, and a state error "
-    "is accepted only when a step gives none larger (inductive), so it holds for any number of "
-    "steps",
-    "linear": "one step's own rounding error is summed over all powers of the state matrix, so it "
-    "holds for any number of steps",
-}
 PARTS = (
     ("spring", "tau_spring_Nm"),
     ("hysteresis", "tau_hysteresis_Nm"),
@@ -94,16 +78,9 @@ def _fit(found: Findings) -> dict[str, Any] | None:
         apart = max(apart, float(np.abs(f32 - f64).max()))
         error = f32 - r.tau_Nm
         for s in r.sets:
-            sets.append(
-                {
-                    "recording": run.label,
-                    "label": s.label,
-                    "amplitude_rad": s.amplitude_rad,
-                    "cycles": dict(sorted(s.cycles.items())),
-                    "training": _figures(error[s.training], full),
-                    "held_out": _figures(error[s.held_out], full),
-                }
-            )
+            row = {"recording": run.label, "label": s.label, "amplitude_rad": s.amplitude_rad}
+            judged = {k: _figures(error[getattr(s, k)], full) for k in ("training", "held_out")}
+            sets.append({**row, "cycles": dict(sorted(s.cycles.items())), **judged})
     means = {}
     for role in ("training", "held_out"):
         percents = [s[role]["rms_percent"] for s in sets if s[role] is not None]
@@ -115,12 +92,8 @@ def _figures(error: Array, full_scale_Nm: float) -> dict[str, float] | None:
     if not len(error):
         return None
     rms, peak = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-    return {
-        "rms_Nm": rms,
-        "rms_percent": 100 * rms / full_scale_Nm,
-        "max_Nm": peak,
-        "max_percent": 100 * peak / full_scale_Nm,
-    }
+    found = {"rms_Nm": rms, "rms_percent": 100 * rms / full_scale_Nm}
+    return found | {"max_Nm": peak, "max_percent": 100 * peak / full_scale_Nm}
 
 
 def _flags_seen(found: Findings) -> list[dict[str, Any]]:
@@ -132,16 +105,8 @@ def _flags_seen(found: Findings) -> list[dict[str, Any]]:
                 word = run.outputs["f32"][x.name].astype(np.int64)
                 steps = int(np.count_nonzero((word >> i) & 1))
                 if steps:
-                    rows.append(
-                        {
-                            "stream": run.label,
-                            "status": x.name,
-                            "flag": flag.name,
-                            "meaning": flag.meaning,
-                            "steps": steps,
-                            "of": len(word),
-                        }
-                    )
+                    row = {"stream": run.label, "status": x.name, "flag": flag.name}
+                    rows.append(row | {"meaning": flag.meaning, "steps": steps, "of": len(word)})
     return rows
 
 
@@ -159,16 +124,9 @@ def _worst(found: Findings, real: str) -> dict[str, Any]:
         if k in c.errors
     )
     error, k, c = max(every, key=lambda e: e[0] / full[e[1]])
-    return {
-        "percent": 100 * error / full[k],
-        "error": error,
-        "output": k,
-        "unit": unit_of(k),
-        "block": c.block,
-        "stream": c.stream,
-        "bound_percent": 100 * c.limits[k] / full[k],
-        "torque_percent": 100 * torque / full["tau_Nm"],
-    }
+    row = {"percent": 100 * error / full[k], "error": error, "output": k, "unit": unit_of(k)}
+    row |= {"block": c.block, "stream": c.stream, "bound_percent": 100 * c.limits[k] / full[k]}
+    return row | {"torque_percent": 100 * torque / full["tau_Nm"]}
 
 
 def _head(found: Findings) -> dict[str, Any]:
@@ -183,19 +141,15 @@ def summary(found: Findings) -> list[str]:
         for real, w in _head(found)["worst"].items()
     ]
     lines += found.board.summary("step")
-    means = _mean_fit(found)
-    if means:
+    fit = _fit(found)
+    if fit is not None:
+        means = fit["mean_rms_percent"]
         shown = [f"{v:.2f} % {k.replace('_', ' ')}" for k, v in means.items() if v is not None]
         lines.append(f"fit to the measured torque, RMS in % of full scale: {', '.join(shown)}")
     lines.append(f"{len(assumed(found))} values are assumed")
     if found.device.file.elastomer.maxwell is None:
         lines.append("rate terms not identified")
     return lines
-
-
-def _mean_fit(found: Findings) -> dict[str, float | None]:
-    means: dict[str, float | None] = (_fit(found) or {}).get("mean_rms_percent", {})
-    return means
 
 
 def _plots(found: Findings) -> dict[str, Any]:
@@ -205,11 +159,8 @@ def _plots(found: Findings) -> dict[str, Any]:
         differences.append((run.time_s, f32 - f64))
     traces = [_trace(run, found.same_specimen) for run in found.runs]
     drawn = figures.plots(traces, found.device.tau_full_scale_Nm, differences)
-    return {
-        "plots": [
-            p | {"steps": len(run.theta_rad)} for p, run in zip(drawn, found.runs, strict=True)
-        ]
-    }
+    pairs = zip(drawn, found.runs, strict=True)
+    return {"plots": [p | {"steps": len(run.theta_rad)} for p, run in pairs]}
 
 
 def _trace(run: Run, same_specimen: bool) -> figures.Curve:
@@ -232,20 +183,12 @@ def _trace(run: Run, same_specimen: bool) -> figures.Curve:
 
 
 def _errors(found: Findings) -> dict[str, Any]:
-    return {
-        "verification": found.verification.to_dict(),
-        "end_to_end": _end_to_end(found),
-        "status_seen": _flags_seen(found),
-    }
+    content = {"verification": found.verification.to_dict(), "end_to_end": _end_to_end(found)}
+    return content | {"status_seen": _flags_seen(found)}
 
 
-def _error_tables(found: Findings) -> dict[str, Any]:
-    return {
-        "overview": _overview(found),
-        "streams": _stream_tables(found),
-        "states": _state_table(found),
-        "tolerance": F64_TOLERANCE,
-    }
+def _error_figures(found: Findings) -> dict[str, Any]:
+    return {"overview": _overview(found), "tolerance": F64_TOLERANCE}
 
 
 def _end_to_end(found: Findings) -> list[dict[str, Any]]:
@@ -258,15 +201,8 @@ def _end_to_end(found: Findings) -> list[dict[str, Any]]:
                 continue
             full = found.verification.full_scale[x.signals[0].port]
             error = float(np.abs(f32[x.name].astype(np.float64) - f64[x.name]).max())
-            rows.append(
-                {
-                    "stream": run.label,
-                    "output": x.name,
-                    "unit": unit_of(x.name),
-                    "max_error": error,
-                    "percent": 100 * error / full,
-                }
-            )
+            row = {"stream": run.label, "output": x.name, "unit": unit_of(x.name)}
+            rows.append(row | {"max_error": error, "percent": 100 * error / full})
     return rows
 
 
@@ -280,49 +216,13 @@ def _overview(found: Findings) -> Any:
         torque = None if c is None else getattr(c, what).get("tau_Nm")
         return None if torque is None else 100 * float(torque) / full
 
-    rows = [
-        figures.StreamError(
-            stream,
-            percent(stream, "f64", "errors"),
-            percent(stream, "f32", "errors"),
-            percent(stream, "f32", "limits"),
-        )
-        for stream in dict.fromkeys(s for s, _ in sensor)
-    ]
-    means = _mean_fit(found)
+    rows = []
+    for stream in dict.fromkeys(s for s, _ in sensor):
+        f64, f32 = percent(stream, "f64", "errors"), percent(stream, "f32", "errors")
+        rows.append((stream, f64, f32, percent(stream, "f32", "limits")))
+    means = (_fit(found) or {}).get("mean_rms_percent", {})
     rms = means.get("held_out") or means.get("training")
     return figures.error_overview(rows, rms, "overview")
-
-
-def _stream_tables(found: Findings) -> list[dict[str, Any]]:
-    tables = []
-    for block in found.device.system.kinds:
-        of = {real: found.comparisons(block.name, real) for real in REAL_NAMES}
-        single_precision = {c.stream: c for c in of["f32"]}
-        rows = [(c, single_precision.get(c.stream)) for c in of["f64"]]
-        tables.append({"block": block.name, "outputs": _outputs(block), "rows": rows})
-    return tables
-
-
-def _state_table(found: Findings) -> list[dict[str, Any]]:
-    verification = found.verification
-    rows = []
-    for block in found.device.system.kinds:
-        worst = {real: verification.worst(real, block.name) for real in REAL_NAMES}
-        wide = verification.bounds.get(block.name, {}).get("port ranges")
-        rows += [
-            {
-                "block": block.name,
-                "state": p.name,
-                "unit": p.unit,
-                "full_scale": verification.full_scale[p.name],
-                **{real: errors[p.name] for real, errors in worst.items()},
-                "bound": None if wide is None else wide.states[p.name],
-            }
-            for p in block.state
-            if p.name in worst["f32"]
-        ]
-    return rows
 
 
 def _bounds(found: Findings) -> dict[str, Any]:
@@ -335,26 +235,15 @@ def _bounds(found: Findings) -> dict[str, Any]:
             if domain == IDENTIFIED:
                 operating = operating_ranges(found.device, block)
                 ranges = {k[2:]: (v[1], unit_of(k[2:])) for k, v in operating.items()}
-            outputs = [
-                {
-                    "output": k,
-                    "unit": unit_of(k),
-                    "bound": v,
-                    "percent": 100 * v / full[k],
-                    "seen": _seen(found, block.name, domain, k),
-                }
-                for k, v in bound.outputs.items()
-            ]
-            rows.append(
-                {
-                    "block": block.name,
-                    "domain": domain,
-                    "method": bound.method,
-                    "assumptions": list(bound.assumptions),
-                    "ranges": [{"name": k, "high": v, "unit": u} for k, (v, u) in ranges.items()],
-                    "outputs": outputs,
-                }
-            )
+            outputs = []
+            for k, v in bound.outputs.items():
+                seen = _seen(found, block.name, domain, k)
+                row = {"output": k, "unit": unit_of(k), "bound": v, "percent": 100 * v / full[k]}
+                outputs.append(row | {"seen": seen})
+            row = {"block": block.name, "domain": domain, "method": bound.method}
+            row["assumptions"] = list(bound.assumptions)
+            row["ranges"] = [{"name": k, "high": v, "unit": u} for k, (v, u) in ranges.items()]
+            rows.append(row | {"outputs": outputs})
     return {"bounds": rows}
 
 
@@ -418,11 +307,9 @@ HEAD = Section("sensing/head", content=_head)
 SECTIONS = (
     Section("sensing/way", "The data's way"),
     Section("sensing/torque", "Torque", lambda found: {"fit": _fit(found)}, _plots),
-    EQUATIONS,
-    PARAMETERS,
-    Section("sensing/errors", "Errors", _errors, _error_tables),
-    Section("sensing/bounds", "Bounds", _bounds, lambda _: {"stories": STATE_STORY}),
-    CODE,
-    FIRMWARE,
+    *(common.EQUATIONS, common.PARAMETERS),
+    Section("sensing/errors", "Errors", _errors, _error_figures),
+    Section("sensing/bounds", "Bounds", _bounds),
+    *(common.CODE, common.FIRMWARE),
     Section("device/notes", "Notes and limits", _notes),
 )
