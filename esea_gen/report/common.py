@@ -18,15 +18,12 @@ REAL_NAMES = {real: f"float{real[1:]}" for real in FLOATING_FORMATS}
 
 def quantities(device: Device) -> list[dict[str, Any]]:
     """Every number of the device file with its unit, status and source."""
-    return [
-        {
-            **{"key": key, "value": q.value, "unit": unit_of(key)},
-            **{"status": q.status, "source": q.source},
-            "meaning": field_facts(key)["text"],
-            "section": key.rsplit(".", 1)[0],
-        }
-        for key, q in device.quantities()
-    ]
+    found = []
+    for key, q in device.quantities():
+        row = {"key": key, "value": q.value, "unit": unit_of(key), "status": q.status}
+        row |= {"source": q.source, "meaning": field_facts(key)["text"]}
+        found.append(row | {"section": key.rsplit(".", 1)[0]})
+    return found
 
 
 def assumed(found: Findings) -> list[dict[str, Any]]:

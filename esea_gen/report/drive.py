@@ -63,18 +63,14 @@ def problems(found: Findings) -> list[str]:
 
 def _tasks(found: Findings) -> dict[str, Any]:
     """Tasks with their Blocks in order, and what crosses the System's border."""
-    system = found.device.system
-    period_ms = 1000 * found.device.period_s
-    tasks = [
-        {
-            **{"name": t.name, "period_ms": period_ms * t.every, "phase": t.phase},
-            **{"release": t.release_ticks, "blocks": list(t.blocks)},
-            "inputs": [x.name for x in system.task_inputs(t)],
-            "outputs": [x.name for x in system.task_outputs(t)],
-            "latches": [latch.name for latch in system.latches_read(t)],
-        }
-        for t in system.tasks
-    ]
+    system, period_ms = found.device.system, 1000 * found.device.period_s
+    tasks = []
+    for t in system.tasks:
+        task = {"name": t.name, "period_ms": period_ms * t.every, "phase": t.phase}
+        task |= {"release": t.release_ticks, "blocks": list(t.blocks)}
+        task["inputs"] = [x.name for x in system.task_inputs(t)]
+        task["outputs"] = [x.name for x in system.task_outputs(t)]
+        tasks.append(task | {"latches": [latch.name for latch in system.latches_read(t)]})
     return {"tasks": tasks}
 
 
@@ -86,18 +82,12 @@ def _experiments(found: Findings) -> dict[str, Any]:
         for case in found.simulations[name].cases():
             beside = printed[case["name"]]
             ours, theirs = case["rms_true_Nm"], beside["rms_true_Nm"]
-            kept = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm", "unstable")
-            rows.append(
-                {
-                    **{"experiment": name, "case": case["name"]},
-                    **{k: case[k] for k in kept},
-                    "limited_share": case.get("limited_share"),
-                    "printed_rms_true_Nm": theirs,
-                    "printed_unstable": beside["unstable"],
-                    "ratio": ours / theirs if ours is not None and theirs else None,
-                    "thesis_rms_Nm": yardstick.study.thesis_Nm.get(YARDSTICK),
-                }
-            )
+            row: dict[str, Any] = {"experiment": name, "case": case["name"]}
+            row |= {k: case[k] for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm", "unstable")}
+            row["limited_share"] = case.get("limited_share")
+            row |= {"printed_rms_true_Nm": theirs, "printed_unstable": beside["unstable"]}
+            row["ratio"] = ours / theirs if ours is not None and theirs else None
+            rows.append(row | {"thesis_rms_Nm": yardstick.study.thesis_Nm.get(YARDSTICK)})
     return {"experiments": rows}
 
 
@@ -121,15 +111,11 @@ def _checks(found: Findings) -> dict[str, Any]:
     rows = []
     for block in found.device.system.kinds:
         of = {real: found.comparisons(block.name, real) for real in REAL_NAMES}
-        rows.append(
-            {
-                **{"block": block.name, "title": block.title, "streams": len(of["f64"])},
-                "steps": sum(c.steps for c in of["f64"]),
-                "bits_equal": all(c.bit_identical is not False for c in of["f64"]),
-                "passed": all(c.passed for cs in of.values() for c in cs),
-                **_worst(found.verification.full_scales[block.name], of["f32"]),
-            }
-        )
+        row: dict[str, Any] = {"block": block.name, "title": block.title}
+        row |= {"streams": len(of["f64"]), "steps": sum(c.steps for c in of["f64"])}
+        row["bits_equal"] = all(c.bit_identical is not False for c in of["f64"])
+        row["passed"] = all(c.passed for cs in of.values() for c in cs)
+        rows.append(row | _worst(found.verification.full_scales[block.name], of["f32"]))
     return {"checks": rows}
 
 
