@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 from esea_gen import load_device
 from esea_gen.cli import app
-from esea_gen.report import drive as room
-from esea_gen.report.contents import BoardRun
-from esea_gen.report.drive import run_tasks_on_board
+from esea_gen.report import builder, drive
+from esea_gen.report.board import BoardRun, run_board
+from esea_gen.report.builder import gather
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify.emulator import Difference
@@ -30,11 +30,11 @@ def findings():
     require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
         _shorten(patch)
-        patch.setattr(room, "COMPARED", ("tuning",))
+        patch.setattr(drive, "COMPARED", ("tuning",))
         patch.setattr(
-            room, "run_tasks_on_board", lambda *_: BoardRun("none", "a board", skipped="no tool")
+            builder, "run_board", lambda *_: BoardRun("none", "a board", skipped="no tool")
         )
-        yield room.gather_drive(load_device("elbow_drive"))
+        yield gather(load_device("elbow_drive"))
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_its_numbers_are_those_of_the_commands(findings, html):
     assert row["thesis_rms_Nm"] == 0.590
     assert f"{row['rms_true_Nm']:.4f}" in Page(html).text
     step = simulate("step", Setting("smc")).to_dict()["steps"]
-    assert findings.response()["steps"] == step
+    assert findings.to_dict()["response"]["steps"] == step
 
 
 def test_every_block_parameter_and_task_is_there(findings, html):
@@ -75,11 +75,11 @@ def test_every_block_parameter_and_task_is_there(findings, html):
         row = re.search(rf"<tr[^>]*>\s*<th[^>]*><span[^>]*>{re.escape(key)}</span>.*?</tr>", html)
         assert row is not None, key
         assert f"badge {q.status}" in row.group()
-    tasks = {t["name"]: t for t in findings.tasks()}
+    tasks = {t["name"]: t for t in findings.to_dict()["tasks"]}
     assert tasks["sense"]["period_ms"] == 1
     assert tasks["control"]["period_ms"] == 5
     assert tasks["control"]["blocks"] == ["smc", "stamp"]
-    checks = {c["block"]: c for c in findings.checks()}
+    checks = {c["block"]: c for c in findings.to_dict()["checks"]}
     assert set(checks) == {b.name for b in device.system.kinds}
     assert all(c["steps"] > 100 and c["bits_equal"] and c["passed"] for c in checks.values())
 
@@ -110,7 +110,7 @@ def test_a_failure_turns_the_banner(findings, how):
         simulations = findings.simulations | {"tuning": replace(tuning, monte_carlo=runs)}
         failed = replace(findings, simulations=simulations)
     elif how == "board":
-        native = run_tasks_on_board(findings.device, "host", 40, lambda _: None)
+        native = run_board(findings.device, "host", {}, lambda _: None, ticks=40)
         assert native.passed
         assert set(native.results) == {"sense", "control"}
         shown = replace(findings, board=native)
@@ -145,3 +145,37 @@ def test_a_recording_is_refused_for_a_drive(tmp_path: Path):
     assert done.exit_code != 0
     assert "takes no recording" in str(done.exception)
     assert not (tmp_path / "r.html").exists()
+
+
+def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, monkeypatch):
+    # A stiffer coupling; the yardstick in a second way: the same device under that controller.
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "stiff"\ntitle = "Stiff"\n'
+    stiff = '[elastomer]\nk1_Nm_rad = { value = 12.0, status = "assumed", source = "a test" }\n'
+    own, printed = tmp_path / "stiff.toml", tmp_path / "printed.toml"
+    own.write_text(head + stiff)
+    printed.write_text(f'{head}controller = "smc-published"\n{stiff}')
+    monkeypatch.setattr(drive, "COMPARED", ("tuning",))
+    monkeypatch.setattr(drive, "ALONE", ())
+    _, yardsticks = drive.close_loop(load_device(own), lambda _: None)
+    (case,) = yardsticks["tuning"].cases()
+    (expected,) = simulate("tuning", Setting(str(printed))).cases()
+    (elbows,) = simulate("tuning", Setting("smc-published")).cases()
+    assert case["rms_true_Nm"] == expected["rms_true_Nm"] != elbows["rms_true_Nm"]
+
+
+def test_a_predictive_controller_has_a_page(findings, monkeypatch):
+    device = load_device("elbow_drive", "mpc")
+    board = run_board(device, "host", {}, lambda _: None, ticks=40)
+    assert board.passed
+    assert set(board.results) == {"sense", "control"}
+    _shorten(monkeypatch)
+    monkeypatch.setattr(builder, "run_board", lambda *_: board)
+    simulated = findings.simulations, findings.yardsticks
+    monkeypatch.setattr(drive, "close_loop", lambda *_: simulated)
+    found = gather(device)
+    assert found.passed
+    assert found.command == "esea-gen report elbow_drive --controller mpc"
+    text = Page(found.html()).text
+    assert "predictive: " in text
+    kernels = {k["block"] for k in found.to_dict()["code"]["kernels"]}
+    assert {b.name for b in device.system.kinds} - kernels == {"predictive"}

@@ -87,7 +87,7 @@ def bubble(n: int, unroll: bool) -> Program:
                 [out["exchanges"][0], one[0]],
                 lambda t, m: (t + m, ca.logic_not(m > 0)),
             )
-            b.leave(one[0])
+            b.exit_if(one[0])
         b.run(
             ca.Function("copy_all", [ca.SX.sym("x", n)], [ca.SX.sym("x", n)])
             if False

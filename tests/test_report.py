@@ -17,8 +17,10 @@ import pytest
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.identify import Identification, identify
-from esea_gen.report import contents
-from esea_gen.report import device as report
+from esea_gen.report import board as boards
+from esea_gen.report import builder, sensing
+from esea_gen.report.board import BoardRun, run_board
+from esea_gen.report.builder import Report, gather
 from esea_gen.report.identification import identification_page
 from esea_gen.report.page import finite, for_people, number, plain
 from esea_gen.verify import equivalence
@@ -95,31 +97,31 @@ def identification(mapping: Path) -> Identification:
 
 
 @pytest.fixture(scope="module")
-def chirped(elbow: Device) -> report.Findings:
+def chirped(elbow: Device) -> Report:
     """The elbow without a recording, its board left out: that has a test of its own."""
     require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "run_board", _no_board)
-        patch.setattr(report, "domain_chirp", _ramp)
+        patch.setattr(builder, "run_board", _no_board)
+        patch.setattr(sensing, "domain_chirp", _ramp)
         _shorten(patch)
-        return report.gather(elbow)
+        return gather(elbow)
 
 
 @pytest.fixture(scope="module")
-def recorded(identification: Identification, mapping: Path) -> report.Findings:
+def recorded(identification: Identification, mapping: Path) -> Report:
     """The identified rubber with its own recording, board and all."""
     with pytest.MonkeyPatch.context() as patch:
         _shorten(patch)
-        return report.gather(identification.device, mapping)
+        return gather(identification.device, mapping)
 
 
 @pytest.fixture(scope="module")
-def chirped_page(chirped: report.Findings) -> str:
+def chirped_page(chirped: Report) -> str:
     return chirped.html()
 
 
 @pytest.fixture(scope="module")
-def recorded_page(recorded: report.Findings) -> str:
+def recorded_page(recorded: Report) -> str:
     return recorded.html()
 
 
@@ -134,8 +136,8 @@ def _ramp(device: Device) -> np.ndarray:
     return np.float64(np.float32(theta * np.sin(np.arange(1500) * 0.004)))
 
 
-def _no_board(device: Device, board: str, deflections: object, say: report.Say) -> report.BoardRun:
-    return report.BoardRun(board, "a board", skipped="The emulator is not installed.")
+def _no_board(device: Device, board: str, deflections: object, say: object) -> BoardRun:
+    return BoardRun(board, "a board", skipped="The emulator is not installed.")
 
 
 def test_the_page_is_self_contained_and_well_formed(
@@ -154,9 +156,7 @@ def test_the_page_is_self_contained_and_well_formed(
             assert target in page.ids
 
 
-def test_the_page_shows_every_parameter_with_its_status(
-    chirped: report.Findings, chirped_page: str
-) -> None:
+def test_the_page_shows_every_parameter_with_its_status(chirped: Report, chirped_page: str) -> None:
     text = chirped_page
     for key, q in chirped.device.quantities():
         row = re.search(rf"<tr[^>]*>\s*<th[^>]*><span[^>]*>{re.escape(key)}</span>.*?</tr>", text)
@@ -170,7 +170,7 @@ def test_the_page_shows_every_parameter_with_its_status(
 
 
 def test_the_page_shows_every_equation_and_the_content_hash(
-    chirped: report.Findings, chirped_page: str
+    chirped: Report, chirped_page: str
 ) -> None:
     page = Page(chirped_page)
     equations = [e for b in chirped.device.system.kinds for e in b.equations]
@@ -181,9 +181,7 @@ def test_the_page_shows_every_equation_and_the_content_hash(
     assert chirped.verification.content_hash in page.text
 
 
-def test_the_page_shows_every_stream_and_file(
-    recorded: report.Findings, recorded_page: str
-) -> None:
+def test_the_page_shows_every_stream_and_file(recorded: Report, recorded_page: str) -> None:
     text = Page(recorded_page).text
     for c in recorded.verification.comparisons:
         assert c.stream in text
@@ -192,8 +190,8 @@ def test_the_page_shows_every_stream_and_file(
             assert name in text or bundle.folder == "dialect"
 
 
-def test_a_measured_torque_is_compared(recorded: report.Findings, recorded_page: str) -> None:
-    fit = recorded.fit()
+def test_a_measured_torque_is_compared(recorded: Report, recorded_page: str) -> None:
+    fit = recorded.to_dict()["fit"]
     assert fit is not None
     assert 0 < fit["mean_rms_percent"]["training"] < 20
     assert fit["f32_minus_f64_max_Nm"] < 1e-5
@@ -203,18 +201,18 @@ def test_a_measured_torque_is_compared(recorded: report.Findings, recorded_page:
     assert "rate terms not identified" in recorded.summary()
 
 
-def test_another_specimens_torque_is_not_compared(recorded: report.Findings) -> None:
+def test_another_specimens_torque_is_not_compared(recorded: Report) -> None:
     other = recorded.device.file.model_copy(update={"name": "other"})
     stranger = replace(recorded, device=Device(other, "other.toml"))
-    assert stranger.fit() is None
+    assert stranger.to_dict()["fit"] is None
     assert "another specimen's" in " ".join(Page(stranger.html()).text.split())
 
 
 def test_the_fit_is_that_of_the_identification(
-    recorded: report.Findings, identification: Identification
+    recorded: Report, identification: Identification
 ) -> None:
     # Two ways to one number: the report's own run of the C, and the identification's.
-    fit = recorded.fit()
+    fit = recorded.to_dict()["fit"]
     assert fit is not None
     content = identification.to_dict()
     for ours, theirs in zip(fit["sets"], content["sets"], strict=True):
@@ -225,7 +223,7 @@ def test_the_fit_is_that_of_the_identification(
         assert fit["mean_rms_percent"][role] == pytest.approx(expected, rel=1e-4)
 
 
-def test_hostile_text_is_escaped(chirped: report.Findings) -> None:
+def test_hostile_text_is_escaped(chirped: Report) -> None:
     file = chirped.device.file
     bad = file.elastomer.model_copy(
         update={"k1_Nm_rad": file.elastomer.k1_Nm_rad.model_copy(update={"source": HOSTILE})}
@@ -244,16 +242,14 @@ def test_a_hostile_identification_is_escaped(identification: Identification) -> 
 
 
 def test_two_renders_are_equal(
-    recorded: report.Findings, recorded_page: str, identification: Identification
+    recorded: Report, recorded_page: str, identification: Identification
 ) -> None:
     assert recorded.html() == recorded_page
     assert json.dumps(recorded.to_dict()) == json.dumps(recorded.to_dict())
     assert identification_page(identification) == identification_page(identification)
 
 
-def test_the_banner_says_passed_only_when_all_is_well(
-    chirped: report.Findings, chirped_page: str
-) -> None:
+def test_the_banner_says_passed_only_when_all_is_well(chirped: Report, chirped_page: str) -> None:
     assert chirped.passed
     text = chirped_page
     assert 'class="banner passed partial"' in text
@@ -263,7 +259,7 @@ def test_the_banner_says_passed_only_when_all_is_well(
 
 
 @pytest.mark.parametrize("how", ["problem", "status", "bits"])
-def test_a_failing_comparison_turns_the_banner(chirped: report.Findings, how: str) -> None:
+def test_a_failing_comparison_turns_the_banner(chirped: Report, how: str) -> None:
     verification = copy.deepcopy(chirped.verification)
     comparison = verification.comparisons[0]
     if how == "problem":
@@ -283,7 +279,7 @@ def test_a_failing_comparison_turns_the_banner(chirped: report.Findings, how: st
     assert "FAILED" in failed.summary()[0]
 
 
-def test_a_value_that_is_not_finite_is_shown_as_failed(chirped: report.Findings) -> None:
+def test_a_value_that_is_not_finite_is_shown_as_failed(chirped: Report) -> None:
     verification = copy.deepcopy(chirped.verification)
     c = next(c for c in verification.comparisons if c.block == "sensor" and c.real == "f32")
     del c.errors["tau_Nm"]
@@ -293,7 +289,7 @@ def test_a_value_that_is_not_finite_is_shown_as_failed(chirped: report.Findings)
     assert "✗ Failed" in text
 
 
-def test_a_board_that_differs_or_dies_turns_the_banner(recorded: report.Findings) -> None:
+def test_a_board_that_differs_or_dies_turns_the_banner(recorded: Report) -> None:
     if recorded.board.skipped:
         require_tool("qemu-system-arm")
         require_tool("arm-none-eabi-gcc")
@@ -322,35 +318,33 @@ def test_missing_tools_do_not_stop_the_report(
     def missing(*_: object) -> None:
         raise UserError("The compiler 'arm-none-eabi-gcc' is not installed.", "Install it.")
 
-    monkeypatch.setattr(contents, "build_firmware", missing)
+    monkeypatch.setattr(boards, "build_firmware", missing)
     monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
-    board = report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
+    board = run_board(elbow, "netduinoplus2", {}, lambda _: None)
     assert "arm-none-eabi-gcc" in board.skipped
     assert board.passed
     monkeypatch.setenv("ESEA_REQUIRE_TOOLS", "1")
     with pytest.raises(UserError):
-        report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
+        run_board(elbow, "netduinoplus2", {}, lambda _: None)
 
 
 def test_an_unknown_board_is_an_error(elbow: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
     with pytest.raises(UserError, match="no board"):
-        report.run_board(elbow, "toaster", {}, lambda _: None)
+        run_board(elbow, "toaster", {}, lambda _: None)
 
 
 def test_a_build_that_breaks_is_a_finding(elbow: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise RuntimeError("the control code is not float-only")
 
-    monkeypatch.setattr(contents, "build_firmware", broken)
-    board = report.run_board(elbow, "netduinoplus2", {}, lambda _: None)
+    monkeypatch.setattr(boards, "build_firmware", broken)
+    board = run_board(elbow, "netduinoplus2", {}, lambda _: None)
     assert not board.passed
     assert "float-only" in board.failed
 
 
-def test_the_json_holds_what_is_promised(
-    chirped: report.Findings, recorded: report.Findings
-) -> None:
+def test_the_json_holds_what_is_promised(chirped: Report, recorded: Report) -> None:
     for findings in (chirped, recorded):
         content = json.loads(json.dumps(findings.to_dict(), allow_nan=False))
         assert content["content_hash"] == findings.verification.content_hash
@@ -429,7 +423,7 @@ def test_the_device_of_an_identification_can_be_reported(identification: Identif
     assert again.canonical() == identification.device.canonical()
 
 
-def test_pages_need_no_files_beside_them(chirped: report.Findings, tmp_path: Path) -> None:
+def test_pages_need_no_files_beside_them(chirped: Report, tmp_path: Path) -> None:
     target = tmp_path / "page.html"
     target.write_text(chirped.html(), encoding="utf-8")
     assert 'charset="utf-8"' in target.read_text(encoding="utf-8")[:200]

@@ -11,7 +11,6 @@ from esea_gen.cli.app import app, out
 from esea_gen.cli.options import BoardOption, ControllerOption, DeviceArgument, JsonOption, writable
 from esea_gen.cli.output import progress_line, write_json, write_text
 from esea_gen.device import load_device
-from esea_gen.errors import UserError
 from esea_gen.targets import DEFAULT_BOARD
 
 
@@ -35,27 +34,16 @@ def report(
     json_file: JsonOption = None,
 ) -> None:
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
-    from esea_gen.report.device import gather
-    from esea_gen.report.drive import gather_drive
+    from esea_gen.report.builder import gather
 
     loaded = load_device(device, controller)
-    has_drive = bool(loaded.laws)
-    if has_drive and (recording is not None or data is not None):
-        raise UserError(
-            f"{loaded.name} has a drive: its page is of closed-loop runs and takes no recording.",
-            "Leave --recording and --data out, or report on the device that it extends.",
-        )
     with progress_line() as say:
-        findings = (
-            gather_drive(loaded, board, progress=say)
-            if has_drive
-            else gather(loaded, recording, data, board, progress=say)
-        )
+        found = gather(loaded, recording, data, board, progress=say)
     target = page or Path(f"{loaded.name}.html")
-    for line in findings.summary():
+    for line in found.summary():
         out.print(line)
-    write_text(target, findings.html())
+    write_text(target, found.html())
     out.print(f"report: {target}")
-    write_json(json_file, findings.to_dict())
-    if not findings.passed:
+    write_json(json_file, found.to_dict())
+    if not found.passed:
         raise typer.Exit(1)

@@ -268,11 +268,11 @@ class _Writer:
             b.call("finished", [best[0]], [stop[0]], _is_zero)
             with b.when(stop[0]):
                 b.call("done", [], [m.capped[0]], zero)
-            b.leave(stop[0])
+            b.exit_if(stop[0])
         b.invoke("qp_sweep", which)
         b.call("count", [m.iterations[0]], [m.iterations[0]], lambda k: k + 1)
         b.call("lost", [m.convex[0]], [stop[0]], _is_zero)
-        b.leave(stop[0])
+        b.exit_if(stop[0])
 
     def _verdict(self) -> None:
         b, m, stop = self.b, self.m, self.stop

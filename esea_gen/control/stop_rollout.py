@@ -149,7 +149,7 @@ class StopRollout:
                     [stop[0]],
                     lambda *known: ca.logic_not(_beyond(*known)),
                 )
-                b.leave(stop[0])
+                b.exit_if(stop[0])
                 b.call(
                     "tie",
                     [self.play[i], self.t_p[i], self.base[0], self.tied[0]],
@@ -211,7 +211,7 @@ class StopRollout:
                 [stop[0]],
                 lambda end, tied: end > tied,
             )
-            b.leave(stop[0])
+            b.exit_if(stop[0])
             b.call(
                 "weight",
                 [

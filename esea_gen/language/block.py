@@ -226,7 +226,7 @@ class Block(Component):
         return tuple(len(self.state) + k for k, p in enumerate(self.outputs) if p.flags)
 
     def simulator(self, tunables: Mapping[str, float] | None = None) -> Simulator:
-        """A reference executor of this Block: CasADi's own evaluator, float64.
+        """An executor of this Block: CasADi's own evaluator, float64.
 
         Parameters
         ----------

@@ -274,7 +274,7 @@ class Builder:
         yield
         self._body.pop()
 
-    def leave(self, flag: Ref) -> None:
+    def exit_if(self, flag: Ref) -> None:
         """Exit the innermost loop when a real element is not 0.
 
         Parameters

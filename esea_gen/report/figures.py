@@ -16,23 +16,19 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from esea_gen.plotting import (
-    BOUND,
-    HELD_OUT,
-    INK,
-    MEASURED,
-    MODEL,
-    ROUNDING,
-    STYLE,
-    envelope,
-    svg,
-)
+from esea_gen.identify import Recording
+from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, STYLE, envelope, svg
 
 Array = npt.NDArray[np.float64]
 
 # An SVG point takes about 12 bytes: this keeps a page with ten recordings below 3 MB.
 POINTS_PER_PAGE = 120_000
 MOST_PANELS = 16
+MARKS = (
+    ("float64 C", "o", MODEL, "white"),
+    ("float32 C", "o", MODEL, MODEL),
+    ("derived float32 bound", "|", BOUND, BOUND),
+)
 
 
 @dataclass(frozen=True)
@@ -63,7 +59,54 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
     return figure, figure.subplots(**kwargs)
 
 
-def share_loops(traces: Sequence[Curve]) -> Curve | None:
+def data_sets(recording: Recording, samples: int) -> tuple[tuple[str, npt.NDArray[np.intp]], ...]:
+    """A recording's data sets, as a curve's parts.
+
+    samples: all of the recording's: shown once more where no set has them all, conditioning cycles
+        and transitions too, so that nothing is hidden.
+    """
+    parts = [
+        (
+            f"{s.label}, amplitude {np.degrees(s.amplitude_rad):.3g}°",
+            np.sort(np.concatenate([s.training, s.held_out])),
+        )
+        for s in recording.sets
+    ]
+    if len(parts) != 1 or len(parts[0][1]) != samples:
+        parts.append(("whole recording", np.arange(samples)))
+    return tuple(parts)
+
+
+def plots(
+    traces: Sequence[Curve], full_scale_Nm: float, roundings: Sequence[tuple[Array, Array] | None]
+) -> list[dict[str, Any]]:
+    """Loops and torque over time of every curve, with what their captions need.
+
+    roundings: by curve: times, and float32 less float64.
+    """
+    points = POINTS_PER_PAGE // (2 * max(len(traces), 4))
+    shared = _share_loops(traces)
+    drawn = []
+    for i, (trace, rounding) in enumerate(zip(traces, roundings, strict=True)):
+        parts = len((shared or trace).parts)
+        # A shared figure stands with the first recording.
+        first = shared is None or i == 0
+        drawn.append(
+            {
+                "label": trace.label,
+                "measured": trace.measured_Nm is not None,
+                "held_out": trace.held_out is not None,
+                "parts": parts,
+                "drawn": min(parts, MOST_PANELS),
+                "shared": shared is not None,
+                "loops": loops(shared or trace, f"loops{i}", points) if first else "",
+                "time": over_time(trace, f"time{i}", points, full_scale_Nm, rounding),
+            }
+        )
+    return drawn
+
+
+def _share_loops(traces: Sequence[Curve]) -> Curve | None:
     """Recordings of one loop each as one trace, so that their loops share a figure.
 
     return: none when there is only one, or some have several data sets.
@@ -92,9 +135,16 @@ def _thin(n: int, most: int) -> npt.NDArray[np.intp]:
     return picked if n == 0 or picked[-1] == n - 1 else np.append(picked, n - 1)
 
 
-def _ticks(figure: Figure) -> None:
+def _finished(figure: Figure, name: str, alternative: str) -> Markup:
     for axes in figure.axes:
         axes.tick_params(length=3)
+    return svg(figure, name, alternative)
+
+
+def _name_rows(axes: Axes, names: Sequence[str]) -> None:
+    axes.set_yticks(np.arange(len(names))[::-1], names)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(-0.6, max(len(names), 1) - 0.4)
 
 
 def loops(trace: Curve, name: str, points: int) -> Markup:
@@ -129,16 +179,10 @@ def loops(trace: Curve, name: str, points: int) -> Markup:
         if trace.components:
             axes = cells[len(parts)]
             keep = _thin(len(trace.time_s), points // (lines * panels))
-            for (what, torque), (colour, broad) in zip(
-                trace.components, ((INK, 1.4), (BOUND, 1.0), (ROUNDING, 1.0)), strict=False
-            ):
-                axes.plot(
-                    np.degrees(trace.theta_rad[keep]),
-                    torque[keep],
-                    color=colour,
-                    lw=broad,
-                    label=what,
-                )
+            x = np.degrees(trace.theta_rad[keep])
+            looks = ((INK, 1.4), (BOUND, 1.0), (ROUNDING, 1.0))
+            for (what, torque), (colour, broad) in zip(trace.components, looks, strict=False):
+                axes.plot(x, torque[keep], color=colour, lw=broad, label=what)
             axes.set_title("its parts")
             more = axes.get_legend_handles_labels()
             handles, labels = [*handles, *more[0]], [*labels, *more[1]]
@@ -151,8 +195,7 @@ def loops(trace: Curve, name: str, points: int) -> Markup:
             if k + columns >= panels:
                 axes.set_xlabel("deflection, deg")
         figure.legend(handles, labels, loc="outside upper right", ncols=5)
-        _ticks(figure)
-    return svg(figure, name, f"Torque over deflection, {trace.label}")
+    return _finished(figure, name, f"Torque over deflection, {trace.label}")
 
 
 def over_time(
@@ -163,15 +206,8 @@ def over_time(
     panels = 1 + (measured is not None) + (rounding is not None)
     share = max(points // (panels + 1), 200)
     with mpl.rc_context(STYLE):
-        figure, grid = _new(
-            9.6,
-            2.3 + 1.25 * (panels - 1),
-            nrows=panels,
-            ncols=1,
-            squeeze=False,
-            sharex=True,
-            height_ratios=[2.0, *([1.0] * (panels - 1))],
-        )
+        shape = {"nrows": panels, "height_ratios": [2.0, *([1.0] * (panels - 1))]}
+        figure, grid = _new(9.6, 2.3 + 1.25 * (panels - 1), squeeze=False, sharex=True, **shape)
         cells: list[Axes] = list(grid[:, 0])
         axes = cells.pop(0)
         if measured is not None:
@@ -213,8 +249,7 @@ def over_time(
             axes.yaxis.set_major_locator(MaxNLocator(4))
         used[-1].set_xlabel("time, s")
         figure.align_ylabels(used)
-        _ticks(figure)
-    return svg(figure, name, f"Torque over time, {trace.label}")
+    return _finished(figure, name, f"Torque over time, {trace.label}")
 
 
 def _stretches(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -222,25 +257,16 @@ def _stretches(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-@dataclass(frozen=True)
-class StreamError:
-    """Errors of one stream, in % of full scale, for the overview.
-
-    f64, f32, bound: largest errors, and what float32 must not exceed.
-    """
-
-    stream: str
-    f64: float | None
-    f32: float | None
-    bound: float | None
+StreamErrors = tuple[str, float | None, float | None, float | None]
 
 
-def error_overview(rows: Sequence[StreamError], fit: float | None, name: str) -> Markup:
+def error_overview(rows: Sequence[StreamErrors], fit: float | None, name: str) -> Markup:
     """Errors of the torque on a logarithmic scale, one line a stream.
 
+    rows: stream, and in % of full scale the errors of f64 and f32, and what f32 must not exceed.
     fit: RMS error against the measured torque, in % of full scale.
     """
-    values = [v for r in rows for v in (r.f64, r.f32, r.bound) if v]
+    values = [v for _, *found in rows for v in found if v]
     if fit:
         values.append(fit)
     floor = 10.0 ** (math.floor(math.log10(min(values, default=1e-6))) - 2)
@@ -248,42 +274,28 @@ def error_overview(rows: Sequence[StreamError], fit: float | None, name: str) ->
     with mpl.rc_context(STYLE):
         figure, axes = _new(9.6, 1.0 + 0.27 * len(rows))
         y = np.arange(len(rows))[::-1]
-        for label, key, marker, colour, face in (
-            ("float64 C", "f64", "o", MODEL, "white"),
-            ("float32 C", "f32", "o", MODEL, MODEL),
-            ("derived float32 bound", "bound", "|", BOUND, BOUND),
-        ):
-            found = [(getattr(r, key), k) for r, k in zip(rows, y, strict=True)]
+        for i, (label, marker, colour, face) in enumerate(MARKS):
+            found = [(r[1 + i], k) for r, k in zip(rows, y, strict=True)]
             # No logarithm of an exact result: it stands on the left edge.
             drawn = [(max(v, floor), k) for v, k in found if v is not None]
-            axes.plot(
-                [v for v, _ in drawn],
-                [k for _, k in drawn],
-                marker=marker,
-                ms=5.5 if marker == "o" else 11,
-                mew=1.2 if marker == "o" else 2.2,
-                ls="",
-                color=colour,
-                mfc=face,
-                label=label,
-                clip_on=False,
-                zorder=3,
+            look: dict[str, Any] = (
+                {"ms": 5.5, "mew": 1.2} if marker == "o" else {"ms": 11, "mew": 2.2}
             )
+            look |= {"marker": marker, "ls": "", "color": colour, "mfc": face}
+            x, y_drawn = [v for v, _ in drawn], [k for _, k in drawn]
+            axes.plot(x, y_drawn, label=label, clip_on=False, zorder=3, **look)
         if fit:
             axes.axvline(fit, color=MEASURED, lw=2, label="fit to the measured torque, RMS")
         axes.set_xscale("log")
         axes.set_xlim(floor, top)
-        axes.set_ylim(-0.6, len(rows) - 0.4)
-        axes.set_yticks(y, [r.stream for r in rows])
-        axes.tick_params(axis="y", length=0)
+        _name_rows(axes, [r[0] for r in rows])
         axes.set_xlabel("largest torque error, % of full scale (logarithmic; left edge: exactly 0)")
         decades = range(round(math.log10(floor)), math.floor(math.log10(top)) + 1, 2)
         axes.set_xticks([10.0**d for d in decades])
         axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: _decade(v, floor)))
         axes.minorticks_off()
         figure.legend(loc="outside upper right", ncols=4)
-        _ticks(figure)
-    return svg(figure, name, "Largest torque errors by stream and number format")
+    return _finished(figure, name, "Largest torque errors by stream and number format")
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -309,18 +321,10 @@ def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup
             half = min(100 * s, 200)
             axes.plot([-half, half], [k, k], color=MODEL, lw=5, solid_capstyle="butt", alpha=0.55)
             axes.plot([0], [k], marker="|", color=MODEL, ms=11, mew=2)
-            axes.annotate(
-                f"±{100 * s:.{1 if s < 0.1 else 0}f} %",
-                (205, k),
-                va="center",
-                fontsize=9,
-                annotation_clip=False,
-            )
-        axes.set_yticks(y, [n for n, _ in shown])
-        axes.tick_params(axis="y", length=0)
+            text = f"±{100 * s:.{1 if s < 0.1 else 0}f} %"
+            axes.annotate(text, (205, k), va="center", fontsize=9, annotation_clip=False)
+        _name_rows(axes, [n for n, _ in shown])
         axes.set_xlim(-200, 200)
-        axes.set_ylim(-0.6, max(len(shown), 1) - 0.4)
         axes.axvspan(-50, 50, color=HELD_OUT, lw=0, zorder=0)
         axes.set_xlabel("one standard deviation, % of the value (grey: within ±50 %)")
-        _ticks(figure)
-    return svg(figure, name, "Standard deviations of the parameters")
+    return _finished(figure, name, "Standard deviations of the parameters")

@@ -4,62 +4,51 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify import Identification
 from esea_gen.model.elastomer import RATE_KEYS
 from esea_gen.report import figures
-from esea_gen.report.page import finite, render
+from esea_gen.report.page import Section, finite, render
 
 
 def identification_page(result: Identification) -> str:
     """The page of an identification, one self-contained file."""
-    content = finite(result.to_dict())
-    device = result.device
+    content = finite(result.to_dict()) | {"content_hash": device_hash(result.device)}
+    content["command"] = f"esea-gen identify {content['mapping']}"
     parameters = [
         {"key": key, "meaning": field_facts(_dotted(key))["text"], **p}
         for key, p in content["parameters"].items()
     ]
-    assumed = [
-        {"key": key, "value": q.value, "status": q.status, "source": q.source}
-        for key, q in device.quantities()
-        if q.status == "assumed"
-    ]
-    points = figures.POINTS_PER_PAGE // (2 * max(len(result.series), 4))
-    plots = []
+    assumed = [(key, q) for key, q in result.device.quantities() if q.status == "assumed"]
+    title = f"Identification: {result.device.title}"
+    shown = {"title": title, "f": content, "parameters": parameters, "assumed": assumed}
+    return render(Section("identification/head"), SECTIONS, result, **shown)
+
+
+def _uncertainty(result: Identification) -> dict[str, Any]:
+    content = finite(result.to_dict())
+    weakest = content["uncertainty"]["weakest"] or {}
+    direction = (weakest.get("direction") or {}).items()
+    rows = [(key, p["value"], p["sigma"]) for key, p in content["parameters"].items()]
+    ordered = sorted(direction, key=lambda kv: -abs(kv[1]))
+    change = weakest.get("rms_change_Nm")
+    return {"weakest": ordered, "weakest_change": change, "spread": figures.spread(rows, "spread")}
+
+
+def _torque(result: Identification) -> dict[str, Any]:
     traces = [_trace(result, label, series) for label, series in result.series.items()]
-    shared = figures.share_loops(traces)
-    for i, trace in enumerate(traces):
-        plots.append(
-            {
-                "label": trace.label,
-                "parts": len((shared or trace).parts),
-                "shared": shared is not None,
-                "most": figures.MOST_PANELS,
-                # A shared figure stands with the first recording.
-                "loops": figures.loops(shared or trace, f"loops{i}", points)
-                if shared is None or i == 0
-                else "",
-                "time": figures.over_time(trace, f"time{i}", points, result.full_scale_Nm, None),
-                "held_out": trace.held_out is not None,
-            }
-        )
-    direction = content["uncertainty"]["weakest"] or {}
-    return render(
-        "report/identification.html.j2",
-        title=device.title,
-        r=content,
-        content_hash=device_hash(device),
-        parameters=parameters,
-        assumed=assumed,
-        weakest=sorted((direction.get("direction") or {}).items(), key=lambda kv: -abs(kv[1])),
-        weakest_change=direction.get("rms_change_Nm"),
-        bounds_hit=[p for p in parameters if p["at_bound"]],
-        spread=figures.spread([(p["key"], p["value"], p["sigma"]) for p in parameters], "spread"),
-        plots=plots,
-    )
+    return {"plots": figures.plots(traces, result.full_scale_Nm, [None] * len(traces))}
+
+
+SECTIONS = (
+    Section("identification/notes", "Notes"),
+    Section("identification/parameters", "Parameters", shown=_uncertainty),
+    Section("identification/errors", "Errors"),
+    Section("identification/torque", "Torque", shown=_torque),
+    Section("identification/specimen", "Specimen"),
+    Section("identification/search", "Data and search"),
+)
 
 
 def _dotted(key: str) -> str:
@@ -68,15 +57,6 @@ def _dotted(key: str) -> str:
 
 def _trace(result: Identification, label: str, series: dict[str, Any]) -> figures.Curve:
     recording = next(r for r in result.recordings if r.label == label)
-    parts = [
-        (
-            f"{s.label}, amplitude {np.degrees(s.amplitude_rad):.3g}°",
-            np.sort(np.concatenate([s.training, s.held_out])),
-        )
-        for s in recording.sets
-    ]
-    if len(parts) != 1 or len(parts[0][1]) != len(series["time_s"]):
-        parts.append(("whole recording", np.arange(len(series["time_s"]))))
     held = series["role"] == 2
     return figures.Curve(
         label,
@@ -84,10 +64,7 @@ def _trace(result: Identification, label: str, series: dict[str, Any]) -> figure
         series["theta_rad"],
         series["tau_model_Nm"],
         series["tau_Nm"],
-        tuple(parts),
+        figures.data_sets(recording, len(series["time_s"])),
         held if held.any() and not held.all() else None,
         "identified model (C, float64)",
     )
-
-
-__all__ = ["identification_page"]

@@ -1,18 +1,33 @@
-"""What the pages share: the Jinja environment and how numbers are written for people."""
+"""What the pages share: sections, the Jinja environment, and how numbers are written for people."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 from markupsafe import Markup
 
 from esea_gen.emit.render import template_folder
 
-_SUPERSCRIPT = {"^2": "²", "^3": "³"}
 STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "derived": "○"}
+
+
+class Section(NamedTuple):
+    """A part of a page.
+
+    part: its template below ``templates/report``; the last word is its anchor.
+    title: in the page's list of sections.
+    content: its part of the JSON, of what was found.
+    shown: what its template needs beside it: figures, tables in another order.
+    """
+
+    part: str
+    title: str = ""
+    content: Callable[[Any], dict[str, Any]] = lambda _: {}
+    shown: Callable[[Any], dict[str, Any]] = lambda _: {}
 
 
 @cache
@@ -38,9 +53,15 @@ def environment() -> jinja2.Environment:
     return env
 
 
-def render(template: str, **context: Any) -> str:
-    """Render a page."""
-    return environment().get_template(template).render(**context)
+def render(head: Section, sections: Sequence[Section], found: Any, **context: Any) -> str:
+    """A page, one self-contained file.
+
+    context: title, command, hash, and what several sections show.
+    """
+    for section in (head, *sections):
+        context |= section.shown(found)
+    template = environment().get_template("report/page.html.j2")
+    return template.render(head=head, sections=sections, found=found, **context)
 
 
 def number(value: float | None, digits: int = 2) -> str | Markup:
@@ -72,9 +93,8 @@ def unit_text(unit: str) -> str:
     """A unit as it is read."""
     if unit in ("1", "bits"):
         return ""
-    for plain_text, raised in _SUPERSCRIPT.items():
-        unit = unit.replace(plain_text, raised)
-    return unit.replace("Nm s", "Nm·s").replace("Nm", "N·m")
+    raised = unit.replace("^2", "²").replace("^3", "³")
+    return raised.replace("Nm s", "Nm·s").replace("Nm", "N·m")
 
 
 def for_people(value: float, unit: str) -> str:

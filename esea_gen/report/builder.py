@@ -1,0 +1,137 @@
+"""Everything known of a device, on one page: what it computes, how well, how it was checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from esea_gen.device import Device
+from esea_gen.devices.file import shipped_devices
+from esea_gen.emit.build import render_device
+from esea_gen.emit.dialect import render_dialect
+from esea_gen.errors import UserError
+from esea_gen.report import drive, sensing
+from esea_gen.report.board import Say, run_board
+from esea_gen.report.common import REAL_NAMES
+from esea_gen.report.findings import Findings
+from esea_gen.report.page import finite, render
+from esea_gen.targets import DEFAULT_BOARD
+from esea_gen.verify.equivalence import verify
+from esea_gen.verify.verdict import Verification
+
+
+@dataclass(frozen=True)
+class Report(Findings):
+    """What was found of a device, as JSON, as lines of text and as a page."""
+
+    @property
+    def kind(self) -> ModuleType:
+        """Whose sections: of the closed loop where there is a law."""
+        return drive if self.device.laws else sensing
+
+    @property
+    def passed(self) -> bool:
+        """Whether the C is what was promised, and no run of a controller was unstable.
+
+        How well a model fits or a controller follows does not enter.
+        """
+        return self.verification.passed and self.board.passed and not drive.problems(self)
+
+    @property
+    def problems(self) -> list[str]:
+        """Everything that failed, one line each."""
+        found = [*verification_problems(self.verification), *self.board.problems]
+        return found + drive.problems(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The findings, JSON-ready: no NaN, no time of day, no path."""
+        content: dict[str, Any] = {
+            "device": {"name": self.device.name, "title": self.device.title},
+            "content_hash": self.verification.content_hash,
+            "passed": self.passed,
+            "problems": self.problems,
+        }
+        for section in (self.kind.HEAD, *self.kind.SECTIONS):
+            content |= section.content(self)
+        finished: dict[str, Any] = finite(content | {"command": self.command})
+        return finished
+
+    def summary(self) -> list[str]:
+        """A few lines for the terminal."""
+        problems = self.problems
+        lines = [
+            f"{self.device.title}: {'passed' if self.passed else 'FAILED'} "
+            f"(content {self.verification.content_hash})",
+            *problems[:10],
+        ]
+        if len(problems) > 10:
+            lines.append(f"... {len(problems) - 10} more problems, see the page")
+        return [*lines, *self.kind.summary(self)]
+
+    def html(self) -> str:
+        """The page, one self-contained file."""
+        head, sections, title = self.kind.HEAD, self.kind.SECTIONS, self.device.title
+        return render(head, sections, self, title=title, f=self.to_dict(), reals=REAL_NAMES)
+
+
+def verification_problems(verification: Verification) -> list[str]:
+    """Every comparison that failed, one line each."""
+    found = []
+    for c in verification.comparisons:
+        where = f"{c.block}, {REAL_NAMES[c.real]}, {c.stream}"
+        found += [f"{where}: {p}" for p in c.problems]
+        if c.status_differences:
+            found.append(f"{where}: status differs in {c.status_differences} steps")
+        if c.bit_identical is False:
+            found.append(f"{where}: bits differ from CasADi's own C")
+    return found
+
+
+def gather(
+    device: Device,
+    recording: Path | None = None,
+    data: Path | None = None,
+    board: str = DEFAULT_BOARD,
+    progress: Say | None = None,
+) -> Report:
+    """Build, verify, emulate and measure a device; with a law simulate it too.
+
+    data: folder of the recordings; the mapping file's own when not given.
+    """
+    if device.laws and (recording is not None or data is not None):
+        raise UserError(
+            f"{device.name} has a drive: its page is of closed-loop runs and takes no recording.",
+            "Leave --recording and --data out, or report on the device that it extends.",
+        )
+    say = progress or (lambda _: None)
+    found: dict[str, Any] = {}
+    if device.laws:
+        deflections = {}
+        found["simulations"], found["yardsticks"] = drive.close_loop(device, say)
+    else:
+        found["runs"], found["mapping"] = sensing.deflect(device, recording, data, say)
+        deflections = {r.label: r.theta_rad for r in found["runs"]}
+    say("generating")
+    formats = tuple(REAL_NAMES)
+    bundles = (*render_device(device, formats), render_dialect(device))
+    recorded = deflections if recording is not None else {}
+    verification = verify(device, formats, recorded, progress=say)
+    board_run = run_board(device, board, deflections, say)
+    command = _command(device, recording, data, board)
+    return Report(device, verification, bundles, board_run, command, **found)
+
+
+def _command(device: Device, recording: Path | None, data: Path | None, board: str) -> str:
+    shipped = device.name in shipped_devices() and device.origin == f"{device.name}.toml"
+    words = ["esea-gen report", device.name if shipped else device.origin]
+    if device.given[1]:
+        words.append(f"--controller {','.join(Path(n).name for n in device.given[1].split(','))}")
+    if recording is not None:
+        words.append(f"--recording {recording.name}")
+    if data is not None:
+        words.append("--data DIR")
+    if board != DEFAULT_BOARD:
+        words.append(f"--board {board}")
+    return " ".join(words)
