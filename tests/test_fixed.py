@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from types import SimpleNamespace
 
@@ -258,6 +259,14 @@ def header_problems(device, library):
                 # The guard compares with the very numbers of the comment.
                 guarded = group not in ("in", "state") or f.size > 1 or f"<= {f.high})" in step
                 here = comments.get(f.name, "")
+                if f.checked:
+                    low, high = (x * 2.0**f.fraction for x in (f.port.low, f.port.high))
+                    low, high = math.ceil(low), min(math.floor(high), 2**31 - 1)
+                    least = f"({low})" if low < 0 else f"{low}"
+                    upper = f"_held_q{f.fraction} <= {high})"
+                    lower = rf"\({re.escape(least)} <= \w+_held"
+                    guarded = upper in step and re.search(lower, step)
+                    text += f" cut to it by prepare; outside {low} to {high}: found by the step"
                 if text not in here or said not in here or not (guarded or f.high == 2**31 - 1):
                     wrong.append((block.name, group, f.name))
         wrong += [(block.name, "in", n) for n in _unguarded(plan)]

@@ -40,7 +40,11 @@ def range_checks(kernel: Kernel, ports: Mapping[int, Port]) -> dict[int, tuple[l
         if elements and high is not None:
             k = elements[0][0]
             p = ports.get(k)
-            if p and sorted(elements) == [(k, e) for e in range(p.size)] and high <= vector_total(p):
+            if (
+                p
+                and sorted(elements) == [(k, e) for e in range(p.size)]
+                and high <= vector_total(p)
+            ):
                 found[k][0].append(i)
     return found
 

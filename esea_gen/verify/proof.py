@@ -37,7 +37,8 @@ class EvaResult:
     alarms: possible undefined behaviour: overflow, division by zero, invalid access, a shift out of
         range, a conversion that does not fit.
     unproven: assertions that could not be shown: that ``prepare`` keeps its coefficients' ranges.
-    assumptions: ranges of tunables and of unchecked coefficients that the caller is assumed to keep.
+    assumptions: ranges that the caller is assumed to keep: of tunables, and of coefficients that
+        the step does not check.
     """
 
     device: str
