@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ import esea_gen
 from esea_gen.emit.build import differences, render_device, write_bundles
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import block_bound
-from esea_gen.emit.fixed.plan import Planner, lowered_values
+from esea_gen.emit.fixed.plan import Planner, lowered_values, run_lowered
 from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.table import (
     draw_headroom,
@@ -28,7 +29,7 @@ from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, clip
+from esea_gen.language.ports import Port, Tunable, around, clip, in_range
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System, Task
 from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_stream
@@ -258,6 +259,14 @@ def header_problems(device, library):
                 # The guard compares with the very numbers of the comment.
                 guarded = group not in ("in", "state") or f.size > 1 or f"<= {f.high})" in step
                 here = comments.get(f.name, "")
+                if f.checked:
+                    low, high = (x * 2.0**f.fraction for x in (f.port.low, f.port.high))
+                    low, high = math.ceil(low), min(math.floor(high), 2**31 - 1)
+                    least = f"({low})" if low < 0 else f"{low}"
+                    upper = f"_held_q{f.fraction} <= {high})"
+                    lower = rf"\({re.escape(least)} <= \w+_held"
+                    guarded = upper in step and re.search(lower, step)
+                    text += f" cut to it by prepare; outside {low} to {high}: found by the step"
                 if text not in here or said not in here or not (guarded or f.high == 2**31 - 1):
                     wrong.append((block.name, group, f.name))
         wrong += [(block.name, "in", n) for n in _unguarded(plan)]
@@ -430,3 +439,40 @@ def test_the_folder_is_written_and_stands_alone(elbow, tmp_path):
     subprocess.run([gcc, *strict, *sources, "-o", str(tmp_path / "example")], check=True)
     done = subprocess.run([str(tmp_path / "example")], capture_output=True, text=True, check=True)
     assert "12 of 12 samples agree" in done.stdout
+
+
+@pytest.mark.parametrize("checked", [True, False])
+def test_a_coefficient_is_free_where_the_step_checks_it_and_nowhere_else(checked):
+    """The structure decides: the same Block with its check and without it."""
+    gain, most = Port("gain", 0.5, 1.5, "factor"), around("x_Nm", 1.5, "what it multiplies")
+
+    def step(c, s, u, _guard, _label):
+        sound = in_range(c.gain, 0.5, 1.5) if checked else ca.SX(1)
+        return {"y_Nm": s.y_Nm}, {"y_Nm": ca.if_else(sound, c.gain * u.x_Nm, 0.0)}
+
+    block = Block.define(
+        "scaled",
+        "Gain",
+        period_s=1e-3,
+        tunables=(Tunable("gain", 1.0, 0.5, 1.5, "factor", "here", "assumed"),),
+        coefficients=(gain,),
+        prepare=lambda t: {"gain": t.gain},
+        state=(around("y_Nm", 1.5, "unused"),),
+        inputs=(most,),
+        outputs=(around("y_Nm", 2.25, "product"),),
+        step=step,
+    )
+    plan = plan_block(block)
+    (held,), (x,), (y,) = (plan.fields[g] for g in ("coeffs", "in", "out"))
+    assert held.checked == checked
+    raw = [held.raw(v) for v in (0.5, 1.5)]
+    ends = [raw[0], raw[1], raw[0] - 1, raw[1] + 1, -(2**31), 2**31 - 1]
+    places = {f"coeffs->{held.name}": np.array(ends, dtype=object)}
+    places |= {f"in->{x.name}": np.array([x.raw(1.5)] * 6, dtype=object)}
+    places |= {f"state->{f.name}": np.zeros(6, dtype=object) for f in plan.fields["state"]}
+    product = run_lowered(plan.step, places, 6)[1][0] * y.lsb
+    if checked:
+        assert product.astype(float) == pytest.approx([0.75, 2.25, 0, 0, 0, 0], abs=1e-8)
+    else:  # trusted: nothing stands between
+        assert product.astype(float)[:2] == pytest.approx([0.75, 2.25], abs=1e-8)
+        assert not any("held" in s.name for s in plan.step.steps)

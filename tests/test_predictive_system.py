@@ -40,8 +40,8 @@ from esea_gen.verify.runs import run_c, run_executor
 from esea_gen.verify.sanitize import (
     UNDEFINED,
     GivenRenderer,
-    _standard_error,
     replay_device,
+    standard_error,
     tried_streams,
     undefined_behaviour,
 )
@@ -425,7 +425,7 @@ def test_undefined_behaviour_is_watched(small):
     def reports(files) -> list[str]:
         flags = (*UNDEFINED, "-fsanitize-recover=all")
         library = HostLibrary(small.system, GivenRenderer(small, "f32", files), flags)
-        with _standard_error() as said:
+        with standard_error() as said:
             for stream in tried_streams(program, FORMATS["f32"], 100):
                 run_c(library.block("predictive"), stream)
         return [line for line in said if "runtime error" in line]

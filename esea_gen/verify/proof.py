@@ -1,7 +1,8 @@
 """Proof of the emitted q31 C: value analysis by Frama-C, rounding by Gappa and z3.
 
-The value analysis is given every emitted file under any bit pattern in every input and state, with
-tunables and coefficients inside their declared ranges.  What it assumes is counted and listed.
+The value analysis is given every emitted file under any bit pattern in every input and state and in
+every coefficient that a step itself checks, with tunables and the other coefficients inside their
+declared ranges.  What it assumes is counted and listed.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ class EvaResult:
     alarms: possible undefined behaviour: overflow, division by zero, invalid access, a shift out of
         range, a conversion that does not fit.
     unproven: assertions that could not be shown: that ``prepare`` keeps its coefficients' ranges.
-    assumptions: ranges of tunables and coefficients that the caller is assumed to keep.
+    assumptions: ranges that the caller is assumed to keep: of tunables, and of coefficients that
+        the step does not check.
     """
 
     device: str

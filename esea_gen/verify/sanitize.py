@@ -112,8 +112,8 @@ def tried_streams(block: Any, fmt: Format, steps: int = 1500) -> list[Stream]:
 
 
 @contextmanager
-def _standard_error() -> Iterator[list[str]]:
-    # What C code in this process writes to standard error.
+def standard_error() -> Iterator[list[str]]:
+    """What C code in this process writes to standard error, line by line."""
     said: list[str] = []
     with tempfile.TemporaryFile() as store:
         kept = os.dup(2)
@@ -139,7 +139,7 @@ def undefined_behaviour(
     flags = (*UNDEFINED, "-fsanitize-recover=all")
     library = HostLibrary(device.system, GivenRenderer(device, real, files), flags)
     runs = taken = 0
-    with _standard_error() as said:
+    with standard_error() as said:
         for block in chosen_blocks(device, blocks):
             for stream in tried_streams(block, FORMATS[real], steps):
                 run_c(library.block(block.name), stream)

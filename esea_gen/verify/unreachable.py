@@ -5,8 +5,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
+from esea_gen.emit.checks import range_checks, vector_total
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
@@ -32,7 +31,7 @@ def guarded_ranges(
         # What the guard lets pass: of a vector, it looks at the sum of magnitudes.
         if p.size == 1:
             return Interval(p.low, p.high)
-        return Interval(-_total(p), _total(p))
+        return Interval(-vector_total(p), vector_total(p))
 
     arguments = [[Interval(p.low, p.high)] * p.size for p in block.coefficients]
     arguments += [[passed(p)] * p.size for p in (*block.state, *block.inputs)]
@@ -53,7 +52,7 @@ def _unguarded(block: Block, kernel: Kernel) -> list[frozenset[int]]:
     # Per node, the arguments that reach it without having passed their guard.
     start = len(block.coefficients)
     ports = dict(enumerate((*block.coefficients, *block.state, *block.inputs)))
-    checks = _checks(kernel, ports)
+    checks = range_checks(kernel, ports)
     # A coefficient that the step itself checks may be anything before; others are as prepared.
     checks = {k: sides for k, sides in checks.items() if k >= start or all(sides)}
     raw: list[frozenset[int]] = []
@@ -80,51 +79,6 @@ def _unguarded(block: Block, kernel: Kernel) -> list[frozenset[int]]:
         else:
             raw.append(frozenset().union(*(raw[a] for a in n.args)))
     return raw
-
-
-def _checks(kernel: Kernel, ports: Mapping[int, Port]) -> dict[int, tuple[list[int], ...]]:
-    # Per argument, the comparisons that let it pass, one of each list: with both ends of its range;
-    # of a vector, of the sum of magnitudes.
-    found: dict[int, tuple[list[int], ...]] = {
-        k: ([], []) if p.size == 1 else ([],) for k, p in ports.items()
-    }
-
-    def constant(i: int) -> float | None:
-        return kernel.nodes[i].value if kernel.nodes[i].op == "const" else None
-
-    def summed(i: int) -> list[tuple[int, int]] | None:
-        # The elements whose magnitudes a node adds up.
-        n = kernel.nodes[i]
-        if n.op == "fabs" and kernel.nodes[n.args[0]].op == "input":
-            return [kernel.nodes[n.args[0]].source]
-        parts = [summed(a) for a in n.args] if n.op == "add" else [None]
-        return None if None in parts else [x for p in parts for x in p or ()]
-
-    for i, n in enumerate(kernel.nodes):
-        if n.op != "le":
-            continue
-        first, second = (kernel.nodes[a] for a in n.args)
-        low, high = constant(n.args[0]), constant(n.args[1])
-        for leaf, side in ((first, 0), (second, 1)):
-            p = ports.get(leaf.source[0]) if leaf.op == "input" else None
-            if p is None or p.size > 1:
-                continue
-            if (side == 0 and high is not None and high <= p.high) or (
-                side == 1 and low is not None and low >= p.low
-            ):
-                found[leaf.source[0]][side].append(i)
-        elements = summed(n.args[0]) if first.op == "add" else None
-        if elements and high is not None:
-            k = elements[0][0]
-            p = ports.get(k)
-            if p and sorted(elements) == [(k, e) for e in range(p.size)] and high <= _total(p):
-                found[k][0].append(i)
-    return found
-
-
-def _total(p: Port) -> float:
-    # What the guard of a vector lets its sum of magnitudes be.
-    return float(np.float32(1.001 * p.size * max(abs(p.low), abs(p.high))))
 
 
 def why_impossible(kernel: Kernel, ranges: Mapping[int, Interval], node: int, side: str) -> str:

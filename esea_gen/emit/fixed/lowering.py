@@ -37,8 +37,7 @@ class Lowering(Elementary):
         if n.op == "const" or i in self.parts:
             return None
         if n.op == "input":
-            s = self.source(*n.source)
-            return Value(ex.read(s.place, 32, s.low, s.high), s.fraction)
+            return self._read(i, self.source(*n.source))
         if n.op in ("and", "or", "not"):
             return Value(ex.logic(n.op, *(self._condition(a) for a in n.args)), 0)
         if n.op in COMPARES:
@@ -71,11 +70,28 @@ class Lowering(Elementary):
             return self._function(i, n)
         raise self._fail(i, "there is no rule for it", "Express it with the walker's operations.")
 
+    def _read(self, i: int, s: Source) -> Value:
+        if not s.checked:
+            return Value(ex.read(s.place, 32, s.low, s.high), s.fraction)
+        held = ex.read(s.place, 32, *ex.INT32)
+        name = self._unused(local_name(f"{s.name}_held", s.fraction))
+        self.steps.append(LoweredStep(name, held))
+        self.unchecked[i] = Value(ex.reference(name, held), s.fraction)
+        return Value(ex.clamp(self.unchecked[i].expr, s.low, s.high), s.fraction)
+
+    def _unused(self, name: str) -> str:
+        while name in self.names:
+            name += "_"
+        self.names.add(name)
+        return name
+
     def run(self, targets: Sequence[Sequence[Target]]) -> LoweredKernel:
         """Lower every node, then convert the results."""
         self._cap(targets)
         for i in range(len(self.kernel.nodes)):
+            self.checking = i in self.checks
             self.values.append(self._named(i, self._lower(i)))
+        self.checking = False
         saturations: list[str] = []
         results, errors = [], []
         for r, t in zip(self.kernel.results, targets, strict=True):
@@ -117,9 +133,7 @@ class Lowering(Elementary):
             name, comment = label or (f"v{i}", "")
         if not boolean and i not in self.words:
             name = local_name(name, v.fraction)
-        while name in self.names:
-            name += "_"
-        self.names.add(name)
+        name = self._unused(name)
         self.steps.append(LoweredStep(name, v.expr, comment, i))
         return Value(ex.named(name, v.expr), v.fraction, v.local, v.relative, v.constants)
 
@@ -192,11 +206,13 @@ def lower(
     facts: Mapping[int, tuple[float, float]] | None = None,
     wide: Collection[int] = (),
     words: Sequence[int] = (),
+    checks: Collection[int] = (),
     block: str = "",
 ) -> LoweredKernel:
     """Lower a kernel to whole numbers.
 
     source: ``source(argument, element)`` gives what an input is.
+    checks: nodes by which the step checks its own coefficients.
     """
-    lowering = Lowering(kernel, source, labels or {}, facts or {}, wide, words, block)
+    lowering = Lowering(kernel, source, labels or {}, facts or {}, wide, words, checks, block)
     return lowering.run(targets)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
+from esea_gen.emit.checks import coefficient_checks
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.lowering import lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
@@ -47,13 +48,19 @@ def field_name(name: str, fraction: int, plain: bool) -> str:
 
 @dataclass(frozen=True)
 class FieldPlan:
-    """One field of a struct."""
+    """One field of a struct.
+
+    low, high: raw numbers of its range; of a coefficient, what prepare makes.
+    checked: whether the step itself holds the coefficient against its port's range: its memory may
+        then hold any number.
+    """
 
     port: Port | Tunable
     fraction: int
     low: int
     high: int
     name: str
+    checked: bool = False
 
     @property
     def lsb(self) -> float:
@@ -64,6 +71,13 @@ class FieldPlan:
     def size(self) -> int:
         """Number of elements."""
         return int(getattr(self.port, "size", 1))
+
+    @property
+    def port_range(self) -> tuple[int, int]:
+        """Raw numbers inside the port's range."""
+        scale = Fraction(2) ** self.fraction
+        low, high = Fraction(self.port.low) * scale, Fraction(self.port.high) * scale
+        return max(math.ceil(low), ex.INT32[0]), min(math.floor(high), ex.INT32[1])
 
     def raw(self, value: float) -> int:
         """Nearest raw number of a value inside the range."""
@@ -119,11 +133,12 @@ def _sources(groups: Sequence[tuple[str, tuple[FieldPlan, ...]]], full: bool) ->
         pointer, f = flat[argument]
         base = stem(f.port.name) + ("_now" if pointer == "state" else "")
         base += "" if f.size == 1 else f"_{element}"
-        # Inputs and states can hold any bit pattern; what prepare made cannot.
+        # Inputs and states can hold any bit pattern, as coefficients can that the step checks; what
+        # prepare made of the others is trusted.
         free = full and pointer in ("state", "in")
-        low, high = ex.INT32 if free else (f.low, f.high)
+        low, high = ex.INT32 if free else f.port_range if f.checked else (f.low, f.high)
         port = f.port.name + ("" if f.size == 1 else f"[{element}]")
-        return Source(base, _place(pointer, f, element), f.fraction, low, high, port)
+        return Source(base, _place(pointer, f, element), f.fraction, low, high, port, f.checked)
 
     return source
 
@@ -202,7 +217,10 @@ class Planner:
         switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
         out = {p.name: _is_switch(p, self.kernel, count + k) for k, p in enumerate(block.outputs)}
         params = _fields(block.tunables, {})
-        self.prepare, coeffs = _prepare(block, params)
+        self.prepare, made = _prepare(block, params)
+        checked = coefficient_checks(block, self.kernel)
+        self.checks = frozenset[int]().union(*checked.values())
+        coeffs = tuple(replace(f, checked=k in checked) for k, f in enumerate(made))
         self.fields = {
             "params": params,
             "coeffs": coeffs,
@@ -229,6 +247,7 @@ class Planner:
             facts=self.facts,
             wide=chosen,
             words=self.block.flag_results,
+            checks=self.checks,
             block=self.block.name,
         )
         return BlockPlan(

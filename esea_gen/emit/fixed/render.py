@@ -50,6 +50,9 @@ def field_text(f: FieldPlan, group: str) -> str:
         "in": "",
         "out": "cannot overflow",
     }[group]
+    if f.checked:
+        low, high = f.port_range
+        behaviour += f"; outside {low} to {high}: found by the step"
     if group == "state" and isinstance(f.port, Port) and f.port.size == 1:
         behaviour += "; outside: corrupt"
     return text + (f"; {behaviour}" if behaviour else "")

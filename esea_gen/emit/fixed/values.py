@@ -29,6 +29,8 @@ class Source:
     """Where an input of a kernel comes from.
 
     port: port and element, for messages.
+    checked: whether memory may hold any number, which the step itself holds against the range: that
+        check sees the number as it is, and all else sees it cut to the range.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Source:
     low: int
     high: int
     port: str
+    checked: bool = False
 
 
 @dataclass(frozen=True)
@@ -152,6 +155,7 @@ class LoweringBase:
     source: ``source(argument, element) -> Source`` of an input.
     labels: name and comment by node.
     facts: ranges that follow from algebra, by node.
+    checks: nodes by which the step checks its own coefficients.
     block: name of the Block, for messages.
     """
 
@@ -163,10 +167,12 @@ class LoweringBase:
         facts: Mapping[int, tuple[float, float]],
         wide: Collection[int],
         words: Sequence[int],
+        checks: Collection[int],
         block: str,
     ) -> None:
         self.kernel, self.source, self.labels = kernel, source, labels
         self.facts, self.wide, self.block = facts, wide, block
+        self.checks, self.unchecked, self.checking = checks, dict[int, Value](), False
         self.steps: list[LoweredStep] = []
         self.values: list[Value | None] = []
         self.names: set[str] = set()
@@ -228,7 +234,8 @@ class LoweringBase:
         return Fraction(n.value) if n.op == "const" else None
 
     def _value(self, i: int) -> Value:
-        v = self.values[i]
+        v = self.unchecked.get(i) if self.checking else None
+        v = v or self.values[i]
         assert v is not None
         if v.expr.bits == 1:
             return Value(ex.cast(v.expr, 32), 0)
