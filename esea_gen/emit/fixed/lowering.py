@@ -76,7 +76,7 @@ class Lowering(Elementary):
         held = ex.read(s.place, 32, *ex.INT32)
         name = self._unused(local_name(f"{s.name}_held", s.fraction))
         self.steps.append(LoweredStep(name, held))
-        self.unchecked[i] = Value(ex.reference(name, held), s.fraction)
+        self.unchecked[i] = Value(ex.named(name, held), s.fraction)
         return Value(ex.clamp(self.unchecked[i].expr, s.low, s.high), s.fraction)
 
     def _unused(self, name: str) -> str:
