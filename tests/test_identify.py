@@ -369,7 +369,7 @@ def test_labels_are_told_apart(tmp_path: Path) -> None:
 # -- cycles --------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     cycles=st.integers(2, 8),
     noise=st.floats(0, 0.015),
@@ -411,7 +411,7 @@ def test_one_sided_loading_is_a_cycle() -> None:
 # -- fits ----------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000))
 def test_the_linear_part_is_the_bounded_optimum(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -547,7 +547,7 @@ def test_a_maxwell_element_without_torque_is_left_out() -> None:
     assert set(values) == {"k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad", "beta_1_rad", "omega_rad"}
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.lists(st.floats(0, 1), min_size=7, max_size=7), st.floats(0.01, 900))
 def test_the_viscosity_keeps_its_value_inside_the_bounds(where: list[float], kv: float) -> None:
     space = Space(True, 0.2, 1.0, 100.0)
