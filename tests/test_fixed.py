@@ -16,8 +16,8 @@ import esea_gen
 from esea_gen.emit.build import differences, render_device, write_bundles
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import block_bound
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner, lowered_values
-from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.table import (
     draw_headroom,
     largest_contributions,
