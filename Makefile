@@ -2,9 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 OUT := out
+TESTS ?= tests
 STAMP := .venv/.stamp
 
-.PHONY: run test docs bench test-slow proof style setup clean
+.PHONY: run test search docs bench test-slow proof style setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -18,6 +19,13 @@ test: setup style
 	@$(BIN)/esea-gen check
 	@$(BIN)/esea-gen traces check
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# Other examples at each run; SEED=n repeats one, TESTS=tests/test_plant.py narrows it.
+search: setup
+	@seed=$${SEED:-$$(od -An -N4 -tu4 /dev/urandom | tr -d ' ')}; again="make search SEED=$$seed TESTS='$(TESTS)'"; \
+	echo "Random search. To repeat: $$again"; \
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "hypothesis and not slow" \
+		--hypothesis-profile=search --hypothesis-seed=$$seed $(TESTS) || { echo "To repeat: $$again"; exit 1; }
 
 docs: setup
 	@$(BIN)/mkdocs build --strict --quiet

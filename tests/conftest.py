@@ -7,12 +7,21 @@ import shutil
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 import esea_gen
 from esea_gen.device import Device
 from esea_gen.hostlib import HostLibrary, compile_device
 
 ROOT = Path(__file__).parents[1]
+
+# A machine may be busy: no limit of time.
+settings.register_profile("any", suppress_health_check=[HealthCheck.too_slow])
+# `make test`: examples follow from the test's source, and no file remembers an earlier failure.
+settings.register_profile("same", settings.get_profile("any"), derandomize=True, database=None)
+# `make search`: examples follow from the seed that it prints.
+settings.register_profile("search", settings.get_profile("any"), print_blob=True, database=None)
+settings.load_profile("same")
 
 
 def require_tool(name: str) -> str:

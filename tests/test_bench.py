@@ -390,7 +390,7 @@ def in_python(elbow_drive):
     return PlantEquations(elbow_drive, plant, defaults), defaults | plant.values
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     st.lists(st.floats(-0.3, 0.3), min_size=6, max_size=6),
     st.lists(st.floats(-0.3, 0.3), min_size=3, max_size=3),

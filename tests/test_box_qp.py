@@ -169,7 +169,7 @@ def test_single_precision(ten, kind):
     assert np.quantile(error, 0.5) < 1e-5
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(1, 24), st.sampled_from(KINDS), st.integers(0, 10**6))
 def test_the_executor_any_size_any_problem(n, kind, seed):
     rng = np.random.default_rng(seed)
@@ -259,7 +259,7 @@ def test_numbers_that_are_none(ten, real):
     assert ten[real].step(**given)["status"] == BIT["INPUT_INVALID"]
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.integers(0, 2**32 - 1))
 def test_garbage_never_leaves_the_box(ten, seed):
     # Any float32 bit pattern.

@@ -268,7 +268,7 @@ anywhere = st.floats(-0.39, 0.39)
 rates = st.floats(-20, 20)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(arrays(float, 20, elements=inside), arrays(float, 20, elements=rates))
 def test_inside_the_dead_zone_there_is_no_torque(theta, omega):
     out, _ = (
@@ -280,7 +280,7 @@ def test_inside_the_dead_zone_there_is_no_torque(theta, omega):
         assert not np.any(out[port])
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(arrays(float, 20, elements=anywhere), arrays(float, 20, elements=rates))
 def test_the_dead_zone_is_a_shift_of_the_deflection(theta, omega):
     # Spring and hysteresis are those of the device without a dead zone at delta; torque is odd.
@@ -298,7 +298,7 @@ def test_the_dead_zone_is_a_shift_of_the_deflection(theta, omega):
         assert out["with"][port] == pytest.approx(-out["mirror"][port], abs=1e-12)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(arrays(float, 6, elements=anywhere), rates, anywhere, anywhere)
 def test_torque_rises_strictly_beyond_the_dead_zone(history, omega, one, other):
     # The viscosity holds nothing of theta(k): one torque, one deflection outside the dead zone.

@@ -68,7 +68,7 @@ def sensor():
     return esea_gen.load_device("elbow").sensor
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(arrays(float, 60, elements=st.floats(-0.3, 0.3)))
 def test_play_form_is_the_stop_operator(theta: np.ndarray):
     sensor = esea_gen.load_device("elbow").sensor
@@ -220,7 +220,6 @@ def test_rate_with_real_encoders_beats_the_filtered_difference():
     assert ours < 0.85 * rms_pct(rate_torque(measured, difference))
 
 
-@settings(deadline=None)
 @given(st.floats(0, 1e6))
 def test_the_share_of_a_maxwell_step_is_at_most_one(x: float):
     # The fact that the error analysis is told: (1 + x/2 + x^2/6) / (1 + x (1 + x/2 + x^2/6)) <= 1.

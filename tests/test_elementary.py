@@ -496,7 +496,7 @@ def test_tiny_arguments_keep_their_sign_and_value(lib: Library) -> None:
         assert np.array_equal(bits_of(lib(name, tiny)), bits_of(tiny))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     first=st.integers(min_value=1, max_value=INF - 300),
     exponent=st.floats(min_value=0.05, max_value=15.99),
@@ -507,7 +507,7 @@ def test_powk_never_decreases(lib: Library, first: int, exponent: float) -> None
     assert np.all(result[1:] >= result[:-1])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(first=st.integers(min_value=0, max_value=INF - 300), name=st.sampled_from(["tanh", "cbrt"]))
 def test_odd_functions_are_odd(lib: Library, first: int, name: str) -> None:
     x = floats(first + np.arange(300, dtype=np.uint32))

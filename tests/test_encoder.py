@@ -212,7 +212,7 @@ def recording(device: Device, pieces, seed: int) -> tuple[np.ndarray, np.ndarray
 
 @pytest.mark.parametrize("name", VARIANTS)
 @pytest.mark.parametrize("real", ["f64", "f32"])
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(PIECES, st.integers(0, 999))
 def test_it_does_what_the_whole_numbers_say(name, real, pieces, seed):
     device, runner = variant(name, real)

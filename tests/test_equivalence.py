@@ -141,7 +141,7 @@ def test_nan_and_infinity_into_every_input_and_state(name, real):
             assert counted == np.sum(y["status"].astype(int) >> names.index(flag) & 1)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     arrays(np.float32, 40, elements=st.floats(-0.5, 0.5, width=32) | st.just(np.nan)),
     arrays(np.float32, 40, elements=st.floats(-30, 30, width=32) | st.just(np.inf)),

@@ -16,9 +16,9 @@ from esea_gen.bench.fixed import PROGRAMS, run_filter
 from esea_gen.cli import app
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import any_bound, block_bound
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.report import range_report
-from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.emit.ranges import RangeError
 from esea_gen.hostlib import compile_device

@@ -72,7 +72,7 @@ def lib(request):
 @example(x=2147483520.0, n=0)  # the largest that fits
 @example(x=-2147483648.0, n=0)
 @example(x=1e-45, n=31)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 def test_single_precision_to_raw_numbers_and_back(lib, x, n):
     x = float(np.float32(x))
     scaled = Fraction(x) * 2**n if math.isfinite(x) else Fraction(2**40)
@@ -87,7 +87,7 @@ def floor_shift(value: int, shift: int) -> int:
 
 
 @given(st.data())
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 def test_arithmetic_core_is_exact_round_half_up(lib, data):
     draw = data.draw
     a, b, wide, wide2 = draw(INT32), draw(INT32), draw(INT62), draw(INT62)
@@ -110,7 +110,7 @@ def test_arithmetic_core_is_exact_round_half_up(lib, data):
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_functions_equal_their_python(lib, data):
     draw = data.draw
     x, wide = draw(INT32), draw(INT62)
@@ -179,7 +179,7 @@ def test_log2_and_exp2_cores_keep_their_stated_error():
 
 
 @given(INT62.filter(bool), INT62.filter(bool), st.integers(-60, 60))
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 def test_divide_keeps_its_error(n, d, k):
     exact = Fraction(n, d) * Fraction(2) ** k
     got = functions.divide(n, d, k, -(2**62), 2**62)
@@ -201,7 +201,7 @@ def test_divide_over_the_divisor_intervals():
 
 
 @given(st.integers(1, 2**31 - 1), st.floats(0.05, 4.0))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 def test_power_keeps_its_error(x, y):
     y_q27 = round(y * 2**27)
     exact = (x * 2.0**-31) ** (y_q27 * 2.0**-27)
@@ -210,7 +210,7 @@ def test_power_keeps_its_error(x, y):
 
 
 @given(st.integers(-(2**31), 2**31 - 1))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_the_other_functions_keep_their_errors(x):
     value = x * 2.0**-28
     exact = math.exp(min(value, 7.0))

@@ -371,7 +371,7 @@ def test_labels_are_told_apart(tmp_path: Path) -> None:
 # -- cycles --------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     cycles=st.integers(2, 8),
     noise=st.floats(0, 0.015),
@@ -413,7 +413,7 @@ def test_one_sided_loading_is_a_cycle() -> None:
 # -- fits ----------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000))
 def test_the_linear_part_is_the_bounded_optimum(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -475,15 +475,11 @@ def test_the_device_says_what_is_identified_and_what_assumed(hdrb: Identificatio
     assert device.file.limits.tau_Nm.value > device.tau_full_scale_Nm
 
 
-def test_the_fit_is_the_same_every_time(hdrb: Identification) -> None:
-    again = identify(DATA / "hdrb.toml")
+def test_the_fit_is_the_same_every_time_and_progress_rises_to_one(hdrb: Identification) -> None:
+    told: list[tuple[float, str]] = []
+    again = identify(DATA / "hdrb.toml", DATA, lambda share, text: told.append((share, text)))
     assert again.to_dict() == hdrb.to_dict()
     assert again.toml() == hdrb.toml()
-
-
-def test_progress_rises_to_one(hdrb: Identification) -> None:
-    told: list[tuple[float, str]] = []
-    identify(DATA / "hdrb.toml", DATA, lambda share, text: told.append((share, text)))
     shares = [s for s, _ in told]
     assert shares == sorted(shares)
     assert shares[0] == 0
@@ -549,7 +545,7 @@ def test_a_maxwell_element_without_torque_is_left_out() -> None:
     assert set(values) == {"k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad", "beta_1_rad", "omega_rad"}
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.lists(st.floats(0, 1), min_size=7, max_size=7), st.floats(0.01, 900))
 def test_the_viscosity_keeps_its_value_inside_the_bounds(where: list[float], kv: float) -> None:
     space = Space(True, 0.2, 1.0, 100.0)

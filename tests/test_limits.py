@@ -69,14 +69,14 @@ def brisk_runners(brisk) -> dict[str, CRunner]:
 
 
 @pytest.mark.parametrize("real", REALS)
-@settings(deadline=None, max_examples=70)
+@settings(max_examples=70)
 @given(st.lists(EVENT, max_size=9))
 def test_any_stream_against_a_plain_state_machine(brisk_runners, real, events):
     x = stream_of(events)
     against_plain_limits(brisk_runners[real], x, BRISK, TIES[real], ERRORS[real])
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.lists(EVENT, max_size=9))
 def test_formats_decide_alike(brisk_runners, events):
     x = stream_of(events)
@@ -97,7 +97,7 @@ def test_formats_decide_alike(brisk_runners, events):
     assert y["f32"]["u_Nm"][:end] == pytest.approx(y["f64"]["u_Nm"][:end], abs=1e-6)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_random_bits_on_every_input(runners, seed):
     rng = np.random.default_rng(seed)
@@ -219,7 +219,7 @@ def test_energy_in_the_window(runners, real, sign):
     assert np.flatnonzero(ran(runners[real], x)["fault"] == Fault.ENERGY)[0] == 1000 + 285
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6), st.integers(1, 55))
 def test_energy_covers_every_interval_up_to_the_window(brisk_runners, seed, length):
     # Any net energy over any interval within the window is at most what the Block holds.

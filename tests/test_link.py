@@ -143,7 +143,7 @@ def test_messages_and_flags_that_nobody_knows_are_counted(peer):
     assert reader.counters.noise_bytes == len(foreign) + len(flagged)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.lists(st.binary(max_size=40) | st.lists(st.sampled_from([0xFD, 0, 1, 9])).map(bytes)),
     st.integers(1, 300),

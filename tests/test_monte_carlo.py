@@ -29,7 +29,7 @@ def test_percentiles_of_known_numbers():
         percentiles("x", [1.0, np.nan])
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), st.randoms(use_true_random=False))
 def test_percentiles_do_not_know_an_order(values, random):
     first = percentiles("x", values)

@@ -431,7 +431,7 @@ def test_c_is_the_symbolic_block(drive, libraries, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_any_input_and_state_gives_numbers_in_range(libraries, name, data):
     block = libraries["f32"].system.blocks[name]

@@ -54,7 +54,7 @@ def rate_wall(kp, kd, period=T):
 # -- energy ---------------------------------------------------------------------------------------
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), k=st.floats(0, 100), b=st.just(0.0) | st.floats(1e-3, 5))
 def test_a_spring_and_damper_take_in_what_they_must(seed, k, b):
     theta = np.cumsum(np.random.default_rng(seed).normal(0, 0.01, 500))
@@ -163,7 +163,7 @@ def test_positive_realness_finds_colgates_boundary():
     assert 2 * fine - coarse == pytest.approx(1, abs=0.005)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     m=st.floats(0.01, 1.0),
     kp_share=st.floats(0.05, 3.0),

@@ -8,7 +8,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -70,6 +70,12 @@ def rigid(device) -> Rig:
 @pytest.fixture(scope="module")
 def cabled(device) -> Rig:
     return Rig(device, True)
+
+
+@pytest.fixture(scope="module")
+def halved(device) -> dict[bool, Rig]:
+    """Both plants at half the step, by whether the cable is compliant."""
+    return {cable: Rig(device, cable, H / 2) for cable in (True, False)}
 
 
 def with_elastomer(device: Device, maxwell: bool, **values: float) -> Device:
@@ -404,45 +410,116 @@ def test_trip_by_effective_torque(rigid):
 
 # -- energy ---------------------------------------------------------------------------------------
 
-COUPLING_STOP_RAD = 0.34  # plants.toml
+
+def balance_gap(got: dict) -> np.ndarray:
+    """Energy that came in less what went out, in J."""
+    into = got["work_motor_J"] + got["work_person_J"] + got["work_disturbance_J"]
+    return into - got["work_loss_J"] - got["work_elastomer_J"] - got["stored_J"]
 
 
 def balance_error(got: dict) -> float:
     """Largest gap of the energy balance, over the energy that has moved."""
-    into = got["work_motor_J"] + got["work_person_J"] + got["work_disturbance_J"]
-    out = got["work_loss_J"] + got["work_elastomer_J"] + got["stored_J"]
     moved = sum(np.max(np.abs(got[f"work_{k}_J"])) for k in WORKS) + np.max(got["stored_J"])
-    return float(np.max(np.abs(into - out)) / moved)
+    return float(np.max(np.abs(balance_gap(got))) / moved)
 
 
-@settings(deadline=None, max_examples=25)
+def balance_bound_J(got: dict, halved: dict) -> float:
+    """What the step alone can leave of the gap, by a second run at half the step.
+
+    Where jaws meet or friction is steep the step is of first order, so that Richardson's estimate
+    of its error is twice what halving changes.  Twice that is allowed: 1.4 times is the most that
+    240 random plants came to.  What is counted wrongly does not shrink with the step, and is left.
+    """
+    return 4 * float(np.max(np.abs(balance_gap(got) - balance_gap(halved)[1::2])))
+
+
+STOP_RAD, STOP_NM_RAD = 0.34, 20000.0  # plants.toml, coupling
+END_NM_RAD, END_NMS_RAD = 5000.0, 20.0  # plants.toml, joint: at -0.6 rad and 3.0 rad
+
+
+def twist_bound_rad(got: dict, p: dict, cable: bool) -> float:
+    """How far the jaws can be driven into the stop, from the speed at which they meet.
+
+    A mass m that meets a spring k at speed v and is pushed by no more than F comes to rest at
+    d = F/k + sqrt((F/k)^2 + m v^2 / k).  The rubber and the stop's damper, left out, hold it back.
+    The kick-drift step conserves the energy of a spring of k (1 - k h^2 / 4m) in place of k.
+    """
+    rate = np.abs(got["omega_m_rad_s"] - got["omega_l_rad_s"])
+    inside = np.abs(got["theta_m_rad"] - got["theta_l_rad"]) > STOP_RAD
+    if not inside.any():
+        return STOP_RAD
+    met = np.flatnonzero(np.diff(inside.astype(int)) > 0)
+    v = max(np.max(rate[met]), np.max(rate[met + 1]))
+    if cable:
+        m, gap = p["motor_side_inertia_kgm2"], np.abs(got["theta_g_rad"] - got["theta_m_rad"])
+        pull = np.abs(got["omega_g_rad_s"] - got["omega_m_rad_s"])
+        push = p["cable_stiffness_Nm_rad"] * gap + p["cable_damping_Nms_rad"] * pull
+    else:
+        m = p["J_kgm2"]
+        push = N * np.abs(got["u_a_Nm"]) + m * np.abs(got["d4_rad_s2"])
+    if not p["clamped"]:
+        # Motion of one against the other: the reduced mass, and no more than both pushes.
+        m = 1 / (1 / m + 1 / p["Jh_kgm2"])
+        x, w = got["theta_l_rad"], np.abs(got["omega_l_rad_s"])
+        end = np.maximum(x - 3.0, 0) + np.maximum(-0.6 - x, 0)
+        push = push + np.abs(got["tau_h_Nm"]) + END_NM_RAD * end + END_NMS_RAD * w * (end > 0)
+    k = STOP_NM_RAD * (1 - STOP_NM_RAD * H**2 / (4 * m))
+    still = np.max(push[np.convolve(inside, np.ones(3), "same") > 0]) / k
+    return float(STOP_RAD + still + math.sqrt(still**2 + m * v**2 / k))
+
+
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.booleans(), st.floats(0.2, 6.0), st.booleans())
-def test_energy_balance_of_random_plants(device, cabled, rigid, seed, cable, hertz, clamped):
+@example(seed=4, cable=False, hertz=2.0, clamped=True)  # meets the stop at 5 rad/s
+def test_energy_balance_of_random_plants(
+    device, cabled, rigid, halved, seed, cable, hertz, clamped
+):
     values = dict(random_plant(device, seed).values) | {"clamped": clamped}
     rng = np.random.default_rng(seed)
     t = np.arange(10000) * H
     u = rng.uniform(0.02, 0.221) * np.sin(2 * np.pi * hertz * t + rng.uniform(0, 6))
     noise = np.repeat(rng.standard_normal(2000), 5)
-    got = (cabled if cable else rigid).run(u, path=swing, noise=noise, **values)
-    # A stop struck at speed (up to 11 rad/s, 500 Nm for a few steps) costs the fixed step accuracy;
-    # away from stops the largest of 480 plants is 1.5e-5.
-    twist = np.max(np.abs(got["theta_m_rad"] - got["theta_l_rad"]))
-    assert balance_error(got) < (5e-5 if twist < COUPLING_STOP_RAD else 3e-3)
+    rig = cabled if cable else rigid
+    got = rig.run(u, path=swing, noise=noise, **values)
+    finer = halved[cable].run(np.repeat(u, 2), path=swing, noise=np.repeat(noise, 2), **values)
+    assert np.max(np.abs(balance_gap(got))) < balance_bound_J(got, finer)
     assert not np.any(got["plant_status"])
     assert np.all(np.diff(got["work_loss_J"]) > -1e-9)
-    assert np.max(np.abs(got["theta_m_rad"] - got["theta_l_rad"])) < 0.36
+    twist = np.max(np.abs(got["theta_m_rad"] - got["theta_l_rad"]))
+    whole = {t.name: t.default for t in rig.block.tunables} | values
+    assert twist <= twist_bound_rad(got, whole, cable)
     if clamped:
         assert np.all(got["theta_l_rad"] == 0)
         assert np.all(got["work_person_J"] == 0)
 
 
-def test_the_energy_balance_is_armed(cabled, device):
-    # A hundredth of the lost work, counted wrongly, would be seen.
-    got = cabled.run(
-        0.1 * np.sin(np.linspace(0, 30, 20000)), path=swing, **real_plant(device, seed=2).values
-    )
+def test_the_energy_balance_is_armed(cabled, halved, device):
+    # A hundredth of the lost work, counted wrongly, would be seen, and so would a thousandth.
+    values = real_plant(device, seed=2).values
+    u = 0.1 * np.sin(np.linspace(0, 30, 20000))
+    got = cabled.run(u, path=swing, **values)
+    finer = halved[True].run(np.repeat(u, 2), path=swing, **values)
     assert balance_error(got) < 3e-5
+    assert np.max(np.abs(balance_gap(got))) < balance_bound_J(got, finer)
     assert balance_error(got | {"work_loss_J": 1.01 * got["work_loss_J"]}) > 1e-3
+    wrong, wrong_finer = (g | {"work_loss_J": 1.001 * g["work_loss_J"]} for g in (got, finer))
+    assert np.max(np.abs(balance_gap(wrong))) > balance_bound_J(wrong, wrong_finer)
+
+
+def test_a_stop_that_is_too_soft_is_seen(rigid):
+    # The failing case of old: 0.3688 rad of at most 0.3709.  A fifth off the spring shows.
+    u = np.full(10000, 0.221)
+    known = {t.name: t.default for t in rigid.block.tunables} | {"clamped": 1}
+
+    def reached(**values: float) -> tuple[float, float]:
+        got = rigid.run(u, clamped=1, **values)
+        twist = np.max(np.abs(got["theta_m_rad"] - got["theta_l_rad"]))
+        return twist, twist_bound_rad(got, known, False)
+
+    twist, bound = reached()
+    assert STOP_RAD < twist < bound
+    twist, bound = reached(coupling_stop_Nm_rad=0.8 * STOP_NM_RAD)
+    assert twist > bound
 
 
 @pytest.mark.parametrize(("kind", "order"), [("ideal", 1.7), ("real", 0.3)])
@@ -494,13 +571,11 @@ FLOOR = ca.Function("floor", [X], [whole_below(X)])
 SINE = ca.Function("sine", [X], [sine_of_turns(X)])
 
 
-@settings(deadline=None)
 @given(st.floats(-1e9, 1e9) | st.integers(-(10**6), 10**6).map(float))
 def test_whole_below(x):
     assert float(FLOOR(x)) == math.floor(x)
 
 
-@settings(deadline=None)
 @given(st.floats(-100, 100))
 def test_sine_of_turns(turns):
     assert float(SINE(turns)) == pytest.approx(math.sin(2 * math.pi * turns), abs=2e-11 + 1e-12)
@@ -511,7 +586,7 @@ def encoders(device):
     return encoder_block(device)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(-6, 6), min_size=3, max_size=3),
     st.sampled_from([4, 8, 11, 12]),
@@ -577,7 +652,7 @@ def test_real_plant_has_more_friction(device):
     assert "J_kgm2" not in values
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**31))
 def test_random_plants_stay_in_their_family(device, cabled, seed):
     plant = random_plant(device, seed)

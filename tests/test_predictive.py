@@ -300,7 +300,7 @@ def test_any_horizon_and_preview(drive, horizon, preview):
     check_linearisation(drive, horizon, 11, q=35.0, r=0.3, preview=preview)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(
     st.integers(2, 12),
     st.sampled_from([0.005, 0.02, 0.05]),
@@ -497,7 +497,7 @@ def test_nothing_invalid_passes(drive, program, runners, real):
             assert out["u_Nm"] == fresh["u_Nm"]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.floats(0.01, 60), st.floats(0.1, 6))
 def test_wild_but_valid_inputs_give_a_bounded_command(drive, program, runners, seed, speed, torque):
     rng = np.random.default_rng(seed)

@@ -462,7 +462,7 @@ def test_the_shipped_controllers_pass_verification(controller):
 # -- what a loop states of itself ------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 6), st.integers(0, 6))
 def test_a_loop_that_breaks_its_stated_total_is_found(passes, total):
     b = Builder()

@@ -141,7 +141,7 @@ def sorters():
     return programs, made
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.lists(st.floats(-99, 99, width=32), min_size=7, max_size=7), st.sampled_from([1.0, -0.5]))
 def test_executor_and_c_sort_alike(sorters, values, sense):
     programs, made = sorters

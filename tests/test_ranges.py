@@ -75,7 +75,7 @@ def build(tree, x):
     }[tree[0]]()
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(
     expressions(),
     st.lists(st.floats(-2, 2, width=32), min_size=3, max_size=3),

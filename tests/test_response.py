@@ -62,7 +62,7 @@ def test_first_order_step(tau_s):
     assert m.steady_error == pytest.approx(0, abs=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     zeta=st.floats(0.2, 0.9),
     f_Hz=st.floats(2.0, 20.0),
@@ -134,7 +134,7 @@ def test_other_ways_to_fail():
 # -- resampling -----------------------------------------------------------------------------------
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1), slope=st.floats(-5, 5), period_s=st.sampled_from([None, 2e-3])
 )
@@ -173,7 +173,7 @@ def exact(f, wn, zeta, delay_s=0.0):
     return np.exp(-s * delay_s) / ((s / wn) ** 2 + 2 * zeta * s / wn + 1)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(wn=st.floats(5, 100), zeta=st.floats(0.2, 2.0), gain=st.floats(0.01, 50))
 def test_bandwidth_of_a_second_order_lag(wn, zeta, gain):
     f = np.geomspace(0.001, 1000, 2400)
@@ -204,7 +204,7 @@ def test_the_definition_of_a_bandwidth_is_said():
         FrequencyResponse(f, dip * np.nan, None, None, "")
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(k=st.floats(1, 100), delay_s=st.floats(1e-3, 0.01))
 def test_margins_of_an_integrator_with_delay(k, delay_s):
     # |L| = 1 at w = k, phase -180 deg at w d = pi/2.
@@ -395,7 +395,7 @@ def test_a_wrong_sweep_is_refused(swept):
 # -- impedance ------------------------------------------------------------------------------------
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     j=st.floats(0, 2),
     b=st.floats(-0.5, 5),

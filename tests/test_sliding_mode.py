@@ -451,7 +451,7 @@ def test_range_of_the_set_torque(drive):
 
 
 @given(st.floats(0, 2))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_mode_is_rounded(libraries, mode):
     block = libraries["fast", "f64"].system.blocks["reference"]
     y = block.simulator().step(**inputs_of(block, mode=mode))
@@ -669,7 +669,7 @@ def test_f32_law_stays_with_f64_from_the_same_memory(drive, libraries):
     assert worst < 2e-6
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(data=st.data())
 @pytest.mark.parametrize("name", ["reference", "setpoint_rates", "sliding_mode"])
 def test_any_input_and_state_gives_numbers_in_range(libraries, name, data):

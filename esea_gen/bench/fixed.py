@@ -15,8 +15,8 @@ import numpy as np
 
 from esea_gen.bench.row import Row
 from esea_gen.device import Device
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
-from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError

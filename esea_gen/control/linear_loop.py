@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import linalg, signal
 
 from esea_gen.errors import UserError
 from esea_gen.model.elastomer import stop_grid
@@ -142,6 +141,9 @@ class _Period:
         plant[0, 1] = 1.0
         plant[1, :3] = -stiffness / j, -self.fv / j, n / j
         plant[2, 2:] = -1 / lag, 1 / lag
+        # Here and not above: half a second of processor time that most commands do not need.
+        from scipy import linalg, signal
+
         exact = linalg.expm(plant * h)
         self.moved, self.pushed = exact[:3, :3], exact[:3, 3]
         b, d = signal.butter(4, drive.joint.motor_velocity_Hz.value, fs=1 / h)

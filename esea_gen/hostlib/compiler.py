@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from esea_gen.cache import cache_folder
 from esea_gen.errors import UserError
 from esea_gen.targets import EXACT_FLAGS, HOST_GCC
 
@@ -26,18 +27,6 @@ def find_compiler(name: str, package: str) -> str:
             f"Install it with: apt-get install --no-install-recommends {package}",
         )
     return path
-
-
-def cache_folder() -> Path:
-    """Folder of compiled libraries: ``$XDG_CACHE_HOME/esea-gen`` or ``~/.cache/esea-gen``."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    folder = Path(base) / "esea-gen"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        folder = Path(tempfile.gettempdir()) / f"esea-gen-{os.getuid()}"
-        folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 def compile_sources(

@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.cache import cache_folder
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.compiler import cache_folder, compile_sources, find_compiler
+from esea_gen.hostlib.compiler import compile_sources, find_compiler
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.targets import (
     ARM_GCC,

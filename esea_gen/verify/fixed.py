@@ -14,6 +14,7 @@ from esea_gen.device import Device
 from esea_gen.emit.error_bounds import BEYOND, Bound
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Propagation, any_bound
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import (
     BlockPlan,
     FieldPlan,
@@ -22,7 +23,6 @@ from esea_gen.emit.fixed.plan import (
     raw_places,
     run_lowered,
 )
-from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.fixed.values import COMPARES
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.emit.fixed.search import plan_block
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.verify.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
 from esea_gen.verify.fixed import bounds_of, compare_fixed

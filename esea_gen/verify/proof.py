@@ -17,7 +17,7 @@ from pathlib import Path
 
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
-from esea_gen.emit.fixed.search import plan_block
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, template_folder
 from esea_gen.errors import UserError

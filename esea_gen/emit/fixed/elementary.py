@@ -13,6 +13,7 @@ from esea_gen.emit.fixed.expression import OverflowProofError
 from esea_gen.emit.fixed.values import Value, best_fraction, two
 from esea_gen.emit.walker import Node
 
+_FINEST = 62  # fraction bits of an argument: what the C shifts by
 EXPONENT_ERROR = 2.0 ** -(EXPONENT_FRACTION_BITS + 1)
 
 
@@ -81,14 +82,26 @@ class Elementary(Arithmetic):
         e = ex.round_shift(v.expr, v.fraction - f, 32) if v.fraction > f else ex.cast(v.expr, 32)
         return Value(e, min(f, v.fraction)), 0.5 * 2.0**-f
 
-    def _exponential(self, i: int, n: Node, v: Value, low: float, high: float) -> Value:
-        v, error = self._narrowed(i, v)
-        if not 1 <= v.fraction <= 62 or high > 40:
+    def _not_tiny(self, i: int, v: Value, low: float, high: float, instead: str) -> None:
+        """Refuse an argument whose format has a finer step than the function takes."""
+        if v.fraction > _FINEST:
             raise self._fail(
                 i,
-                f"its argument's range [{low:.6g}, {high:.6g}] is too wide or too narrow",
-                "Clip the argument to at most 40, or scale it.",
+                f"its argument never exceeds {max(-low, high):.3g} in magnitude, and must be able "
+                f"to reach {2.0 ** (31 - _FINEST - 1):.3g} for a step of 2^-{_FINEST} in 32 bits",
+                f"So near zero {self.kernel.nodes[i].op}(x) is {instead}: write that, or check the "
+                "gain before it.",
             )
+
+    def _exponential(self, i: int, n: Node, v: Value, low: float, high: float) -> Value:
+        v, error = self._narrowed(i, v)
+        if v.fraction < 1 or high > 40:
+            raise self._fail(
+                i,
+                f"its argument's range [{low:.6g}, {high:.6g}] is too wide",
+                "Clip the argument to at most 40.",
+            )
+        self._not_tiny(i, v, low, high, "1 + x")
         most = math.exp(high) * (1 + 2.0**-24)
 
         def build(f: int) -> Value:
@@ -142,9 +155,10 @@ class Elementary(Arithmetic):
 
     def _tangent(self, i: int, n: Node, v: Value, low: float, high: float) -> Value:
         v, error = self._narrowed(i, v)
-        if not 2 <= v.fraction <= 62:
+        if v.fraction < 2:
             raise self._fail(
                 i, f"its argument's range [{low:.6g}, {high:.6g}] is too wide", "Clip the argument."
             )
+        self._not_tiny(i, v, low, high, "x")
         e = ex.call("tanh", (v.expr,), 32, -(2**30), 2**30, v.fraction)
         return Value(e, 30, 2.0**-28 + error)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.emit.fixed.kept import plan_block, raw_tunable
 from esea_gen.emit.fixed.plan import FieldPlan, field_name
 from esea_gen.emit.fixed.render import field_text
-from esea_gen.emit.fixed.search import plan_block, raw_tunable
 from esea_gen.emit.naming import Naming
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from esea_gen.emit.error_bounds import BEYOND, Errors, linear_bound
-from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Propagation, any_bound
 from esea_gen.emit.fixed.plan import (
     BlockPlan,
@@ -299,9 +298,8 @@ def _with_way(planner: Planner, plan: BlockPlan) -> BlockPlan:
     return planner.plan(why, why)
 
 
-def search(block: Block) -> BlockPlan:
+def search(planner: Planner) -> BlockPlan:
     """Find the plan of a Block."""
-    planner = Planner(block)
     return _with_way(planner, _searched(planner))
 
 
@@ -353,26 +351,3 @@ def _searched(planner: Planner) -> BlockPlan:
         fewer = {k: r for k, r in best.why_wide.items() if k != i}
         best = _still_bounded(planner, fewer, errors, ceiling, found.forgets) or best
     return best
-
-
-_PLANS: dict[int, tuple[Block, BlockPlan]] = {}
-
-
-def plan_block(block: Block) -> BlockPlan:
-    """The plan of a Block, searched for once."""
-    found = _PLANS.get(id(block))
-    if found is None or found[0] is not block:
-        found = _PLANS[id(block)] = (block, search(block))
-    return found[1]
-
-
-def raw_tunable(block: Block, name: str, value: float) -> tuple[str, int]:
-    """C field and raw number of a tunable's value.
-
-    value: in its unit; NaN and what does not fit becomes ``INT32_MIN``, which prepare refuses.
-    """
-    f = plan_block(block).field("params", name)
-    scaled = value * 2.0**f.fraction
-    if not -(2.0**31) < scaled < 2.0**31 - 1:
-        return f.name, ex.INT32[0]
-    return f.name, math.floor(scaled + 0.5)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from esea_gen.emit.fixed.functions import source_files
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.lowering import rewrite
 from esea_gen.emit.fixed.naming import FixedNaming
 from esea_gen.emit.fixed.render import print_lowered
-from esea_gen.emit.fixed.search import plan_block
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, early_stores

@@ -1,0 +1,43 @@
+"""Where results are kept between processes, and the digest of the code that they come from."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+import time
+from functools import cache
+from pathlib import Path
+
+_STARTED_S = time.time()
+
+
+def cache_folder() -> Path:
+    """``$XDG_CACHE_HOME/esea-gen`` or ``~/.cache/esea-gen``, made if need be."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    folder = Path(base) / "esea-gen"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        folder = Path(tempfile.gettempdir()) / f"esea-gen-{os.getuid()}"
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@cache
+def code_digest() -> str | None:
+    """Digest of every file of the package and of Python.
+
+    return: None where a file was changed after this process began: what is loaded is then not
+        what is on disk, and nothing may be kept under its name.
+    """
+    root = Path(__file__).parent
+    digest = hashlib.sha256(sys.version.encode())
+    for path in sorted(p for p in root.rglob("*") if p.is_file() and p.suffix != ".pyc"):
+        if path.stat().st_mtime >= _STARTED_S:
+            return None
+        content = path.read_bytes()
+        digest.update(f"\0{path.relative_to(root).as_posix()}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()

@@ -1,0 +1,108 @@
+"""What the search for a plan chose, kept on disk: lowering again takes a fiftieth of the search.
+
+Kept is the choice alone, which values are wide and why.  The plan is lowered from it anew, and its
+bound derived anew, so that no entry can make a plan that does not hold.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from esea_gen.cache import cache_folder, code_digest
+from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.plan import BlockPlan, Planner
+from esea_gen.emit.fixed.search import search
+from esea_gen.language.block import Block
+
+NOT_READ = frozenset({"equations", "streams"})
+"""Fields of a Block on which no plan depends."""
+
+
+def content_digest(planner: Planner) -> str | None:
+    """Digest of all that a plan depends on: the Block's content, the code, the libraries.
+
+    return: None where the code is not known.
+    """
+    code = code_digest()
+    if code is None:
+        return None
+    parts = [
+        code,
+        ca.CasadiMeta.version(),
+        np.__version__,
+        repr(planner.kernel),
+        repr(planner.fields),
+    ]
+    for f in dataclasses.fields(planner.block):
+        if f.name not in NOT_READ:
+            value = getattr(planner.block, f.name)
+            parts += [f.name, value.serialize() if isinstance(value, ca.Function) else repr(value)]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def _read(path: Path, nodes: int) -> dict[int, str] | None:
+    try:
+        why = json.loads(path.read_text(encoding="utf-8"))
+        found = {int(i): str(reason) for i, reason in why.items()}
+    except (OSError, ValueError, AttributeError):
+        return None
+    return found if all(0 <= i < nodes for i in found) else None
+
+
+def _write(path: Path, why: dict[int, str]) -> None:
+    # Whole or not at all; a full disk costs the next process its time and no more.
+    with suppress(OSError):
+        handle, name = tempfile.mkstemp(dir=path.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                json.dump(why, file)
+            Path(name).replace(path)
+        finally:
+            Path(name).unlink(missing_ok=True)
+
+
+def _plan(block: Block) -> BlockPlan:
+    planner = Planner(block)
+    digest = content_digest(planner)
+    if digest is None:
+        return search(planner)
+    path = cache_folder() / f"plan-{digest[:32]}.json"
+    why = _read(path, len(planner.kernel.nodes))
+    if why is not None:
+        return planner.plan(why, why)
+    plan = search(planner)
+    _write(path, dict(plan.why_wide))
+    return plan
+
+
+_PLANS: dict[int, tuple[Block, BlockPlan]] = {}
+
+
+def plan_block(block: Block) -> BlockPlan:
+    """The plan of a Block, searched for once."""
+    found = _PLANS.get(id(block))
+    if found is None or found[0] is not block:
+        found = _PLANS[id(block)] = (block, _plan(block))
+    return found[1]
+
+
+def raw_tunable(block: Block, name: str, value: float) -> tuple[str, int]:
+    """C field and raw number of a tunable's value.
+
+    value: in its unit; NaN and what does not fit becomes ``INT32_MIN``, which prepare refuses.
+    """
+    f = plan_block(block).field("params", name)
+    scaled = value * 2.0**f.fraction
+    if not -(2.0**31) < scaled < 2.0**31 - 1:
+        return f.name, ex.INT32[0]
+    return f.name, math.floor(scaled + 0.5)

@@ -1,0 +1,86 @@
+"""The search's choice, kept on disk: the same plan, and never one of other content."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+import esea_gen
+from esea_gen import cache
+from esea_gen.emit.fixed import kept
+from esea_gen.emit.fixed.plan import Planner
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "esea-gen"
+
+
+def sensor():
+    return esea_gen.load_device("elbow").sensor
+
+
+def digest(block) -> str | None:
+    return kept.content_digest(Planner(block))
+
+
+class NobodyReads:
+    def __getattribute__(self, name):
+        raise AssertionError(name)
+
+
+def test_a_kept_choice_gives_the_plan_that_the_search_found(folder, monkeypatch):
+    # Nothing of the Block that is left out of the digest is read on the way.
+    unread = dict.fromkeys(kept.NOT_READ, NobodyReads())
+    found = kept.plan_block(dataclasses.replace(sensor(), **unread))
+    assert found.wide
+    assert len(list(folder.iterdir())) == 1
+
+    def refuse(planner):
+        raise AssertionError("searched again")
+
+    monkeypatch.setattr(kept, "search", refuse)
+    again = kept.plan_block(sensor())
+    for name in ("fields", "prepare", "init", "step", "facts", "wide", "why_wide", "labels"):
+        assert getattr(again, name) == getattr(found, name), name
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '{"x": "y"}', '{"99999": "no such value"}'])
+def test_an_entry_that_is_none_is_searched_for_again(folder, text):
+    block = esea_gen.load_device("elbow").velocity
+    kept.plan_block(block)
+    (path,) = folder.iterdir()
+    good = path.read_text()
+    path.write_text(text)
+    kept.plan_block(dataclasses.replace(block))
+    assert path.read_text() == good
+
+
+def test_other_content_has_another_digest(folder, monkeypatch):
+    block = sensor()
+    base = digest(block)
+    assert digest(sensor()) == base
+    port = dataclasses.replace(block.inputs[0], high=0.349)
+    others = [
+        dataclasses.replace(block, inputs=(port, *block.inputs[1:])),
+        dataclasses.replace(block, facts={**block.facts, "x": (0.0, 1.0)}),
+        dataclasses.replace(block, period_s=block.period_s / 2),
+        esea_gen.load_device("elbow").velocity,
+    ]
+    found = [digest(b) for b in others]
+    monkeypatch.setattr(kept, "code_digest", lambda: "other code")
+    found.append(digest(block))
+    assert len({base, *found}) == len(found) + 1
+
+
+def test_code_that_changed_since_the_start_keeps_nothing(folder, monkeypatch):
+    cache.code_digest.cache_clear()
+    with monkeypatch.context() as patch:
+        patch.setattr(cache, "_STARTED_S", 0.0)
+        assert digest(sensor()) is None
+        kept.plan_block(esea_gen.load_device("elbow").velocity)
+    cache.code_digest.cache_clear()
+    assert not folder.exists()
+    assert digest(sensor()) is not None
