@@ -10,7 +10,7 @@ from esea_gen.emit.formats import FLOATING_FORMATS, FORMATS
 from esea_gen.emit.render import block_kernels, versions
 from esea_gen.language.ports import unit_of
 from esea_gen.report.findings import Findings
-from esea_gen.report.page import Section
+from esea_gen.report.page import PageSection
 from esea_gen.targets import BOARDS
 
 REAL_NAMES = {real: f"float{real[1:]}" for real in FLOATING_FORMATS}
@@ -130,7 +130,7 @@ def board_note(found: Findings) -> list[str]:
     return [f"The firmware was not run: {found.board.skipped}"] if found.board.skipped else []
 
 
-PARAMETERS = Section("device/parameters", "Parameters", _parameters, _parameters_shown)
-EQUATIONS = Section("device/equations", "Equations", _equations)
-CODE = Section("device/code", "Code", _code)
-FIRMWARE = Section("device/firmware", "Firmware", _firmware, _firmware_shown)
+PARAMETERS = PageSection("device/parameters", "Parameters", _parameters, _parameters_shown)
+EQUATIONS = PageSection("device/equations", "Equations", _equations)
+CODE = PageSection("device/code", "Code", _code)
+FIRMWARE = PageSection("device/firmware", "Firmware", _firmware, _firmware_shown)

@@ -13,7 +13,7 @@ from esea_gen.report import common
 from esea_gen.report.board import Say
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
 from esea_gen.report.findings import Findings
-from esea_gen.report.page import Section
+from esea_gen.report.page import PageSection
 from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.simulation import default_person, simulate
 from esea_gen.twin.case import Setting
@@ -158,12 +158,12 @@ def _notes(found: Findings) -> dict[str, Any]:
     return {"notes": notes, **made_with(found)}
 
 
-HEAD = Section("drive/head")
+HEAD = PageSection("drive/head")
 SECTIONS = (
-    Section("drive/tasks", "Tasks", _tasks),
-    Section("drive/experiments", "Experiments", _experiments, _figures),
-    Section("drive/response", "Response", _response),
-    Section("drive/checks", "Checks", _checks),
+    PageSection("drive/tasks", "Tasks", _tasks),
+    PageSection("drive/experiments", "Experiments", _experiments, _figures),
+    PageSection("drive/response", "Response", _response),
+    PageSection("drive/checks", "Checks", _checks),
     *(common.FIRMWARE, common.PARAMETERS, common.EQUATIONS, common.CODE),
-    Section("device/notes", "Notes and limits", _notes),
+    PageSection("device/notes", "Notes and limits", _notes),
 )

@@ -9,7 +9,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.identify import Identification
 from esea_gen.model.elastomer import RATE_KEYS
 from esea_gen.report import figures
-from esea_gen.report.page import Section, finite, render
+from esea_gen.report.page import PageSection, finite, render
 
 
 def identification_page(result: Identification) -> str:
@@ -23,7 +23,7 @@ def identification_page(result: Identification) -> str:
     assumed = [(key, q) for key, q in result.device.quantities() if q.status == "assumed"]
     title = f"Identification: {result.device.title}"
     shown = {"title": title, "f": content, "parameters": parameters, "assumed": assumed}
-    return render(Section("identification/head"), SECTIONS, result, **shown)
+    return render(PageSection("identification/head"), SECTIONS, result, **shown)
 
 
 def _uncertainty(result: Identification) -> dict[str, Any]:
@@ -42,12 +42,12 @@ def _torque(result: Identification) -> dict[str, Any]:
 
 
 SECTIONS = (
-    Section("identification/notes", "Notes"),
-    Section("identification/parameters", "Parameters", shown=_uncertainty),
-    Section("identification/errors", "Errors"),
-    Section("identification/torque", "Torque", shown=_torque),
-    Section("identification/specimen", "Specimen"),
-    Section("identification/search", "Data and search"),
+    PageSection("identification/notes", "Notes"),
+    PageSection("identification/parameters", "Parameters", shown=_uncertainty),
+    PageSection("identification/errors", "Errors"),
+    PageSection("identification/torque", "Torque", shown=_torque),
+    PageSection("identification/specimen", "Specimen"),
+    PageSection("identification/search", "Data and search"),
 )
 
 

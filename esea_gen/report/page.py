@@ -15,7 +15,7 @@ from esea_gen.emit.render import template_folder
 STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "derived": "○"}
 
 
-class Section(NamedTuple):
+class PageSection(NamedTuple):
     """A part of a page.
 
     part: its template below ``templates/report``; the last word is its anchor.
@@ -53,7 +53,7 @@ def environment() -> jinja2.Environment:
     return env
 
 
-def render(head: Section, sections: Sequence[Section], found: Any, **context: Any) -> str:
+def render(head: PageSection, sections: Sequence[PageSection], found: Any, **context: Any) -> str:
     """A page, one self-contained file.
 
     context: title, command, hash, and what several sections show.

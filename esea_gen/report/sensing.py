@@ -17,7 +17,7 @@ from esea_gen.report import common, figures
 from esea_gen.report.board import Say
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
 from esea_gen.report.findings import Array, Findings, Run
-from esea_gen.report.page import Section, count_text
+from esea_gen.report.page import PageSection, count_text
 from esea_gen.verify.bounds import operating_ranges
 from esea_gen.verify.compare import F64_TOLERANCE
 from esea_gen.verify.streams import deflection_inputs, domain_chirp, first_axis
@@ -303,13 +303,13 @@ def _recording_notes(found: Findings) -> list[str]:
     return out
 
 
-HEAD = Section("sensing/head", content=_head)
+HEAD = PageSection("sensing/head", content=_head)
 SECTIONS = (
-    Section("sensing/way", "Data flow"),
-    Section("sensing/torque", "Torque", lambda found: {"fit": _fit(found)}, _plots),
+    PageSection("sensing/way", "Data flow"),
+    PageSection("sensing/torque", "Torque", lambda found: {"fit": _fit(found)}, _plots),
     *(common.EQUATIONS, common.PARAMETERS),
-    Section("sensing/errors", "Errors", _errors, _error_figures),
-    Section("sensing/bounds", "Bounds", _bounds),
+    PageSection("sensing/errors", "Errors", _errors, _error_figures),
+    PageSection("sensing/bounds", "Bounds", _bounds),
     *(common.CODE, common.FIRMWARE),
-    Section("device/notes", "Notes and limits", _notes),
+    PageSection("device/notes", "Notes and limits", _notes),
 )

@@ -25,7 +25,7 @@ NOTICE, GROWTH = 0.04, 1.21
 
 
 @dataclass(frozen=True)
-class HandRun:
+class PushRun:
     """What a push came to.
 
     generated_J: energy that the driving point gave out beyond what was ever put in.
@@ -101,7 +101,7 @@ def push_case(
     )
 
 
-def judge_push(run: ClosedLoopRun, hand: Hand, kp_Nm_rad: float, u_max_Nm: float) -> HandRun:
+def judge_push(run: ClosedLoopRun, hand: Hand, kp_Nm_rad: float, u_max_Nm: float) -> PushRun:
     """The figures of a run."""
     theta, omega = run.plant["theta_l_rad"], run.plant["omega_l_rad_s"]
     balance = energy_balance(theta, run.plant["tau_e_Nm"])
@@ -112,7 +112,7 @@ def judge_push(run: ClosedLoopRun, hand: Hand, kp_Nm_rad: float, u_max_Nm: float
     on = slice(round(ON_S * RATE_HZ), None)
     faults = run.controller["fault"][on]
     latched = faults[faults > 0]
-    return HandRun(
+    return PushRun(
         balance.generated_J,
         balance.exchanged_J,
         float(balance.absorbed_J[-1]),
@@ -140,5 +140,5 @@ def run_push(
     try:
         run = run_case(case, Setting(controller, plant, "ideal"), seed)
     except RanAwayError:
-        return asdict(HandRun(ran_away=1.0))
+        return asdict(PushRun(ran_away=1.0))
     return asdict(judge_push(run, who, kp_Nm_rad, largest_torque_Nm(device)))

@@ -12,7 +12,7 @@ import numpy as np
 from esea_gen.analysis.passivity import Bools, Hand, PassivityMap
 from esea_gen.analysis.response import plain
 from esea_gen.language.ports import Array
-from esea_gen.studies.passivity.push import HandRun
+from esea_gen.studies.passivity.push import PushRun
 
 # Share of the push's energy that may come out before it counts.  Of the default map's runs half
 # give out less than 0.01 %, nearly all others more than 3 %; docs/stability.md has what it changes.
@@ -80,13 +80,13 @@ def push_map(
     kp_Nm_rad: Sequence[float] | Array,
     kd_Nms_rad: Sequence[float] | Array,
     hands: Sequence[Hand],
-    runs: Mapping[tuple[float, float, str], HandRun],
+    runs: Mapping[tuple[float, float, str], PushRun],
     push_rad_s: float,
     tolerance: float = TOLERANCE,
 ) -> PushMap:
     """The map from its runs.
 
-    runs: ``{(kp, kd, hand's name): HandRun}``, every combination.
+    runs: ``{(kp, kd, hand's name): PushRun}``, every combination.
     """
     kp, kd = np.asarray(kp_Nm_rad, dtype=float), np.asarray(kd_Nms_rad, dtype=float)
     energy = np.array([0.5 * h.inertia_kgm2 * push_rad_s**2 for h in hands])

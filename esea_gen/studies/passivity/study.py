@@ -23,7 +23,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array, Tunable
 from esea_gen.studies.impedance import GAINS
-from esea_gen.studies.passivity.push import GAIN_TUNABLES, PUSH_RAD_S, HandRun, run_push
+from esea_gen.studies.passivity.push import GAIN_TUNABLES, PUSH_RAD_S, PushRun, run_push
 from esea_gen.studies.passivity.region import PushMap, push_map
 from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding
 from esea_gen.studies.registry import Study
@@ -46,7 +46,7 @@ class InteractionStudy:
     """Passivity over the gains, and the sliding condition.
 
     marked: the thesis' gains and their letter.
-    runs: ``{(kp, kd, hand's name): HandRun}``, the thesis' gains included.
+    runs: ``{(kp, kd, hand's name): PushRun}``, the thesis' gains included.
     """
 
     controller: str
@@ -55,7 +55,7 @@ class InteractionStudy:
     seed: int
     region: PushMap
     marked: tuple[tuple[float, float, str], ...]
-    runs: Mapping[tuple[float, float, str], HandRun]
+    runs: Mapping[tuple[float, float, str], PushRun]
     sliding: tuple[SlidingCheck, ...]
     configuration: Configuration
 
@@ -251,11 +251,11 @@ def _key(result: Result) -> tuple[float, float, str]:
     return float(case["kp_Nm_rad"]), float(case["kd_Nms_rad"]), str(case["hand"]["name"])
 
 
-def _finished(result: Result) -> HandRun:
+def _finished(result: Result) -> PushRun:
     # A run that failed otherwise than by running away says nothing about its gains.
     if result.values is None:
         raise RuntimeError(f"a run of the map failed: {result.failure}")
-    return HandRun(**result.values)
+    return PushRun(**result.values)
 
 
 class Passivity(Study):
