@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 from esea_gen.analysis.passivity import Hand
 from esea_gen.errors import UserError
 from esea_gen.studies.grid import Grid
-from esea_gen.studies.passivity.push import HandRun, judge_push, push_case, run_push
+from esea_gen.studies.passivity.push import PushRun, judge_push, push_case, run_push
 from esea_gen.studies.passivity.region import push_map
 from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding, sliding_condition
 from esea_gen.studies.passivity.study import HANDS, gain_axis, study_interaction
@@ -128,7 +128,7 @@ def test_a_latched_fault_is_a_result():
 
 # -- verdicts -------------------------------------------------------------------------------------
 
-QUIET = HandRun(held_J=2e-3, held_end_J=1e-3, exchanged_J=1e-2)
+QUIET = PushRun(held_J=2e-3, held_end_J=1e-3, exchanged_J=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
 
     hand = dataclasses.asdict(HANDS[0])
     monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", leave)
-    found = HandRun(**run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0))
+    found = PushRun(**run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0))
     assert found.ran_away == 1
     assert found.swings_up(1.0)
 
