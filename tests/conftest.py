@@ -16,7 +16,7 @@ from esea_gen.hostlib import HostLibrary, compile_device
 ROOT = Path(__file__).parents[1]
 
 # A machine may be busy: no limit of time.
-settings.register_profile("any", suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("any", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 # `make test`: examples follow from the test's source, and no file remembers an earlier failure.
 settings.register_profile("same", settings.get_profile("any"), derandomize=True, database=None)
 # `make search`: examples follow from the seed that it prints.

@@ -7,7 +7,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from esea_gen.devices.fields import DeviceFile, Quantity, Section, Series, models_of
-from esea_gen.devices.file import shipped_devices
+from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.language.ports import unit_of
 
 
@@ -22,7 +22,13 @@ def json_schema() -> dict[str, Any]:
             "type": "string",
             "enum": sorted(shipped_devices()),
             "description": "Shipped device whose numbers hold where this file gives none.",
-        }
+        },
+        "controller": {
+            "type": "string",
+            "enum": sorted(shipped_controllers()),
+            "description": "Shipped controller whose laws and sections hold where this file gives "
+            "none.",
+        },
     } | content["properties"]
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
