@@ -85,6 +85,11 @@ class Device(DeviceData):
     @cached_property
     def system(self) -> System:
         """All Blocks, wired into tasks: with a law torque control, else sensing."""
+        if self.drive is not None and not self.laws:
+            raise UserError(
+                f"{self.origin}: the device has a drive, and no law moves it.",
+                "Add [sliding_mode] or [predictive], or give --controller.",
+            )
         if not self.laws:
             return sensing_system(self, self.velocity, self.sensor)
         return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
@@ -123,6 +128,8 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
     if controller is None:
         return parse_device(text, origin)
     names = [n.strip() for n in controller.split(",")]
+    if len(set(names)) != len(names):
+        raise UserError(f"--controller {controller}: names one twice.", "Give each once.")
     files = [n for n in names if n in shipped_controllers() or n.endswith(".toml")]
     if len(files) == len(names):
         device = Device(parse_file(text, origin, files), origin, controller=controller)

@@ -67,7 +67,8 @@ def test_predictive_control_needs_no_sliding_mode():
     mine = parse_device(text.replace('"elbow"', '"elbow"'), "mine.toml")
     assert mine.drive is not None
     assert mine.laws == ()  # a drive that nothing moves yet
-    assert list(mine.system.blocks) == ["velocity", "sensor"]
+    with pytest.raises(UserError, match=r"has a drive, and no law moves it.*--controller"):
+        _ = mine.system
     sections = (ROOT / "esea_gen" / "devices" / "controllers" / "mpc.toml").read_text()
     moved = parse_device(text + sections[sections.index("[predictive]") :], "mine.toml")
     assert [law.name for law in moved.laws] == ["predictive"]
@@ -279,11 +280,17 @@ def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
         ("nowhere.py:LAW", r"there is no file nowhere\.py"),
         (EXAMPLE.replace(":LAW", ":LAV"), r"no law 'LAV' in it.*Did you mean LAW\?"),
         ("broken.py:LAW", r"broken\.py: cannot be imported \(ZeroDivisionError"),
+        ("leaves.py:LAW", r"leaves\.py: cannot be imported \(SystemExit"),
+        ("fails.py:LAW", r"fails\.py: law x fails \(ZeroDivisionError: division by zero\)"),
+        ("smc,smc", r"names one twice"),
     ],
 )
 def test_a_law_that_is_not_there_is_named(monkeypatch, capsys, tmp_path, controller, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.py").write_text("1 / 0\n")
+    (tmp_path / "leaves.py").write_text("raise SystemExit(3)\n")
+    law = "from esea_gen.control.law import Law\nLAW = Law('x', '', lambda base: 1 / 0)\n"
+    (tmp_path / "fails.py").write_text(law)
     code, _, error = called(monkeypatch, capsys, "build", "elbow_drive", "--controller", controller)
     assert code == 2
     assert re.search(said, error), error

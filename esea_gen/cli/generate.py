@@ -89,7 +89,9 @@ def check(
             bundles = [without_core(b) for b in bundles]
         stale += _tell(loaded.name, differences(bundles, folder / loaded.name))
     if stale:
-        out.print("Regenerate with: esea-gen build DEVICE")
+        law = f" --controller {controller}" if controller else ""
+        where = "" if folder == Path("generated") else f" --out {folder}/DEVICE"
+        out.print(f"Regenerate with: esea-gen build DEVICE{law}{where}")
         raise typer.Exit(1)
 
 

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import importlib.util
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.component import Component
+from esea_gen.python_file import import_file
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,7 @@ def outside_law(text: str) -> Law:
     path = Path(given)
     if not path.is_file():
         raise UserError(f"{text}: there is no file {given}.", "Write FILE.py:law.")
-    module = _imported(path)
+    module = import_file(path)
     found = {k: v for k, v in vars(module).items() if isinstance(v, Law)}
     if name not in found:
         close = difflib.get_close_matches(name, found, n=1)
@@ -152,24 +150,16 @@ def outside_law(text: str) -> Law:
         raise UserError(f"{path.name}: no law '{name}' in it.", f"{hint}Laws there: {listed}.")
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     law = found[name]
-    return Law(law.name, law.title, law.parts, law.section, digest)
 
+    def parts(base: Base) -> Parts:
+        try:
+            return law.parts(base)
+        except UserError:
+            raise
+        except Exception as error:
+            raise UserError(
+                f"{path.name}: law {law.name} fails ({type(error).__name__}: {error}).",
+                "Correct the file.",
+            ) from error
 
-def _imported(path: Path) -> ModuleType:
-    # Under a name of its own, so that two files of one name do not take each other's place.
-    name = f"esea_law_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise UserError(f"{path}: no Python file.", "Write FILE.py:law.")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except UserError:
-        raise
-    except Exception as error:
-        del sys.modules[name]
-        raise UserError(
-            f"{path.name}: cannot be imported ({type(error).__name__}: {error}).", "Correct it."
-        ) from error
-    return module
+    return Law(law.name, law.title, parts, law.section, digest)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -272,20 +271,3 @@ def differences(bundles: list[Bundle], out: Path) -> list[str]:
                 )
                 found.append("\n".join(diff) or f"{label}: empty file missing or left over")
     return found
-
-
-def remove_bundle(folder: Path) -> None:
-    """Remove an output folder that is ours.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-
-    Raises
-    ------
-    UserError
-        When it holds something that is not ours.
-    """
-    _refuse_foreign(folder)
-    shutil.rmtree(folder, ignore_errors=True)

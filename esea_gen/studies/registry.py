@@ -6,12 +6,10 @@ file, ``FILE.py:name``, in the processes that run its cases as well.
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import importlib.util
 import inspect
 import pkgutil
-import sys
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -20,6 +18,7 @@ from typing import ClassVar, TypeVar
 
 from esea_gen import studies as room
 from esea_gen.errors import UserError
+from esea_gen.python_file import import_file
 from esea_gen.twin.choices import choose
 
 SUFFIX = ".py"
@@ -51,7 +50,7 @@ def load_study(name: str, kind: type[S]) -> S:
     known = studies(kind)
     if file is not None:
         name = name.rpartition(":")[2]
-        found = _found([_imported(file)])
+        found = _found([import_file(file)])
         known = {k: s for k, s in found.items() if isinstance(s, kind)}
         if not known:
             raise UserError(
@@ -90,28 +89,3 @@ def _found(modules: Iterable[ModuleType]) -> dict[str, Study]:
                 )
             found[item.name] = item()
     return found
-
-
-def _imported(file: Path) -> ModuleType:
-    try:
-        text = file.read_bytes()
-    except OSError as error:
-        raise UserError(f"{file}: cannot be read ({error.strerror}).", "Check the path.") from None
-    # By its content: a file that was edited is another module.
-    digest = hashlib.sha256(bytes(file.absolute()) + text).hexdigest()[:16]
-    name = f"esea_study_{file.stem}_{digest}"
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        del sys.modules[name]
-        raise UserError(
-            f"{file}: cannot be imported ({type(error).__name__}: {error}).", "Correct the file."
-        ) from error
-    return module

@@ -135,11 +135,10 @@ class ClosedLoop:
     def _check_command(self) -> None:
         command = next((x for x in self.controller.outputs if x.name == COMMAND), None)
         if command is None or command.port.size != 1:
-            names = ", ".join(x.name for x in self.controller.outputs)
             raise UserError(
-                f"The controller {self.controller.name} has no scalar output {COMMAND} to drive "
-                f"the motor with; its outputs are {names}.",
-                f"Name the motor command {COMMAND}.",
+                f"The controller {self.controller.name} has no scalar output {COMMAND}: the "
+                "virtual exoskeleton has one motor and one joint.",
+                f"Name the motor command {COMMAND}; of a device with several axes, give one axis.",
             )
 
     def _plant_sources(self) -> dict[str, tuple[str, Port]]:

@@ -1,6 +1,6 @@
 """A Program's C against its executor: what verification means for a body with loops.
 
-The executor (:class:`esea_gen.language.program_run.ProgramSimulator`) runs the same statements in
+The executor (:class:`esea_gen.language.program.ProgramSimulator`) runs the same statements in
 Python, float64, with CasADi evaluating the kernels.  In float64 the C must give its bits, in every
 output, in what is carried, and in every work array.  In float32 no bound can be derived: a
 comparison inside a loop decides how often it is passed, and one that turns by rounding turns all

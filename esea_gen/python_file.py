@@ -1,0 +1,36 @@
+"""A Python file of the user's, imported: a law, a study."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from esea_gen.errors import UserError
+
+
+def import_file(path: Path) -> ModuleType:
+    """The file as a module, under a name of its own content: one that was edited is another."""
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror}).", "Check the path.") from None
+    digest = hashlib.sha256(bytes(path.absolute()) + text).hexdigest()[:16]
+    name = f"esea_file_{path.stem}_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise UserError(f"{path}: is no Python file.", "Write FILE.py:name.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise UserError(
+            f"{path}: cannot be imported ({type(error).__name__}: {error}).", "Correct the file."
+        ) from error
+    return module
