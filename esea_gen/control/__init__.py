@@ -1,1 +1,1 @@
-"""Controllers: sliding mode, reference, limits."""
+"""Control laws and their table, set torque and set-point, limits before the motor."""

@@ -1,1 +1,1 @@
-"""Device files that come with the package."""
+"""Device files and controllers that come with the package, read, checked and written."""

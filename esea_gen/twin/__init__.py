@@ -1,1 +1,1 @@
-"""The emitted C against plant, people, experiments and published tables."""
+"""Plant, people, and the closed loop with the emitted C."""
