@@ -255,3 +255,11 @@ def test_an_edited_file_is_read_again(tmp_path):
     assert load_study(f"{path}:spy", ClosedLoopStudy).title == "Spied on"
     path.write_text(SPY.replace("Spied on", "Edited"))
     assert load_study(f"{path}:spy", ClosedLoopStudy).title == "Edited"
+
+
+def test_a_study_without_its_method_is_told(tmp_path):
+    path = tmp_path / "bare.py"
+    head = "from esea_gen.studies.simulation import ClosedLoopStudy\n"
+    path.write_text(f'{head}class Bare(ClosedLoopStudy):\n    """Bare."""\n    name = "bare"\n')
+    with pytest.raises(UserError, match=r"study bare: has no method cases\. Write it"):
+        load_study(f"{path}:bare", ClosedLoopStudy).cases()

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
+from esea_gen.errors import UserError
 from esea_gen.studies.registry import Study
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class Reproduction(Study, Generic[Made]):
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Made:
         """Recompute, and say what is being done; ``folder`` as asked for by ``recordings``."""
-        raise NotImplementedError
+        raise UserError(f"study {self.name}: has no method run.", "Write it: what is recomputed.")
 
     def reproduced(self, outcome: Made) -> bool:
         """Whether what can be judged without a person came out as published."""

@@ -47,7 +47,7 @@ class ClosedLoopStudy(Study):
 
     def cases(self) -> list[Case]:
         """What is run."""
-        raise NotImplementedError
+        raise UserError(f"study {self.name}: has no method cases.", "Write it: the list of cases.")
 
     def case(self, name: str) -> Case:
         """One of the cases."""
