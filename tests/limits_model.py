@@ -58,6 +58,9 @@ class Numbers:
             "theta_load_rad": (-0.6, 3.0),
             "omega_load_rad_s": (-12, 12),
             "tau_Nm": (-20, 20),
+            "clock_ok": (0, 1),
+            "late_level": (0, 255),
+            "coeffs_ok": (0, 1),
         }
     )
 
@@ -68,7 +71,7 @@ FLAGS = [
     "INPUT_INVALID", "STATE_REPAIRED", "TUNABLE_INVALID", "STOPPED", "SENSING_LOST",
     "CONTROL_STALE", "DEFLECTION", "INTERACTION_TORQUE", "SPEED", "RANGE_OF_MOTION", "ENERGY",
     "TORQUE_CLIPPED", "RATE_LIMITED", "ROM_LOW", "ROM_HIGH", "SPEED_LIMITED", "REARM_REFUSED",
-    "FAULT_LATCHED",
+    "FAULT_LATCHED", "CLOCK", "LATE", "COEFFICIENTS",
 ]  # fmt: skip
 BIT = {name: 1 << i for i, name in enumerate(FLAGS)}
 
@@ -138,6 +141,7 @@ class PlainLimits:
             lo, hi = n.ranges[name]
             return x[name] if lo <= x[name] <= hi else 0.0
 
+        late = value("late_level") if 0 <= x["late_level"] <= 255 else 255
         tau, omega_l, omega_m = map(value, ("tau_Nm", "omega_load_rad_s", "omega_motor_rad_s"))
         theta, theta_l = value("theta_rad"), value("theta_load_rad")
         self.given.append(1e-3 * max(tau * omega_l, 0.0))
@@ -163,6 +167,9 @@ class PlainLimits:
                 measured and not n.low - n.margin <= theta_l <= n.high + n.margin,
             ),
             (Fault.ENERGY, energy > n.energy),
+            (Fault.CLOCK, x["clock_ok"] != 1),
+            (Fault.LATE, late > 128),
+            (Fault.COEFFICIENTS, x["coeffs_ok"] != 1),
         ]
         found = [f for f, is_so in causes if is_so]
         edge = self.rearm is not None and x["rearm"] == (self.rearm + 1) % 8
@@ -182,7 +189,8 @@ class PlainLimits:
             (Fault.SENSING, "SENSING_LOST"), (Fault.CONTROL_STALE, "CONTROL_STALE"),
             (Fault.DEFLECTION, "DEFLECTION"), (Fault.TORQUE, "INTERACTION_TORQUE"),
             (Fault.SPEED, "SPEED"), (Fault.RANGE_OF_MOTION, "RANGE_OF_MOTION"),
-            (Fault.ENERGY, "ENERGY"),
+            (Fault.ENERGY, "ENERGY"), (Fault.CLOCK, "CLOCK"), (Fault.LATE, "LATE"),
+            (Fault.COEFFICIENTS, "COEFFICIENTS"),
         ):  # fmt: skip
             bits[flag] = fault in found
         bits["REARM_REFUSED"] = other and was is not Fault.NONE and self.fault is not Fault.NONE
@@ -231,6 +239,8 @@ def calm(steps: int = STEPS) -> dict[str, np.ndarray]:
     x["mode"][6:] = 1
     x["request_ok"][:] = 1
     x["sensing_ok"][:] = 1
+    x["clock_ok"][:] = 1
+    x["coeffs_ok"][:] = 1
     x["theta_load_rad"][:] = 1.0
     x["theta_motor_rad"][:] = 1.05
     x["theta_rad"][:] = 0.05

@@ -245,6 +245,9 @@ OTHER_CAUSES = [
     ("request_ok", 0.999, Fault.INPUT_INVALID, "INPUT_INVALID"),
     ("sensing_ok", 0.0, Fault.SENSING, "SENSING_LOST"),
     ("sensing_ok", 0.999, Fault.SENSING, "SENSING_LOST"),
+    ("clock_ok", 0.0, Fault.CLOCK, "CLOCK"),
+    ("late_level", 129.0, Fault.LATE, "LATE"),
+    ("coeffs_ok", 0.0, Fault.COEFFICIENTS, "COEFFICIENTS"),
     ("mode", 1.5, Fault.INPUT_INVALID, "INPUT_INVALID"),
     ("rearm", 1.5, Fault.INPUT_INVALID, "INPUT_INVALID"),
     ("u_command_Nm", 0.9, Fault.INPUT_INVALID, "INPUT_INVALID"),
@@ -269,8 +272,14 @@ def test_every_other_cause_zeroes_in_its_own_step(runners, real):
         assert np.all(y["u_Nm"][AT:] == 0), (name, bad)
         assert np.all(y["fault"][AT:] == fault), (name, bad)
         # No flag of a limit that only the stand-in for an invalid value is beyond.
-        stands = {"stop": "INPUT_INVALID", "sensing_ok": "SENSING_LOST"}.get(name)
-        causes = sum(BIT[f] for f in FLAGS[:11] if f != stands or f == flag)
+        stands = {
+            "stop": ["INPUT_INVALID"],
+            "sensing_ok": ["SENSING_LOST"],
+            "clock_ok": ["CLOCK"],
+            "late_level": ["LATE"],
+            "coeffs_ok": ["COEFFICIENTS"],
+        }.get(name, [])
+        causes = sum(BIT[f] for f in FLAGS[:11] + FLAGS[18:] if f not in stands or f == flag)
         assert y["status"][AT] & causes == BIT[flag], (name, bad)
 
 
@@ -424,6 +433,7 @@ def test_every_flag_and_every_fault_is_reached(drive, brisk_runners):
         with_value("omega_load_rad_s", 11), with_value("theta_load_rad", 2.9),
         with_value("sensing_ok", 0), with_value("control_beat", 0), with_value("mode", np.nan),
         stream_of([("drive", AT, 90), ("command", 3), ("rearm", 200, 1)]),
+        with_value("clock_ok", 0), with_value("late_level", 255), with_value("coeffs_ok", 0),
         with_value("omega_motor_rad_s", 9.5, 60), with_value("omega_motor_rad_s", -9.5, 60),
     ]  # fmt: skip
     for end in (2.49, -0.14):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from esea_gen.language.ports import Flag
+from esea_gen.language.ports import Code, Flag
 
 
 class Fault(IntEnum):
@@ -23,6 +23,9 @@ class Fault(IntEnum):
     SPEED = 10
     RANGE_OF_MOTION = 11
     ENERGY = 12
+    CLOCK = 13
+    LATE = 14
+    COEFFICIENTS = 15
 
 
 FAULT_TEXT = {
@@ -41,7 +44,34 @@ FAULT_TEXT = {
     Fault.SPEED: "joint or drive were too fast",
     Fault.RANGE_OF_MOTION: "the joint was beyond its range of motion and the margin",
     Fault.ENERGY: "too much energy was given to the limb within the window",
+    Fault.CLOCK: "base ticks were lost, repeated or went backward, or an old state was put back",
+    Fault.LATE: "too many runs of a task ended after the tick at which they are released",
+    Fault.COEFFICIENTS: "the coefficients are not those that were prepared, or no control run has "
+    "checked them yet",
 }
+
+FAULT_CURE = {
+    Fault.NONE: "nothing to do",
+    Fault.NOT_ARMED: "rearm",
+    Fault.STATE_CORRUPT: "rearm; if it comes again, memory or stack is at fault: service",
+    Fault.TUNABLE_INVALID: "prepare the coefficients again from params that are in range",
+    Fault.STOP: "take back every stop, then rearm",
+    Fault.INPUT_INVALID: "give finite inputs within their ranges; look at the status words of the "
+    "Blocks before",
+    Fault.SENSING: "look at the encoders' status words: wiring, magnet, zero",
+    Fault.CONTROL_STALE: "see that the control task runs and gives finite commands",
+    Fault.DEFLECTION: "unload the coupling; look for a blocked joint or a slipped encoder",
+    Fault.TORQUE: "unload the joint; a smaller wanted torque",
+    Fault.SPEED: "let the joint come to rest; a slower movement or smaller gains",
+    Fault.RANGE_OF_MOTION: "move the joint back by hand",
+    Fault.ENERGY: "wait until the window has forgotten; slower or weaker movement",
+    Fault.CLOCK: "call release once for every base tick, in order; resume a state that was put "
+    "back",
+    Fault.LATE: "free time for the late task: see the watch's counters",
+    Fault.COEFFICIENTS: "run the control task; if it stays, prepare again: memory was overwritten",
+}
+
+FAULT_CODES = tuple(Code(f.name, int(f), FAULT_TEXT[f], FAULT_CURE[f]) for f in Fault)
 
 
 def limit_flags(energy_max: float) -> tuple[Flag, ...]:
@@ -71,4 +101,7 @@ def limit_flags(energy_max: float) -> tuple[Flag, ...]:
         Flag("SPEED_LIMITED", "pushing on at high speed was held back", True, ("u_cut_Nm",)),
         Flag("REARM_REFUSED", "a rearm request came, but not all its conditions were met", True),
         Flag("FAULT_LATCHED", "the motor command is held at zero; fault tells the first reason"),
+        Flag("CLOCK", "base ticks were lost, repeated or went backward", True),
+        Flag("LATE", FAULT_TEXT[Fault.LATE], True),
+        Flag("COEFFICIENTS", FAULT_TEXT[Fault.COEFFICIENTS]),
     )

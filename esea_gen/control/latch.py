@@ -17,6 +17,7 @@ from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
 from esea_gen.control.safety import LimitNumbers
 from esea_gen.language.block import Guard, Labels
 from esea_gen.language.ports import Port, clip, flag_word, in_range
+from esea_gen.language.watch import LATE_MOST
 
 RELEASED_KEY = 5592405.5  # 16 bits set as float32 (0x4AAAAAAB) and as float64; latched is 0
 UNKNOWN = -1.0  # rearm_last before a request was seen: the first one is no edge
@@ -74,6 +75,7 @@ def limit_step(
         *(ca.logic_and(acts, held) for held in push.held_back),
         latch.refused,
         ca.logic_not(latch.run),
+        *(causes[Fault(k)] for k in (13, 14, 15)),
     ]
     outputs = {
         "u_Nm": u_out,
@@ -196,6 +198,9 @@ def _causes(
         Fault.SPEED: measured(speed > c.omega_max_rad_s),
         Fault.RANGE_OF_MOTION: measured(u.theta_load_rad > highest, u.theta_load_rad < lowest),
         Fault.ENERGY: energy > c.energy_max_J,
+        Fault.CLOCK: ca.logic_not(u.clock_ok == 1),
+        Fault.LATE: u.late_level > LATE_MOST,
+        Fault.COEFFICIENTS: ca.logic_not(u.coeffs_ok == 1),
     }
 
 

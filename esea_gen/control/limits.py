@@ -27,7 +27,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.control.faults import Fault, limit_flags
+from esea_gen.control.faults import FAULT_CODES, Fault, limit_flags
 from esea_gen.control.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
 from esea_gen.control.limits_streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF
@@ -40,6 +40,7 @@ from esea_gen.control.safety import (
 )
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Constant, Flag, Port, Tunable, around, flag_word
+from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -127,7 +128,8 @@ def limits(device: DeviceData) -> Block:
     -------
     Block
         Inputs: the stamped command, ``mode``, ``stop``, ``rearm``, ``request_ok``, ``sensing_ok``,
-        angles, speeds and torque.  Outputs: ``u_Nm`` for the motor, ``u_cut_Nm`` and ``u_lag_Nm``
+        angles, speeds and torque, and of the tasks' own watch ``clock_ok``, ``late_level`` and
+        ``coeffs_ok``.  Outputs: ``u_Nm`` for the motor, ``u_cut_Nm`` and ``u_lag_Nm``
         (what was taken from the command), ``energy_J``, ``fault`` (a :class:`Fault`) and a status
         word.
 
@@ -164,6 +166,7 @@ def limits(device: DeviceData) -> Block:
         equations=_equations(),
         step=partial(limit_step, n, coefficients),
         streams=STREAMS,
+        starts_latched=True,
     )
 
 
@@ -289,6 +292,9 @@ def _inputs(n: LimitNumbers) -> tuple[Port, ...]:
         Port("theta_load_rad", n.load_low, n.load_high, "load side's joint angle"),
         around("omega_load_rad_s", n.omega_load_lim, "load side's speed"),
         around("tau_Nm", n.tau_lim, "interaction torque, + on the load"),
+        CLOCK_OK,
+        LATE_LEVEL,
+        COEFFS_OK,
     )
 
 
@@ -304,7 +310,13 @@ def _outputs(n: LimitNumbers) -> tuple[Port, ...]:
             float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim)),
             "energy given to the limb within the window",
         ),
-        Port("fault", 0, float(max(Fault)), "first reason of the latch (a Fault), 0 when released"),
+        Port(
+            "fault",
+            0,
+            float(max(Fault)),
+            "first reason of the latch, one of the FAULT numbers; 0 when released",
+            codes=FAULT_CODES,
+        ),
         Port(
             "status",
             0,

@@ -29,6 +29,8 @@ class _Joint:
         self.x["control_beat"] = 1.0 + (240 + k // self.deliver) % 255
         self.x["request_ok"][:] = 1
         self.x["sensing_ok"][:] = 1
+        self.x["clock_ok"][:] = 1
+        self.x["coeffs_ok"][:] = 1
         self.x["theta_load_rad"][:] = self.middle
         self.x["theta_motor_rad"][:] = self.middle + self.bent
         self.x["theta_rad"][:] = self.bent
@@ -78,7 +80,7 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
 
 def _faults(block: Block, rng: np.random.Generator) -> Stream:
     # Every cause, one by one, each from the released state and with a proper release behind it.
-    j = _Joint(block, 6000, rng)
+    j = _Joint(block, 6900, rng)
     t, middle = j.t, j.middle
     j.command(0.8)
     low = t["rom_min_rad"] - j.constant["rom_margin_rad"]
@@ -93,6 +95,11 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
         {"control_beat": 0.0},
         {"mode": 0.5},
         {"rearm": 2.5},
+        {"clock_ok": 0.0},
+        {"clock_ok": 0.5},
+        {"late_level": 129.0},
+        {"coeffs_ok": 0.0},
+        {"coeffs_ok": 0.5},
     ]
     causes += [{"theta_rad": v} for v in _above(t["theta_max_rad"])]
     causes += [{"theta_motor_rad": middle + v} for v in _above(t["theta_max_rad"])]
@@ -120,7 +127,7 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
 
 def _causes_together(block: Block, rng: np.random.Generator) -> Stream:
     # Any two causes in one step, from the released state: one reason is kept, not a mixture.
-    j = _Joint(block, 2600, rng)
+    j = _Joint(block, 4400, rng)
     t = j.t
     j.command(0.8)
     slots = next(p for p in block.state if p.name == "slots_J")
@@ -136,6 +143,9 @@ def _causes_together(block: Block, rng: np.random.Generator) -> Stream:
         {"omega_motor_rad_s": 1.02 * t["omega_max_rad_s"]},
         {"theta_load_rad": beyond, "theta_motor_rad": beyond + j.bent},
         {"slots_J": 2.0 * t["energy_max_J"] / slots.size},
+        {"clock_ok": 0.0},
+        {"late_level": 255.0},
+        {"coeffs_ok": 0.0},
     ]
     states = {p.name: p.size for p in block.state}
     injections: dict[int, dict[str, Array]] = {}

@@ -20,6 +20,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
+from esea_gen.language.watch import WATCH
 from esea_gen.model.encoder import encoder
 from esea_gen.model.joint import deflection
 from esea_gen.model.sensing import of_axis
@@ -46,6 +47,9 @@ SIGNALS = {
     "request_ok": "reference.request_ok",
     "tau_set_Nm": "reference.tau_set_Nm",
     "control_beat": "stamp.control_beat",
+    "clock_ok": "watch.clock_ok",
+    "late_level": "watch.late_level",
+    "coeffs_ok": "watch.coeffs_ok",
 }
 WIRES = {
     "sensor.omega_rad_s": "velocity.omega_mid_rad_s",
@@ -247,7 +251,7 @@ def _of_axes(device: DeviceData, one: _Axis) -> System:
 
     def end(signal: str, axis: str) -> str:
         name, _, port = signal.partition(".")
-        return f"{instance(name, axis)}.{port}"
+        return signal if name == WATCH else f"{instance(name, axis)}.{port}"
 
     blocks: dict[str, Component] = {}
     wires: dict[str, str] = {}

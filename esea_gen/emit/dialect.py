@@ -28,7 +28,7 @@ from esea_gen.emit.build import MANIFEST, Bundle, _manifest, build_command, devi
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, port_text
 from esea_gen.errors import UserError
-from esea_gen.language.ports import Flag, Port
+from esea_gen.language.ports import Code, Flag, Port
 from esea_gen.language.system import External, System
 
 FOLDER = "dialect"
@@ -38,19 +38,42 @@ MAX_PAYLOAD_BYTES = 255
 MAX_FIELDS = 64
 HEARTBEAT_EVERY = 1000
 
-# State of the firmware and its faults; the position is the number on the wire.
+# State of the firmware; the position is the number on the wire.
 MODES = (
     ("BOOT", "Starting; no input is taken."),
     ("READY", "Initial state; waits for the first input."),
     ("RUNNING", "Takes one step per input."),
     ("FAULT", "A fault is latched; inputs are answered by a HEARTBEAT until a reset."),
 )
+# The board's own faults share one list of numbers with the reasons of the limits, which stay below
+# 100; no number is used again for another fault.
 FAULTS = (
-    ("NONE", "No fault."),
-    ("PREPARE_REFUSED", "A tunable's default is outside its range."),
-    ("STACK_EXHAUSTED", "The stack has been used to its last word."),
-    ("PROCESSOR", "The processor took a fault exception."),
+    Code("NONE", 0, "No fault.", "nothing to do"),
+    Code(
+        "PREPARE_REFUSED",
+        101,
+        "A tunable's default is outside its range.",
+        "build the firmware from a device file that esea-gen accepts",
+    ),
+    Code(
+        "STACK_EXHAUSTED",
+        102,
+        "The stack has been used to its last word.",
+        "reset; give the stack more memory in the linker script",
+    ),
+    Code(
+        "PROCESSOR",
+        103,
+        "The processor took a fault exception.",
+        "reset; if it comes again, service",
+    ),
 )
+
+
+def fault_codes(system: System) -> tuple[Code, ...]:
+    """Every fault that a device with this System can tell, by number."""
+    reasons = {c.value: c for b in system.kinds for p in b.outputs for c in p.codes if c.value}
+    return tuple(sorted([*FAULTS, *reasons.values()], key=lambda c: c.value))
 
 
 @dataclass(frozen=True)
@@ -259,7 +282,7 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
         "messages": own,
         "status_words": status_words(system),
         "modes": MODES,
-        "faults": FAULTS,
+        "faults": fault_codes(system),
         "heartbeat_every": HEARTBEAT_EVERY,
         "longest_period": max(t.every for t in system.tasks),
         # COMMAND_LONG is the longest of the standard messages.

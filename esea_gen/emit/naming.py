@@ -47,6 +47,24 @@ class Naming:
         """
         return text
 
+    def watched(self, text: str, block: Block, port: Port) -> str:
+        """A value of the watch, a ``uint32_t`` in C text, in the format of the port it feeds.
+
+        What it should never hold becomes what the port takes as invalid or at its end.
+        """
+        if port.high == 1:
+            one, zero = (self.literal(self.number(block, "in", port.name, v)) for v in (1.0, 0.0))
+            return f"{text} == 1u ? {one} : {zero}"
+        return self.whole(f"({text} < {port.high:.0f}u ? {text} : {port.high:.0f}u)", block, port)
+
+    def literal(self, value: float) -> str:
+        """C literal of a field's number."""
+        return f"{value:.1f}f" if self.c_type == "float" else f"{value:.1f}"
+
+    def whole(self, text: str, block: Block, port: Port) -> str:
+        """A small whole number, a ``uint32_t`` in C text, in the format of an input port."""
+        return f"({self.c_type}){text}"
+
     def number(self, block: Block, group: str, name: str, value: float) -> float:
         """What a Block's field holds for a value inside the port's range, in its unit."""
         return value

@@ -22,6 +22,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
 from esea_gen.language.program import Program
 from esea_gen.language.system import External, Latch, Signal, System
+from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
 
 
 @cache
@@ -193,6 +194,11 @@ def triangle(k: int, peak: int) -> int:
     return 2 * peak - phase if phase <= 3 * peak else phase - 4 * peak
 
 
+def identity(prefix: str, fmt: Format, digest: str) -> str:
+    """The symbol that stands for one text of the C: by device, number format and content hash."""
+    return f"{prefix}_{fmt.name}_{digest}".rstrip("_-")
+
+
 class Renderer:
     """Renders one System in one number format.
 
@@ -204,6 +210,7 @@ class Renderer:
         self.fmt = fmt
         self.prefix = f"esea_{system.name}"
         self.emitted = {b.name: emit_block(b, fmt) for b in system.kinds}
+        self.identity = identity(self.prefix, fmt, digest)
         self.naming = fmt.naming(system)
         self.env = environment()
         self.env.globals |= {
@@ -214,6 +221,9 @@ class Renderer:
             "programs": [b.name for b in system.kinds if b.kind == "program"],
             "title": title,
             "content_hash": digest,
+            "identity": self.identity,
+            "init_name": self.init_name,
+            "late": {"step": LATE_STEP, "most": LATE_MOST, "full": LATE_FULL},
             "command": command,
             "field": self.field,
             "cname": self.naming.field,
@@ -226,6 +236,11 @@ class Renderer:
             "counter": self.counter,
             "versions": versions(),
         }
+
+    @property
+    def init_name(self) -> str:
+        """What the device's ``init`` is called in the object code."""
+        return f"{self.prefix}_init_{self.identity[len(self.prefix) + 1 :]}"
 
     def field(self, port: Any, block: Block, group: str) -> str:
         """C declaration of a port as a struct field.
@@ -257,6 +272,9 @@ class Renderer:
         sink = self.system.blocks[instance], port
         if isinstance(source, External):
             text, made = f"in->{self.naming.external(source)}", None
+        elif isinstance(source, Watched):
+            text = f"state->{self.system.task_of(instance).name}_held.{source.port.name}"
+            return self.naming.watched(text, *sink)
         elif isinstance(source, Latch):
             held = f"state->{self.system.task_of(instance).name}_held"
             text, made = f"{held}.{self.naming.latch(source)}", source.source

@@ -44,6 +44,22 @@ class LoadedC:
         self.ffi.cdef(declarations(self.files[f"{self.prefix}.h"] + prototypes), override=True)
         self.lib: Any = self.ffi.dlopen(str(self.path))
         self._dtypes: dict[str, np.dtype[Any]] = {}
+        self._init = renderer.init_name
+
+    def function(self, name: str) -> Any:
+        """A function of the C by the name that its header gives it.
+
+        Parameters
+        ----------
+        name : str
+            With the device's prefix.
+
+        Returns
+        -------
+        cffi function
+            The device's ``init`` carries number format and content hash in its own name.
+        """
+        return getattr(self.lib, self._init if name == f"{self.prefix}_init" else name)
 
     def dtype(self, c_type: str) -> np.dtype[Any]:
         """numpy type of a C struct, field for field.

@@ -42,7 +42,7 @@ class CRunner:
         self.inputs, self.outputs, self.state_fields = inputs, outputs, state
         self.prefix = library.prefix if isinstance(owner, System) else self.stem
         self._run = getattr(library.lib, f"{self.stem}_run")
-        self._init = getattr(library.lib, f"{self.prefix}_init")
+        self._init = library.function(f"{self.prefix}_init")
         self._in_type = library.dtype(f"{self.stem}_in_t")
         self._out_type = library.dtype(f"{self.stem}_out_t")
         self._state_type = library.dtype(f"{self.prefix}_state_t")
@@ -254,7 +254,7 @@ class CBoard:
         return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
 
     def _call(self, verb: str, *arguments: Any) -> Any:
-        return getattr(self.library.lib, f"{self.library.prefix}_{verb}")(*arguments)
+        return self.library.function(f"{self.library.prefix}_{verb}")(*arguments)
 
     def release(self, tick: int) -> None:
         """Move the latches: at every base tick, before the tasks.

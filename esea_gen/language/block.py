@@ -133,6 +133,7 @@ class Block(Component):
         facts: Mapping[str, tuple[float, float]] | None = None,
         solved: Mapping[str, Solved] | None = None,
         streams: OwnStreams | None = None,
+        starts_latched: bool = False,
     ) -> Block:
         """Build a Block from Python functions on symbols.
 
@@ -140,7 +141,7 @@ class Block(Component):
         ----------
         name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
             As in the class.
-        equations, split, facts, solved, streams
+        equations, split, facts, solved, streams, starts_latched
             As in the class.
         step : callable
             ``step(c, s, u, guard, label) -> (next_state, outputs)``: ``c``, ``s``, ``u`` hold one
@@ -171,7 +172,7 @@ class Block(Component):
         names = [f"next_{p.name}" for p in state] + [f"y_{p.name}" for p in outputs]
         results = dict(zip(names, values, strict=True))
         step_f, labelled_f = _step_functions(name, arguments, results, label)
-        block = cls(
+        return cls(
             name=name,
             title=title,
             period_s=period_s,
@@ -191,11 +192,10 @@ class Block(Component):
             facts=dict(facts or {}),
             solved=dict(solved or {}),
             streams=streams or OwnStreams(),
-        )
-        block._check_known()
-        return block
+            starts_latched=starts_latched,
+        )._known()
 
-    def _check_known(self) -> None:
+    def _known(self) -> Block:
         # Not where a Block is copied: a deliberate fault may take away what is split.
         labels = {n for n, _ in self.labels}
         unknown = sorted(set(self.facts) - labels)
@@ -214,6 +214,7 @@ class Block(Component):
             raise ValueError(
                 f"block {self.name}: splits of what is no state, input or fact: {unknown}"
             )
+        return self
 
     @property
     def kernels(self) -> dict[str, ca.Function]:

@@ -37,6 +37,8 @@ class Component(ABC):
         port order.
     streams : OwnStreams
         Streams that it brings along: what random inputs do not bring about.
+    starts_latched : bool
+        Whether it starts afresh, its latch closed, where a copied state is resumed.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Component(ABC):
     prepare: ca.Function = field(repr=False)
     init: ca.Function = field(repr=False)
     streams: OwnStreams = field(default=OwnStreams(), repr=False, kw_only=True)
+    starts_latched: bool = field(default=False, kw_only=True)
 
     kind: ClassVar[Kind]
 

@@ -134,6 +134,28 @@ class Flag:
 
 
 @dataclass(frozen=True)
+class Code:
+    """One number of a port that carries one of several reasons.
+
+    Parameters
+    ----------
+    name : str
+        Upper case name, ``STOP``.
+    value : int
+        The number; never used again for another reason.
+    cause : str
+        What has happened.
+    cure : str
+        What the person at the machine should do.
+    """
+
+    name: str
+    value: int
+    cause: str
+    cure: str
+
+
+@dataclass(frozen=True)
 class Port:
     """A named value that crosses a Block's border: input, output, state or coefficient.
 
@@ -158,6 +180,8 @@ class Port:
         leaves that to the Block's own step, which is told through ``guard.state_ok``.
     flags : tuple of Flag
         Outputs that are status words: the bits, least significant first.
+    codes : tuple of Code
+        Outputs that are one of several numbered reasons: what each number means.
     """
 
     name: str
@@ -170,6 +194,7 @@ class Port:
     on_invalid: float | str = 0.0
     repair: Literal["init", "block"] = "init"
     flags: tuple[Flag, ...] = ()
+    codes: tuple[Code, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.low < self.high:

@@ -11,123 +11,12 @@ or not: logical execution time.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from esea_gen.language.component import Component, Executor
 from esea_gen.language.ports import Port, Tunable
-
-
-@dataclass(frozen=True)
-class Task:
-    """A periodic task.
-
-    Parameters
-    ----------
-    name : str
-        C identifier; its entry point is ``esea_<device>_<name>_step``.
-    blocks : tuple of str
-        Instances it runs, in order.
-    every : int
-        Period in base ticks.
-    phase : int
-        Tick of its first run, below ``every``.
-    release : int, optional
-        Ticks from the start of a run until what it wrote is visible to other tasks; its period
-        when not given.
-    """
-
-    name: str
-    blocks: tuple[str, ...]
-    every: int = 1
-    phase: int = 0
-    release: int | None = None
-
-    @property
-    def release_ticks(self) -> int:
-        """Ticks from the start of a run to the release of its latches."""
-        return self.every if self.release is None else self.release
-
-
-@dataclass(frozen=True)
-class Signal:
-    """One end of a wire: a port of an instance.
-
-    Parameters
-    ----------
-    instance : str
-        Name of the instance.
-    port : str
-        Name of its port.
-    """
-
-    instance: str
-    port: str
-
-    @classmethod
-    def parse(cls, text: str) -> Signal:
-        """From ``"instance.port"``.
-
-        Parameters
-        ----------
-        text : str
-            Both names with a dot between.
-
-        Returns
-        -------
-        Signal
-            The signal.
-
-        Raises
-        ------
-        ValueError
-            For any other form.
-        """
-        instance, dot, port = text.partition(".")
-        if not (instance and dot and port):
-            raise ValueError(f"'{text}' is not of the form instance.port")
-        return cls(instance, port)
-
-
-@dataclass(frozen=True)
-class External:
-    """A value that enters or leaves the System through a task's input or output struct.
-
-    Parameters
-    ----------
-    name : str
-        Field of the struct.
-    port : Port
-        What it carries.
-    signals : tuple of Signal
-        The ports that it feeds, or the one that it comes from.
-    """
-
-    name: str
-    port: Port
-    signals: tuple[Signal, ...]
-
-
-@dataclass(frozen=True)
-class Latch:
-    """A value held for another task.
-
-    Parameters
-    ----------
-    name : str
-        Field of the latches struct.
-    source : Signal
-        The output that it holds.
-    port : Port
-        What it carries.
-    writer : str
-        Task that writes it.
-    """
-
-    name: str
-    source: Signal
-    port: Port
-    writer: str
+from esea_gen.language.watch import WATCH, WATCHED, TaskWatch, Watched
+from esea_gen.language.wires import External, Latch, Signal, Task
 
 
 class System:
@@ -307,7 +196,39 @@ class System:
         sources = [w for r, w in self.wires.items() if self.task_of(r.instance) is task]
         return tuple(x for x in self.latches if x.source in sources and x.writer != task.name)
 
-    def feed(self, sink: Signal) -> External | Latch | Signal:
+    def watched(self, task: Task) -> tuple[Port, ...]:
+        """Values of the watch that a task reads.
+
+        Parameters
+        ----------
+        task : Task
+            The task that reads.
+
+        Returns
+        -------
+        tuple of Port
+            Each once.
+        """
+        read = {
+            w.port
+            for r, w in self.wires.items()
+            if w.instance == WATCH and self.task_of(r.instance) is task
+        }
+        return tuple(p for name, p in WATCHED.items() if name in read)
+
+    @property
+    def checker(self) -> str:
+        """The task whose runs check the coefficients: the slowest with any, where that is asked."""
+        asked = any("coeffs_ok" in (p.name for p in self.watched(t)) for t in self.tasks)
+        tuned = [t for t in self.tasks if self.is_tuned(t)]
+        return max(tuned, key=lambda t: t.every).name if asked and tuned else ""
+
+    @property
+    def resumed(self) -> tuple[str, ...]:
+        """Instances that a restored state starts afresh."""
+        return tuple(i for i, b in self.blocks.items() if b.starts_latched)
+
+    def feed(self, sink: Signal) -> External | Latch | Watched | Signal:
         """Where an input port's value comes from.
 
         Parameters
@@ -317,13 +238,15 @@ class System:
 
         Returns
         -------
-        External, Latch or Signal
-            An external input, a latch, or an output of the same task.
+        External, Latch, Watched or Signal
+            An external input, a latch, a value of the watch, or an output of the same task.
         """
         for external in self.inputs:
             if sink in external.signals:
                 return external
         source = self.wires[sink]
+        if source.instance == WATCH:
+            return Watched(self._output(source))
         if self.task_of(source.instance) is not self.task_of(sink.instance):
             return self.latch_for(source)
         return source
@@ -332,6 +255,8 @@ class System:
 
     def _check_tasks(self) -> None:
         listed = [i for t in self.tasks for i in t.blocks]
+        if WATCH in self.blocks:
+            raise ValueError(f"no block may be called {WATCH}: the tasks' own watch is")
         if sorted(listed) != sorted(self.blocks):
             raise ValueError(
                 f"tasks run {sorted(listed)}, but the blocks are {sorted(self.blocks)}"
@@ -353,6 +278,8 @@ class System:
         return self._port(s, self.blocks[s.instance].inputs if s.instance in self.blocks else ())
 
     def _output(self, s: Signal) -> Port:
+        if s.instance == WATCH:
+            return self._port(s, tuple(WATCHED.values()))
         return self._port(s, self.blocks[s.instance].outputs if s.instance in self.blocks else ())
 
     def _port(self, s: Signal, ports: tuple[Port, ...]) -> Port:
@@ -380,7 +307,7 @@ class System:
                     f"{source} ({a.unit} x {a.size}) feeds {sink} ({b.unit} x {b.size})"
                 )
             task = self.task_of(sink.instance)
-            if self.task_of(source.instance) is task:
+            if source.instance != WATCH and self.task_of(source.instance) is task:
                 order = task.blocks.index
                 if order(source.instance) >= order(sink.instance):
                     raise ValueError(f"{source} must run before {sink} in task {task.name}")
@@ -392,6 +319,8 @@ class System:
     def _latches(self) -> tuple[Latch, ...]:
         found: dict[Signal, Latch] = {}
         for sink, source in self.wires.items():
+            if source.instance == WATCH:
+                continue
             writer = self.task_of(source.instance)
             if writer is not self.task_of(sink.instance):
                 name = f"{source.instance}_{source.port}"
@@ -437,6 +366,9 @@ class SystemSimulator:
         self.pending: dict[str, Any] = {x.name: 0.0 for x in system.latches}
         self.visible: dict[str, Any] = {x.name: 0.0 for x in system.latches}
         self.held = {t.name: {x.name: 0.0 for x in system.latches_read(t)} for t in system.tasks}
+        self.watch = TaskWatch()
+        self.seen = {t.name: self.watch.values() for t in system.tasks}
+        self.checked = 0
 
     def release(self, tick: int) -> None:
         """Release what is due at a base tick; the tasks that start in it take hold of it.
@@ -446,13 +378,20 @@ class SystemSimulator:
         tick : int
             The base tick; call this before any task of it runs.
         """
-        for latch in self.system.latches:
-            task = self.system.task(latch.writer)
+        self.watch.see(tick)
+        for task in self.system.tasks:
             since = tick - task.phase - task.release_ticks
             if since >= 0 and since % task.every == 0:
-                self.visible[latch.name] = self.pending[latch.name]
+                self.watch.due(task.name)
+                for latch in self.system.latches:
+                    if latch.writer == task.name:
+                        self.visible[latch.name] = self.pending[latch.name]
+                if task.name == self.system.checker:
+                    self.watch.coeffs_ok = self.checked
         for task in self.system.tasks:
             if tick >= task.phase and (tick - task.phase) % task.every == 0:
+                self.watch.start(task.name)
+                self.seen[task.name] = self.watch.values()
                 self.held[task.name] = {k: self.visible[k] for k in self.held[task.name]}
 
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
@@ -480,6 +419,8 @@ class SystemSimulator:
                     values[p.name] = inputs[feed.name]
                 elif isinstance(feed, Latch):
                     values[p.name] = self.held[task_name][feed.name]
+                elif isinstance(feed, Watched):
+                    values[p.name] = self.seen[task_name][feed.port.name]
                 else:
                     values[p.name] = results[feed]
             for port, value in self.blocks[instance].step(**values).items():
@@ -487,4 +428,10 @@ class SystemSimulator:
         for latch in self.system.latches:
             if latch.writer == task_name:
                 self.pending[latch.name] = results[latch.source]
+        self.watch.end(task_name)
+        if task_name == self.system.checker:
+            self.checked = 1
         return {x.name: results[x.signals[0]] for x in self.system.task_outputs(task)}
+
+
+__all__ = ["External", "Latch", "Signal", "System", "SystemSimulator", "Task"]

@@ -207,6 +207,7 @@ class ClosedLoop:
         plant = Renderer(self.plant, FORMATS["f64"], "-", "-", "Virtual exoskeleton")
         files = {n: t for n, t in control.files().items() if not n.startswith("reference/")}
         self._prefix, self._plant_prefix = control.prefix, plant.prefix
+        self._inits = control.init_name, plant.init_name
         parts = {}
         for name, text in plant.files().items():
             if name.startswith("reference/") or name == "main.c":
@@ -403,8 +404,9 @@ class ClosedLoop:
         state = self.ffi.new(f"{self._prefix}_state_t *")
         plant_state = self.ffi.new(f"{self._plant_prefix}_state_t *")
         start = self.ffi.new(f"{self._plant_prefix}_move_out_t *")
-        getattr(self._lib, f"{self._prefix}_init")(*coeffs, state)
-        getattr(self._lib, f"{self._plant_prefix}_init")(*plant_coeffs, plant_state)
+        init, plant_init = (getattr(self._lib, name) for name in self._inits)
+        init(*coeffs, state)
+        plant_init(*plant_coeffs, plant_state)
         for key, vector in first.items():
             getattr(plant_state.plant, key)[0 : len(vector)] = vector
         for key, value in sampled.items():

@@ -66,6 +66,14 @@ class FixedNaming(Naming):
             return f"esea_q31_saturate({text} * (INT64_C(1) << {moved}))"
         return text
 
+    def literal(self, value: float) -> str:
+        """C literal of a raw number."""
+        return f"{value:.0f}"
+
+    def whole(self, text: str, block: Block, port: Port) -> str:
+        """A small whole number in the raw format of an input port."""
+        return f"(int32_t)({text} << {plan_block(block).field('in', port.name).fraction})"
+
     def number(self, block: Block, group: str, name: str, value: float) -> float:
         """Raw number of a value inside the port's range."""
         return plan_block(block).field(group, name).raw(value)

@@ -12,10 +12,11 @@ import numpy as np
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.render import Renderer
 from esea_gen.language.system import External, Latch, Signal, System, Task
+from esea_gen.language.watch import WATCH, Watched
 
 TEMPLATE = "device/esea_device.c.j2"
 Fault = tuple[str, str, Callable[[Renderer], str]]
-Source = External | Latch | Signal
+Source = External | Latch | Watched | Signal
 
 
 def _changed(system: System, **parts: Any) -> System:
@@ -51,6 +52,8 @@ def _neighbours(system: System, sink: Signal) -> list[Source]:
         found: Sequence[Source] = system.task_inputs(task)
         size = source.port.size
         return [x for x in found if x != source and x.port.size == size]  # type: ignore[union-attr]
+    if isinstance(source, Watched):
+        return [x for x in map(Watched, system.watched(task)) if x != source]
     if isinstance(source, Latch):
         latches = system.latches_read(task)
         return [x for x in latches if x != source and x.port.size == source.port.size]
@@ -82,6 +85,8 @@ def _wires(system: System) -> Iterator[Fault]:
 
 
 def _name(source: Source) -> str:
+    if isinstance(source, Watched):
+        return f"{WATCH}.{source.port.name}"
     return f"{source.instance}.{source.port}" if isinstance(source, Signal) else source.name
 
 

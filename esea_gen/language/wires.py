@@ -1,0 +1,122 @@
+"""Parts of a System: tasks, ends of wires, what enters and leaves, what tasks hold for others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from esea_gen.language.ports import Port
+
+
+@dataclass(frozen=True)
+class Task:
+    """A periodic task.
+
+    Parameters
+    ----------
+    name : str
+        C identifier; its entry point is ``esea_<device>_<name>_step``.
+    blocks : tuple of str
+        Instances it runs, in order.
+    every : int
+        Period in base ticks.
+    phase : int
+        Tick of its first run, below ``every``.
+    release : int, optional
+        Ticks from the start of a run until what it wrote is visible to other tasks; its period
+        when not given.
+    """
+
+    name: str
+    blocks: tuple[str, ...]
+    every: int = 1
+    phase: int = 0
+    release: int | None = None
+
+    @property
+    def release_ticks(self) -> int:
+        """Ticks from the start of a run to the release of its latches."""
+        return self.every if self.release is None else self.release
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One end of a wire: a port of an instance.
+
+    Parameters
+    ----------
+    instance : str
+        Name of the instance.
+    port : str
+        Name of its port.
+    """
+
+    instance: str
+    port: str
+
+    @classmethod
+    def parse(cls, text: str) -> Signal:
+        """From ``"instance.port"``.
+
+        Parameters
+        ----------
+        text : str
+            Both names with a dot between.
+
+        Returns
+        -------
+        Signal
+            The signal.
+
+        Raises
+        ------
+        ValueError
+            For any other form.
+        """
+        instance, dot, port = text.partition(".")
+        if not (instance and dot and port):
+            raise ValueError(f"'{text}' is not of the form instance.port")
+        return cls(instance, port)
+
+
+@dataclass(frozen=True)
+class External:
+    """A value that enters or leaves the System through a task's input or output struct.
+
+    Parameters
+    ----------
+    name : str
+        Field of the struct.
+    port : Port
+        What it carries.
+    signals : tuple of Signal
+        The ports that it feeds, or the one that it comes from.
+    """
+
+    name: str
+    port: Port
+    signals: tuple[Signal, ...]
+
+
+@dataclass(frozen=True)
+class Latch:
+    """A value held for another task.
+
+    Parameters
+    ----------
+    name : str
+        Field of the latches struct.
+    source : Signal
+        The output that it holds.
+    port : Port
+        What it carries.
+    writer : str
+        Task that writes it.
+    """
+
+    name: str
+    source: Signal
+    port: Port
+    writer: str
+
+
+__all__ = ["External", "Latch", "Signal", "Task"]
