@@ -32,6 +32,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             "language.block",
             "language.program",
             "language.builder",
+            "language.wires",
             "language.system",
             "device",
             "errors",

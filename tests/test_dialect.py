@@ -14,9 +14,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from esea_gen.control.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit import dialect
-from esea_gen.emit.build import MANIFEST, differences
+from esea_gen.emit.build import MANIFEST, differences, render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
@@ -366,3 +367,26 @@ def test_tasks_of_two_rates_release_their_latches_on_time(tmp_path):
     assert printed[:12] == expected
     assert len(set(expected)) > 2
     assert len(printed) == 13
+
+
+def test_one_numbering_of_faults_in_the_link_the_header_and_the_docs():
+    """Numbers of the link's enum, typed in the documentation, and of the header."""
+    elbow_drive = load_device("elbow_drive")
+    bundle = dialect.render_dialect(elbow_drive)
+    listed = re.findall(
+        r'value="(\d+)" name="ESEA_FAULT_(\w+)"', bundle.files["esea_elbow_drive.xml"]
+    )
+    link = {name: int(value) for value, name in listed}
+    assert len(link) == len(set(link.values())) == len(Fault) + 3
+    header = render_device(elbow_drive, ["f32"])[0].files["esea_elbow_drive.h"]
+    in_c = dict(re.findall(r"#define ESEA_ELBOW_DRIVE_FAULT_(\w+) (\d+)u", header))
+    assert {n: int(v) for n, v in in_c.items()} == {n: v for n, v in link.items() if v < 100}
+    firmware = (ROOT / "docs" / "firmware.md").read_text()
+    board = dict(re.findall(r"^\| `(\w+)` \| (\d+) \|", firmware, re.MULTILINE))
+    assert {n: int(v) for n, v in board.items() if 100 < int(v) < 1000} == {
+        n: v for n, v in link.items() if v > 100
+    }
+    limits = (ROOT / "docs" / "limits.md").read_text()
+    rows = re.findall(r"^\| (\d+) \| ([^|]+) \| \| (\d+) \| ([^|]+) \|", limits, re.MULTILINE)
+    numbers = [int(n) for row in rows for n in (row[0], row[2])]
+    assert sorted(numbers) == sorted(v for v in link.values() if v < 100)

@@ -85,7 +85,7 @@ class Block(Component):
     ----------
     name, title, period_s, constants, tunables, coefficients, state, inputs, outputs
         As in :class:`esea_gen.language.component.Component`.
-    equations, prepare, init, streams
+    equations, prepare, init, streams, starts_latched
         As there.
     step : casadi.Function
         Scalar expressions (SX); one argument or result per port, in port order.

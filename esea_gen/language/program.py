@@ -61,6 +61,8 @@ class Program(Component):
         What one step leaves to the next, then the work arrays, which carry nothing.
     prepare, init : casadi.Function
         As there; ``init`` of what is carried.
+    starts_latched : bool
+        As there.
     memory : mapping of str to Memory
         Every array by name.
     parts : mapping of str to Part
