@@ -44,7 +44,7 @@ def scaled(given: float = 0.0, least: float = 1.0, products: int = PRODUCTS) -> 
             y = y * c.third
         return {}, {"y_rad": y}
 
-    tunable = ("third", given, 0.5, 1.0) if given else ("parts", PARTS, least, 2.0)
+    tunable = ("third", given, 0.5, 1 / least) if given else ("parts", PARTS, least, 2.0)
     return made(
         "scaled",
         step,
@@ -80,16 +80,16 @@ def test_a_float32_bound_holds_what_its_coefficients_are_rounded_by():
 
 
 def test_a_q31_bound_holds_what_its_coefficients_are_rounded_by():
-    # A coefficient that may be tuned up to 1000 has units far coarser than those of the products.
+    # A coefficient that may be tuned up to 1000 has coarse units: as coarse as the product's.
     plan = plan_block(scaled(least=1e-3, products=1))
     (coefficient,) = plan.fields["coeffs"]
     unit = 2.0**-coefficient.fraction
-    assert coefficient.fraction <= 23
-    off = abs(round(THIRD / unit) * unit - THIRD)
-    assert off > 0.3 * unit
-    bound = any_bound(plan).outputs["y_rad"]
-    # A quotient of whole numbers may miss the nearest unit by one or two.
-    assert off <= bound <= off + 2 * unit
+    near = round(THIRD / unit) * unit
+    exact = plan_block(scaled(near, least=1e-3, products=1))
+    assert exact.fields["coeffs"][0].fraction == coefficient.fraction
+    off = any_bound(plan).outputs["y_rad"] - any_bound(exact).outputs["y_rad"]
+    assert abs(near - THIRD) > 0.3 * unit
+    assert off == pytest.approx(abs(near - THIRD), rel=0.01)
 
 
 # -- a linear Block's own errors, summed for all time ----------------------------------------------
