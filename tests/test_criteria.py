@@ -10,12 +10,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from esea_gen.control.horizon import Horizon
+from esea_gen.control.predictive_drive import predictive_controller
 from esea_gen.device import load_device
 from esea_gen.emit import render
 from esea_gen.emit.build import device_hash, render_device
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.program_render import render_program
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
@@ -28,7 +31,8 @@ from esea_gen.verify.compare import compare, unexplained
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.gates import TARGETS, check_objects
 from esea_gen.verify.one_step import StepRule
-from esea_gen.verify.runs import CasadiOracle, run_c
+from esea_gen.verify.program import compare_program, program_streams
+from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
 
 from .conftest import require_tool
 
@@ -188,6 +192,49 @@ def test_a_single_bit_of_a_q31_memory_is_seen(elbow):
     found = library(block, "q31", r"(state->kept_\w+) = ([^;]+);", r"\1 = (\2) ^ 1;")
     result = compare_fixed(elbow, plan, found.block("noted"), STREAM, bound)
     assert any("state kept_rad at step 0" in p for p in result.problems)
+
+
+# -- programs --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A predictive controller of two intervals: device, program, stream, executor's run, C."""
+    require_tool("gcc")
+    device = load_device("elbow_drive")
+    program = predictive_controller(device, horizon=Horizon(2, 0.02, 1, 0.001))
+    stream = next(s for s in program_streams(program, steps=8) if not s.injections)
+    built = {real: render_program(program, real) for real in ("f64", "f32")}
+    libraries = {real: HostLibrary(r.system, r) for real, r in built.items()}
+    return device, program, stream, run_executor(program, stream), libraries
+
+
+def copied(run):
+    return tuple({k: np.array(v, float) for k, v in part.items()} for part in run)
+
+
+@pytest.mark.parametrize(("share", "passes"), SHARES)
+def test_a_programs_command_beyond_its_share_is_refused(small, share, passes):
+    device, program, stream, _, libraries = small
+    owed = copied(run_c(libraries["f32"].block(program.name), stream))
+    # 0.1 % of full scale, which is the motor's largest torque.
+    owed[0]["u_Nm"][3] += share * 1e-3 * 0.221
+    result = compare_program(device, program, libraries["f32"], stream, owed)
+    assert result.passed == passes
+    assert result.status_differences == 0
+
+
+def test_every_work_array_of_a_program_is_compared(small):
+    device, program, stream, run, libraries = small
+    assert compare_program(device, program, libraries["f64"], stream, run).passed
+    assert {"plan", "dx", "qp_H"} <= set(run[1])
+    for name in run[1]:
+        owed = copied(run)
+        last = owed[1][name].reshape(stream.steps, -1)
+        last[-1, -1] = np.nextafter(last[-1, -1], 9.0)
+        found = compare_program(device, program, libraries["f64"], stream, owed)
+        assert found.bit_identical is False, name
+        assert not found.passed
 
 
 # -- decisions that rounding turns -----------------------------------------------------------------
