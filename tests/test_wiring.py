@@ -1,0 +1,352 @@
+"""Who reads what, in which order and how late: both shipped drives against a table typed by hand.
+
+The table is what chapter 5, docs/control.md and docs/predictive.md ask for.  Where two signals
+would both fit a port, the reason for the one that is meant stands beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from esea_gen.control.laws.predictive import device_horizon, predictive_delay_s
+from esea_gen.device import load_device, parse_device
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.run import previews
+from esea_gen.twin.trajectories import Trajectory
+
+# -- what all laws stand on ------------------------------------------------------------------------
+
+SENSING = """
+    joint.theta_motor_rad         encoder_motor.theta_rad
+    joint.theta_load_rad          encoder_load.theta_rad
+    joint.motor_usable            encoder_motor.usable
+    joint.load_usable             encoder_load.usable
+    velocity.theta_rad            joint.theta_rad
+    sensor.theta_rad              joint.theta_rad
+    # Viscosity at the middle of the step, from past samples: the sensor's inverse stays unique.
+    sensor.omega_rad_s            velocity.omega_mid_rad_s
+    motor_rate.theta_rad          encoder_motor.theta_rad
+    load_rate.theta_rad           encoder_load.theta_rad
+    reference.theta_load_rad      encoder_load.theta_rad
+    reference.omega_load_rad_s    load_rate.omega_rad_s
+    reference.tau_Nm              sensor.tau_Nm
+"""
+LIMITS = """
+    # Nothing but the stamped command, and its stamp, through the same latch.
+    limits.u_command_Nm           stamp.u_command_Nm
+    limits.control_beat           stamp.control_beat
+    limits.request_ok             reference.request_ok
+    limits.sensing_ok             joint.sensing_ok
+    limits.theta_rad              joint.theta_rad
+    limits.theta_motor_rad        encoder_motor.theta_rad
+    limits.omega_motor_rad_s      motor_rate.omega_rad_s
+    limits.theta_load_rad         encoder_load.theta_rad
+    limits.omega_load_rad_s       load_rate.omega_rad_s
+    limits.tau_Nm                 sensor.tau_Nm
+"""
+OBSERVERS = """
+    # What the motor holds from this tick on: what the limits let through, not what was asked for.
+    drive.u_Nm                    limits.u_Nm
+    drive.omega_motor_rad_s       motor_rate.omega_rad_s
+    drive.tau_Nm                  sensor.tau_Nm
+    human.theta_load_rad          encoder_load.theta_rad
+    human.tau_Nm                  sensor.tau_Nm
+"""
+
+# -- the laws --------------------------------------------------------------------------------------
+
+SLIDING_MODE = """
+    inverse.tau_Nm                reference.tau_set_Nm
+    setpoint.theta_set_rad        inverse.theta_rad
+    # (5.12) subtracts three rates: all three through one filter, so that delays cancel.
+    set_rate.theta_rad            inverse.theta_rad
+    smc.delta_rate_rad_s          set_rate.omega_rad_s
+    smc.omega_motor_rad_s         motor_rate.omega_rad_s
+    smc.omega_load_rad_s          load_rate.omega_rad_s
+    smc.delta_set_rad             setpoint.delta_set_rad
+    smc.delta_acc_rad_s2          setpoint.delta_acc_rad_s2
+    smc.theta_rad                 joint.theta_rad
+    smc.tau_Nm                    sensor.tau_Nm
+    smc.tau_h_Nm                  human.tau_h_Nm
+    smc.d4_rad_s2                 drive.d4_rad_s2
+    # (5.1): where the motor is behind its lag, and what it was told.
+    smc.u_a_Nm                    drive.u_a_Nm
+    smc.u_applied_Nm              limits.u_Nm
+    smc.mode                      reference.mode
+    stamp.u_command_Nm            smc.u_command_Nm
+"""
+PREDICTIVE = """
+    ahead.mode                    reference.mode
+    ahead.offset_Nm               reference.offset_Nm
+    ahead.keep                    reference.keep
+    ahead.tau_range_Nm            reference.tau_range_Nm
+    ahead.Kp_Nm_rad               reference.Kp_Nm_rad
+    ahead.Kd_Nms_rad              reference.Kd_Nms_rad
+    ahead.theta_load_rad          encoder_load.theta_rad
+    # The load side's rate without delay, for the state at the measurement.
+    ahead.omega_load_rad_s        human.omega_load_rad_s
+    predictive.omega_l_rad_s      human.omega_load_rad_s
+    # The deflection's rate at the measurement; in the middle of the step it is half a period old.
+    predictive.omega_rad_s        velocity.omega_rad_s
+    predictive.delta_rad          joint.theta_rad
+    predictive.theta_l_rad        encoder_load.theta_rad
+    # The motor's torque behind its lag, and the command that it holds until the new one comes.
+    predictive.u_a_Nm             drive.u_a_Nm
+    predictive.u_in_force_Nm      limits.u_Nm
+    predictive.tau_rate_Nm        sensor.tau_rate_Nm
+    predictive.play_rad           sensor.play_rad
+    predictive.d4_rad_s2          drive.d4_rad_s2
+    predictive.tau_h_Nm           human.tau_h_Nm
+    predictive.tau_h_rate_Nm_s    human.tau_h_rate_Nm_s
+    # What is wanted comes by way of "ahead" alone: it may turn the mode off.
+    predictive.mode               ahead.mode
+    predictive.tau_d_Nm           ahead.tau_d_Nm
+    predictive.theta_d_rad        ahead.theta_d_rad
+    predictive.omega_d_rad_s      ahead.omega_d_rad_s
+    predictive.Kp_Nm_rad          ahead.Kp_Nm_rad
+    predictive.Kd_Nms_rad         ahead.Kd_Nms_rad
+    stamp.u_command_Nm            predictive.u_Nm
+    stamp.request_ok              ahead.request_ok
+"""
+
+# As published: the person by (5.10) and a parabola, all rates from filtered differences.
+PUBLISHED = """
+    human.omega_load_rad_s        load_rate.omega_rad_s
+    parabola.tau_h_Nm             human.tau_h_Nm
+    predictive.omega_m_rad_s      motor_rate.omega_rad_s
+    predictive.omega_l_rad_s      load_rate.omega_rad_s
+    ahead.omega_load_rad_s        load_rate.omega_rad_s
+    predictive.tau_h_Nm           parabola.tau_h_fit_Nm
+    predictive.tau_h_rate_Nm_s    parabola.tau_h_rate_Nm_s
+    predictive.tau_h_curve_Nm_s2  parabola.tau_h_curve_Nm_s2
+"""
+NOT_PUBLISHED = ("human.theta_load_rad", "predictive.omega_rad_s")
+
+# -- from outside and to the outside ---------------------------------------------------------------
+
+INPUTS = """
+    encoder_motor.count           count_motor
+    encoder_motor.frame_error     frame_error_motor
+    encoder_load.count            count_load
+    encoder_load.frame_error      frame_error_load
+    # The limits see the mode itself: the reference makes an invalid one "off", which is no fault.
+    reference.mode                mode
+    limits.mode                   mode
+    limits.stop                   stop
+    limits.rearm                  rearm
+    reference.tau_desired_Nm      tau_desired_Nm
+    reference.theta_desired_rad   theta_desired_rad
+    reference.omega_desired_rad_s omega_desired_rad_s
+"""
+FUTURE = """
+    ahead.tau_preview_Nm          tau_preview_Nm
+    ahead.theta_preview_rad       theta_preview_rad
+    ahead.omega_preview_rad_s     omega_preview_rad_s
+"""
+OUTPUTS = """
+    u_Nm                          limits.u_Nm
+    tau_Nm                        sensor.tau_Nm
+    tau_set_Nm                    reference.tau_set_Nm
+    theta_rad                     joint.theta_rad
+    theta_motor_rad               encoder_motor.theta_rad
+    theta_load_rad                encoder_load.theta_rad
+    omega_motor_rad_s             motor_rate.omega_rad_s
+    omega_load_rad_s              load_rate.omega_rad_s
+    tau_h_Nm                      human.tau_h_Nm
+    d4_rad_s2                     drive.d4_rad_s2
+    energy_J                      limits.energy_J
+    fault                         limits.fault
+    mode_held                     reference.mode
+"""
+OWN_OUTPUTS = {
+    "elbow_drive": """
+    delta_set_rad                 setpoint.delta_set_rad
+    u_command_Nm                  smc.u_command_Nm
+    surface_rad_s                 smc.s_rad_s
+    u_eq_Nm                       smc.u_eq_Nm
+    k_smc_Nm                      smc.k_smc_Nm
+""",
+    "elbow_mpc": """
+    u_command_Nm                  predictive.u_Nm
+    iterations                    predictive.iterations
+""",
+}
+WIRES = {
+    "elbow_drive": SENSING + LIMITS + OBSERVERS + SLIDING_MODE,
+    "elbow_mpc": SENSING + LIMITS + OBSERVERS + PREDICTIVE,
+}
+FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
+# What is measured comes before what is made of it, the limits before the observers of what they let
+# through; the stamp ends the control task.
+ORDER = {
+    "elbow_drive": {
+        "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate reference "
+        "inverse setpoint limits drive human set_rate",
+        "control": "smc stamp",
+    },
+    "elbow_mpc": {
+        "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate reference "
+        "limits drive human",
+        "control": "ahead predictive stamp",
+    },
+}
+# Period, first tick and release, in base ticks of 1 ms: 1 kHz and 200 Hz, and a command that takes
+# effect one tick after the start of the run that made it.
+TIMES = {"sense": (1, 0, 1), "control": (5, 0, 1)}
+DEVICES = ("elbow_drive", "elbow_mpc")
+
+
+def table(text: str) -> dict[str, str]:
+    rows = [line.split() for line in text.splitlines() if line.strip() and "#" not in line]
+    found = {row[0]: row[1] for row in rows}
+    assert len(found) == len(rows)
+    return found
+
+
+def name_of(signal) -> str:
+    return f"{signal.instance}.{signal.port}"
+
+
+@pytest.fixture(scope="module")
+def systems():
+    return {name: load_device(name).system for name in DEVICES}
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_every_wire_is_the_one_that_was_meant(systems, name):
+    wires = {name_of(a): name_of(b) for a, b in systems[name].wires.items()}
+    assert wires == table(WIRES[name])
+
+
+@pytest.mark.parametrize("controller", ["mpc-published", "mpc-published-no-preview"])
+def test_the_published_controller_is_wired_as_published(controller):
+    system = controller_device(controller).system
+    expected = table(WIRES["elbow_mpc"]) | table(PUBLISHED)
+    expected = {k: v for k, v in expected.items() if k not in NOT_PUBLISHED}
+    if controller.endswith("no-preview"):  # what is wanted now holds
+        now = ("tau_wanted_Nm", "theta_wanted_rad", "omega_wanted_rad_s")
+        expected |= {f"ahead.{n}": f"reference.{n}" for n in now}
+    assert {name_of(a): name_of(b) for a, b in system.wires.items()} == expected
+    assert system.tasks[1].blocks == ("parabola", "ahead", "predictive", "stamp")
+    times = [(t.every, t.phase, t.release_ticks) for t in system.tasks]
+    assert times == [(1, 0, 1), (50, 0, 1)]
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_every_input_and_output_is_the_one_that_was_meant(systems, name):
+    system = systems[name]
+    fed = {name_of(s): x.name for x in system.inputs for s in x.signals}
+    assert fed == table(FROM_OUTSIDE[name])
+    told = {x.name: name_of(s) for x in system.outputs for s in x.signals}
+    blocks = " ".join(ORDER[name].values()).split()
+    words = {f"{block}_status": f"{block}.status" for block in blocks}
+    assert told == table(OUTPUTS) | table(OWN_OUTPUTS[name]) | words
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_every_port_is_fed_once_by_the_table(systems, name):
+    # The table is whole: wires and inputs together are all the ports there are.
+    ports = {f"{i}.{p.name}" for i, b in systems[name].blocks.items() for p in b.inputs}
+    assert sorted([*table(WIRES[name]), *table(FROM_OUTSIDE[name])]) == sorted(ports)
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_order_period_and_release_of_every_task(systems, name):
+    system = systems[name]
+    assert system.base_period_s == 1e-3
+    assert {t.name: " ".join(t.blocks) for t in system.tasks} == ORDER[name]
+    assert {t.name: (t.every, t.phase, t.release_ticks) for t in system.tasks} == TIMES
+    slow = set(ORDER[name]["control"].split())
+    for instance, block in system.blocks.items():
+        assert block.period_s == (5e-3 if instance in slow else 1e-3), instance
+
+
+# -- time ------------------------------------------------------------------------------------------
+
+
+def run_commands(system, change_at: int | None, ticks: int) -> np.ndarray:
+    """The motor's command at every tick, armed and on; one count off at a tick."""
+    simulator = system.simulator()
+    sizes = {x.name: x.port.size for x in system.inputs}
+    commands = np.zeros(ticks)
+    for k in range(ticks):
+        load = 520  # 0.8 rad
+        given = {n: np.zeros(z) if z > 1 else 0.0 for n, z in sizes.items()}
+        given |= {"count_load": load, "count_motor": load + 8 + (k == change_at)}
+        given |= {"rearm": float(k >= 12), "mode": float(k >= 20), "tau_desired_Nm": 0.3}
+        simulator.release(k)
+        for task in system.tasks:
+            if k % task.every == 0:
+                named = {x.name for x in system.task_inputs(task)}
+                out = simulator.step(task.name, **{n: v for n, v in given.items() if n in named})
+                if task.name == "sense":
+                    commands[k] = out["u_Nm"]
+                    assert k < 20 or out["fault"] == 0
+    return commands
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_from_a_measurement_to_its_effect(systems, name):
+    # A run of the control task at tick 35 holds what was measured at tick 34; the limits see its
+    # command at tick 36.  A count changed at tick 34 shows after 2 ticks, at tick 35 after 6.
+    base = run_commands(systems[name], None, 44)
+    assert np.any(base != 0)
+    for change_at, seen_at in ((34, 36), (35, 41), (33, 36)):
+        other = run_commands(systems[name], change_at, 44)
+        assert np.flatnonzero(other != base)[0] == seen_at, change_at
+
+
+@pytest.mark.parametrize(
+    ("release", "ticks"),
+    [
+        # A measurement is released a tick after it was made, a command so many after its run began.
+        ("0.001", 2),
+        ("0.003", 4),
+        ("0.005", 6),
+        # No release in the file: the control task's whole period.
+        (None, 6),
+    ],
+)
+def test_the_prediction_reaches_as_far_as_the_effect(release, ticks):
+    text = load_device("elbow_mpc").toml()
+    (line,) = (x for x in text.splitlines() if x.startswith("control_release_s = "))
+    other = "" if release is None else line.replace("value = 0.001", f"value = {release}")
+    assert release == "0.001" or other != line
+    device = parse_device(text.replace(line, other), "mine.toml")
+    assert 1 + device.system.tasks[-1].release_ticks == ticks
+    assert predictive_delay_s(device) == pytest.approx(ticks * 1e-3, abs=1e-12)
+    ends = [ticks * 1e-3 + 0.02 * (i + 1) for i in range(10)]
+    assert device_horizon(device).ends_s == pytest.approx(ends, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("controller", "first_s", "last_s"),
+    [
+        ("mpc", 0.022, 0.202),
+        ("mpc-no-preview", 0.022, 0.202),
+        ("mpc-published", 0.052, 0.502),
+        ("mpc-published-no-preview", 0.052, 0.502),
+    ],
+)
+def test_the_horizon_of_every_shipped_controller(controller, first_s, last_s):
+    ends = device_horizon(controller_device(controller)).ends_s
+    assert len(ends) == 10
+    assert (ends[0], ends[-1]) == (pytest.approx(first_s), pytest.approx(last_s))
+
+
+def test_a_known_future_is_that_of_the_intervals_ends():
+    # A run at tick 5 holds the measurement of tick 4 and acts from tick 6: its intervals end at
+    # ticks 26, 46 ... 206.  Later than the path is long, the last value holds.
+    n = 300
+    t = np.arange(n, dtype=float)
+    path = Trajectory("count", t, 2 * t, 3 * t, 4 * t, 1000, n, True)
+    found = previews(path, device_horizon(load_device("elbow_mpc")))
+    ends = np.array([26, 46, 66, 86, 106, 126, 146, 166, 186, 206])
+    for tick in (5, 10, 60, 90):
+        at = ends + tick - 5
+        assert found["tau_preview_Nm"][tick].tolist() == (4 * at).tolist()
+        assert found["theta_preview_rad"][tick].tolist() == at.tolist()
+        assert found["omega_preview_rad_s"][tick].tolist() == (2 * at).tolist()
+    late = found["theta_preview_rad"][150].tolist()
+    assert late == [171, 191, 211, 231, 251, 271, 291, 299, 299, 299]
