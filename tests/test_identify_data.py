@@ -340,7 +340,7 @@ def test_standard_deviations_are_the_scatter_of_repeated_experiments(rho):
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
 def test_standard_deviations_of_the_inverse_are_that_scatter_too(rho):
-    angle = np.arange(SAMPLES) * 2 * np.pi / 1000
+    angle = np.arange(SAMPLES) * 2 * np.pi / SAMPLES
     basis = np.stack([np.sin(angle), 0.01 * np.cos(angle), 0.3 * np.sin(3 * angle)], axis=1)
     measured = basis @ [0.1, 2.5, 0.02]
     measured = measured + 1e-3 * alike(np.random.default_rng(12), rho, RUNS, SAMPLES)
