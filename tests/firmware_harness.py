@@ -163,9 +163,18 @@ int main(void)
 }
 """
 
-# Every release that the application asks for is told; it goes on to the device's own.
+# Every release that the application asks for is told, and every tick of the device's own latches
+# that it leads to.
 SPY = """
 #include <stdio.h>
+#include "esea_{name}.h"
+static inline void spy_latches(esea_{name}_state_t *state, uint32_t tick)
+{{
+    printf("latches %u\\n", (unsigned)tick);
+    esea_{name}_release(state, tick);
+}}
+#define esea_{name}_release spy_latches
+#include "esea_{name}_link.h"
 #define esea_link_release(control, tick) \\
     (printf("release %u\\n", (unsigned)(tick)), esea_link_release(control, tick))
 """
@@ -187,7 +196,7 @@ def build_application(folder: Path, device: Device) -> Path:
             target = folder / sub / name
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(text, encoding="utf-8")
-    (folder / "spy_link.h").write_text(f'#include "esea_{device.name}_link.h"\n{SPY}')
+    (folder / "spy_link.h").write_text(SPY.format(name=device.name))
     sources = [p for p in sorted((folder / "f32").glob("*.c")) if p.name != "main.c"]
     folders = ("dialect/mavlink", "dialect", "f32", "firmware/port", "firmware/app", ".")
     flags = [f"-I{folder / f}" for f in folders]

@@ -45,8 +45,8 @@ def inputs(*runs: tuple[int, int]) -> list[tuple[str, int, int]]:
     return [("input", *r) for r in runs]
 
 
-def released(lines: list[str]) -> list[int]:
-    return [int(x.split()[1]) for x in lines if x.startswith("release")]
+def released(lines: list[str], what: str = "release") -> list[int]:
+    return [int(x.split()[1]) for x in lines if x.startswith(what)]
 
 
 # -- faults ----------------------------------------------------------------------------------------
@@ -97,6 +97,22 @@ def test_both_tasks_of_a_tick_see_one_release(application):
 )
 def test_latches_are_released_at_the_tick_that_came_whatever_was_lost(application, ticks):
     assert released(application(*inputs(*[(SENSE, t) for t in ticks]))) == ticks
+
+
+@pytest.mark.parametrize("gap", [1, 2, 3, 5, 6, 11, 1000])
+@pytest.mark.parametrize("last", [0, 3, 2**32 - 2000])
+def test_no_latch_is_left_out_after_lost_frames(application, gap, last):
+    come = last + gap
+    lines = application(*inputs((SENSE, last), (SENSE, come)))
+    at = lines.index(f"release {come}")
+    ticks = released(lines[at:], "latches")
+    # Latches fall due at most every five ticks: of the lost ones the last five bring all that was
+    # pending, and this tick's own is the last.
+    assert ticks[-1] == come
+    assert {come - k for k in range(min(gap, 5))} <= set(ticks)
+    # In order, each once, and none that was released before.
+    assert ticks == sorted(set(ticks))
+    assert ticks[0] > last
 
 
 def test_after_a_reset_the_same_tick_is_released_again(application):
