@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -27,15 +29,23 @@ settings.register_profile(
 settings.load_profile("same")
 
 
+def _missing(name: str) -> NoReturn:
+    message = f"{name} is not installed"
+    if os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
+        pytest.fail(message)
+    pytest.skip(message)
+
+
 def require_tool(name: str) -> str:
     """Path of a tool; without it the test is skipped, or fails where everything is required."""
     path = shutil.which(name)
-    if path is None:
-        message = f"{name} is not installed"
-        if os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
-            pytest.fail(message)
-        pytest.skip(message)
-    return path
+    return _missing(name) if path is None else path
+
+
+def require_module(name: str) -> None:
+    """Skip without a Python module, or fail where everything is required."""
+    if importlib.util.find_spec(name) is None:
+        _missing(name)
 
 
 @pytest.fixture(scope="session")

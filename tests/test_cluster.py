@@ -22,7 +22,7 @@ from esea_gen.analysis.cluster import code_digest
 from esea_gen.errors import UserError
 
 from .campaign_cases import compiled, draw, noted
-from .conftest import ROOT, require_tool
+from .conftest import ROOT, require_module, require_tool
 from .test_campaign import (
     CONFIG,
     PATHS,
@@ -38,7 +38,7 @@ class Dask:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.processes = folder, []
-        pytest.importorskip("distributed")
+        require_module("distributed")
         where = folder / "scheduler.json"
         self.start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", where)
         until(where.exists)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import ROOT, require_tool
+from .conftest import ROOT, require_module, require_tool
 
 # No network: the dependencies are those of this environment, seen through one line of a .pth file.
 # A path added in this way brings no .pth files of its own, so that a checkout which is installed
@@ -30,7 +30,7 @@ def call(*command: object, cwd: Path) -> str:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory) -> Path:
-    pytest.importorskip("hatchling")
+    require_module("hatchling")
     folder = tmp_path_factory.mktemp("wheel")
     call(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
     (path,) = folder.glob("*.whl")
@@ -117,3 +117,14 @@ def test_library_works(installed, tmp_path):
     )
     model, c = map(float, call(installed / "python", "-c", program, cwd=tmp_path).split())
     assert model == pytest.approx(c, rel=1e-5)
+
+
+def test_a_missing_module_skips_unless_everything_is_required(monkeypatch):
+    """Armed: where tools are required nothing is passed over in silence."""
+    monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
+    with pytest.raises(pytest.skip.Exception, match="not installed"):
+        require_module("no_such_module")
+    monkeypatch.setenv("ESEA_REQUIRE_TOOLS", "1")
+    for missing in (require_module, require_tool):
+        with pytest.raises(pytest.fail.Exception, match="not installed"):
+            missing("no_such_thing")

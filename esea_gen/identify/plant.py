@@ -174,13 +174,18 @@ def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) ->
     coarse = np.concatenate([[0.0], omega[1:].reshape(steps, every).mean(axis=1)])
     times = grid[::every]
     role = np.full(len(r.time_s), -1)
+    held_out = np.zeros(len(r.time_s), dtype=bool)
     count = 0
     for s in r.sets:
+        held_out[s.held_out] = True
         if len(s.training):
             role[s.training] = count
             count += 1
     at = np.clip(np.searchsorted(r.time_s, times), 0, len(role) - 1)
-    rows = tuple(np.flatnonzero(role[at] == n).astype(np.intp) for n in range(count))
+    # Between two samples both have a part in the torque: a held-out one must have none.
+    leaking = held_out[np.maximum(at - 1, 0)] & (times < r.time_s[at])
+    role_at = np.where(leaking, -1, role[at])
+    rows = tuple(np.flatnonzero(role_at == n).astype(np.intp) for n in range(count))
     return FitStream(
         theta[::every],
         coarse,

@@ -1,0 +1,353 @@
+"""Identification: which samples it may look at, how much each counts, and what it says of itself.
+
+Made recordings with sharp reversals, so that every cycle's samples are known by counting.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from esea_gen.device import Device
+from esea_gen.hostlib.library import compile_system
+from esea_gen.identify import Identification, Recording, identify, load_mapping, load_recordings
+from esea_gen.identify.cycles import DataSet
+from esea_gen.identify.inverse import refit_inverse
+from esea_gen.identify.plant import FittedPlant
+from esea_gen.identify.plays import KEYS, play_spread
+from esea_gen.identify.uncertainty import uncertainty
+from esea_gen.model.inverse import inverse_system
+from esea_gen.model.published_inverse import published_inverse
+
+from .conftest import require_tool
+
+DATA = Path(__file__).parent / "data" / "hdrb"
+CYCLE = 100  # samples
+
+MAPPING = """\
+schema = 1
+[device]
+name = "rig"
+title = "Rig"
+rate_terms = false
+[deflection]
+column = "x"
+unit = "rad"
+[torque]
+column = "y"
+unit = "Nm"
+[sampling]
+time_column = "t"
+[search]
+population = 16
+[[recording]]
+files = ["*.csv"]
+"""
+
+
+def sine(cycles: int, amplitude_rad: float = 0.1) -> np.ndarray:
+    return amplitude_rad * np.sin(2 * np.pi * np.arange(cycles * CYCLE) / CYCLE)
+
+
+def lossy(theta_rad: np.ndarray) -> np.ndarray:
+    """Torque of a spring with a little friction and a little ripple, which no model has."""
+    rising = np.gradient(theta_rad) > 0
+    ripple = 0.01 * np.sin(3.7 * np.arange(len(theta_rad)))
+    return 10 * theta_rad + 200 * theta_rad**3 + np.where(rising, 0.05, -0.05) + ripple
+
+
+def written(folder: Path, mapping: str = MAPPING, **torques: tuple[np.ndarray, np.ndarray]) -> Path:
+    """Mapping beside its recordings: by name the deflection and the torque."""
+    folder.mkdir(exist_ok=True)
+    for name, (x, y) in torques.items():
+        rows = zip(np.arange(len(x)) / CYCLE, x, y, strict=True)
+        lines = [f"{t:.17g},{a:.17g},{b:.17g}" for t, a, b in rows]
+        (folder / f"{name}.csv").write_text("\n".join(["t,x,y", *lines, ""]))
+    (folder / "map.toml").write_text(mapping)
+    return folder / "map.toml"
+
+
+def loaded(path: Path) -> list[Recording]:
+    return load_recordings(load_mapping(path))
+
+
+# -- which samples ---------------------------------------------------------------------------------
+
+
+def test_training_and_held_out_samples_are_those_counted_by_hand(tmp_path):
+    theta = np.concatenate([sine(6, 0.1), sine(6, 0.2)])
+    (recording,) = loaded(written(tmp_path, rig=(theta, lossy(theta))))
+    small, large = recording.sets
+    # Cycles run from maximum to maximum, the first at a quarter of one.  Of six small ones the
+    # first five are whole: one conditions, three train, one is held out; the sixth leads over.
+    np.testing.assert_array_equal(small.training, np.arange(125, 425))
+    np.testing.assert_array_equal(small.held_out, np.arange(425, 525))
+    np.testing.assert_array_equal(large.training, np.arange(725, 1025))
+    np.testing.assert_array_equal(large.held_out, np.arange(1025, 1125))
+
+
+def roles_by_sample(recording: Recording) -> np.ndarray:
+    """How often each sample trains and how often it is held out, shape (samples, 2)."""
+    seen = np.zeros((len(recording.theta_rad), 2), dtype=int)
+    for s in recording.sets:
+        np.add.at(seen[:, 0], s.training, 1)
+        np.add.at(seen[:, 1], s.held_out, 1)
+    return seen
+
+
+@pytest.mark.parametrize(("skip_first", "hold_out_last"), [(0, 1), (1, 1), (2, 2), (1, 3)])
+@pytest.mark.parametrize("start", [0.0, 1.1])
+def test_no_sample_trains_and_is_held_out(tmp_path, skip_first, hold_out_last, start):
+    angle = start + 2 * np.pi * np.arange(14 * 97) / 97
+    theta = np.sin(angle) * np.where(angle < 7 * 2 * np.pi, 0.1, 0.2)
+    rules = f"[cycles]\nskip_first = {skip_first}\nhold_out_last = {hold_out_last}\n"
+    path = written(tmp_path, MAPPING + rules, a=(theta, lossy(theta)), b=(theta, lossy(theta)))
+    for recording in loaded(path):
+        seen = roles_by_sample(recording)
+        assert seen.sum(axis=1).max() == 1
+        assert seen[:, 0].sum() > 0
+        # What is held out is whole cycles, as many of each block as the rules say.
+        blocks = {c.block for c in recording.cycles if c.role == "held_out"}
+        held = [c for c in recording.cycles if c.role == "held_out"]
+        assert len(held) == hold_out_last * len(blocks)
+        assert seen[:, 1].sum() == sum(c.stop - c.start for c in held)
+
+
+def test_of_the_recorded_rubber_no_sample_does_both():
+    for recording in load_recordings(load_mapping(DATA / "hdrb.toml")):
+        assert roles_by_sample(recording).sum(axis=1).max() == 1
+        assert [len(s.held_out) > 0 for s in recording.sets] == [True] * 4
+        training = np.concatenate([s.training for s in recording.sets])
+        for c in recording.cycles:
+            share = np.isin(np.arange(c.start, c.stop), training).mean()
+            assert share == (1.0 if c.role == "training" else 0.0)
+
+
+def test_a_file_held_out_whole_trains_with_no_sample(tmp_path):
+    table = 'files = ["a.csv"]\nuse = "train"\n[[recording]]\nfiles = ["b.csv"]\nuse = "held_out"'
+    mapping = MAPPING.replace('files = ["*.csv"]', table)
+    theta = sine(4)
+    a, b = loaded(written(tmp_path, mapping, a=(theta, lossy(theta)), b=(theta, lossy(theta))))
+    assert roles_by_sample(a).tolist() == [[1, 0]] * len(theta)
+    assert roles_by_sample(b).tolist() == [[0, 1]] * len(theta)
+
+
+# -- what it may depend on -------------------------------------------------------------------------
+
+
+def corrupted(recording: Recording, role: str) -> np.ndarray:
+    """The recorded torque, wrong at every sample of a role."""
+    tau = recording.tau_Nm.copy()
+    for s in recording.sets:
+        at = getattr(s, role)
+        tau[at] += 0.3 * np.cos(0.9 * at)
+    return tau
+
+
+def found(result: Identification) -> dict[str, object]:
+    """What the fit says: numbers, how sure, and how well it fits what it was trained on."""
+    sets = result.to_dict()["sets"]
+    return {
+        "values": result.fit.values,
+        "cost": result.fit.cost,
+        "sigma": result.spread.sigma,
+        "training_rms_Nm": [s["training"]["rms_Nm"] for s in sets],
+    }
+
+
+def test_a_wrong_held_out_torque_changes_no_identified_number(tmp_path):
+    require_tool("gcc")
+    theta = np.concatenate([sine(5, 0.1), sine(5, 0.2)])
+    path = written(tmp_path / "good", rig=(theta, lossy(theta)))
+    good = identify(path)
+    (recording,) = loaded(path)
+    held = identify(written(tmp_path / "held", rig=(theta, corrupted(recording, "held_out"))))
+    assert found(held) == found(good)
+    # It is seen where it belongs, and a wrong training torque does change the numbers.
+    errors = [s["held_out"]["rms_Nm"] for s in held.to_dict()["sets"]]
+    assert min(errors) > 0.2
+    trained = identify(written(tmp_path / "trained", rig=(theta, corrupted(recording, "training"))))
+    assert found(trained)["values"] != found(good)["values"]
+
+
+@pytest.mark.parametrize("rate_Hz", [1000.0, 250.0])
+@pytest.mark.parametrize(("amplitudes", "skip_first"), [((0.1, 0.2), 1), ((0.1, 0.115), 0)])
+def test_a_wrong_held_out_torque_reaches_no_row_of_a_fit_with_rate_terms(
+    tmp_path, elbow, rate_Hz, amplitudes, skip_first
+):
+    # On a grid of its own, between recorded samples: held-out ones must not leak in there either,
+    # least of all where the next block trains from its first sample on.
+    require_tool("gcc")
+    theta = np.concatenate([sine(5, a) for a in amplitudes])
+    mapping = MAPPING + f"[cycles]\nskip_first = {skip_first}\n"
+    (recording,) = loaded(written(tmp_path, mapping, rig=(theta, lossy(theta))))
+    wrong = replace(recording, tau_Nm=corrupted(recording, "held_out"))
+    good, held = (FittedPlant(elbow, [r], rate_Hz) for r in (recording, wrong))
+    np.testing.assert_array_equal(held.measured, good.measured)
+    np.testing.assert_array_equal(held.weight, good.weight)
+    # As many rows as the training cycles last, a second each.
+    cycles = sum(c.role == "training" for c in recording.cycles)
+    assert cycles == (4 if skip_first else 7)
+    assert len(good.measured) == pytest.approx(cycles * rate_Hz, abs=0.02 * rate_Hz)
+
+
+def test_a_wrong_held_out_deflection_changes_no_number_of_the_inverse(elbow):
+    require_tool("gcc")
+    block = published_inverse(elbow, kappa=0.12, phi=3.0, chi=0.004)
+    runner = compile_system(inverse_system(elbow, block), "f64").block(block.name)
+    at = np.arange(3000)
+    tau = 4 * np.sin(at * 0.012) * (0.5 + 0.5 * np.sin(at * 0.0031))
+    theta = runner.run({"tau_Nm": tau}, trace=False)[0]["theta_rad"] + 1e-3 * np.cos(2.3 * at)
+    whole = DataSet("own", 0.2, at[:2000], at[2000:], {}, None, None, None)
+    good = Recording("own", "own.csv", "0" * 16, at * 1e-3, theta, tau, True, 0, (), (whole,))
+    bad = theta.copy()
+    bad[2000:] *= 0.7
+    fits = [
+        refit_inverse(elbow, [r], "a test", population=4)
+        for r in (good, replace(good, theta_rad=bad))
+    ]
+    assert fits[0].values == fits[1].values
+    assert fits[0].sigma == fits[1].sigma
+    assert fits[1].sets.mean_rms(True) > 10 * fits[0].sets.mean_rms(True)
+
+
+# -- how much each counts --------------------------------------------------------------------------
+
+
+def spring(cycles: int, k1_Nm_rad: float) -> tuple[np.ndarray, np.ndarray]:
+    theta = sine(cycles)
+    return theta, k1_Nm_rad * theta
+
+
+def test_every_recording_weighs_the_same_however_long_it_is(tmp_path):
+    require_tool("gcc")
+    # Two springs at one amplitude: the stiffness that serves both equally is their mean.  By
+    # samples the long one, with 28 training cycles against 3, would pull it to 11.8.
+    files = {"long": spring(31, 12.0), "short": spring(6, 10.0)}
+    result = identify(written(tmp_path, **files))
+    assert result.fit.values["k1_Nm_rad"] == pytest.approx(11.0, rel=1e-6)
+    # The cost is the mean of both mean squares: each a sine of 0.1 Nm about the mean spring.
+    assert result.fit.cost == pytest.approx(0.1**2 / 2, rel=1e-6)
+    for s in result.to_dict()["sets"]:
+        assert s["training"]["rms_Nm"] == pytest.approx(0.1 / np.sqrt(2), rel=1e-6)
+
+
+# -- the rate on the fit's grid --------------------------------------------------------------------
+
+
+def replayed(device: Device, theta_rad: np.ndarray) -> Recording:
+    """A recording of the device's own C at its own rate, every sample training."""
+    task = compile_system(device.system, "f64").task("sense")
+    tau = task.run({"theta_rad": theta_rad}, trace=False)[0]["tau_Nm"]
+    at = np.arange(len(theta_rad))
+    whole = DataSet("own", 0.1, at, at[:0], {}, None, None, None)
+    t = at * device.period_s
+    return Recording("own", "own.csv", "0" * 16, t, theta_rad, tau, True, 0, (), (whole,))
+
+
+def parameters(device: Device) -> dict[str, float]:
+    return {k.rsplit(".", 1)[-1]: q.value for k, q in device.quantities() if "elastomer." in k}
+
+
+def test_the_devices_own_torque_is_fitted_without_error(elbow):
+    require_tool("gcc")
+    t = np.arange(3000) * elbow.period_s
+    recording = replayed(elbow, 0.1 * np.sin(2 * np.pi * (0.5 + 0.4 * t) * t))
+    plant = FittedPlant(elbow, [recording], 1 / elbow.period_s)
+    values = parameters(elbow)
+    del values["stops"]
+    # The sensor takes the rate of the same step; one step off is 0.02 Nm here.
+    assert np.max(np.abs(plant.torque(values) - plant.measured)) < 1e-9
+    assert np.max(np.abs(plant.measured)) > 1
+
+
+@pytest.mark.parametrize("every", [2, 4, 10])
+def test_the_rate_of_a_coarse_step_is_that_of_its_middle(elbow, every):
+    require_tool("gcc")
+    # At a constant acceleration every step has its own rate, and the estimate's lag is constant:
+    # the coarse step's middle lies (every - 1) / 2 fine steps before that of its last fine step.
+    acceleration = 0.4
+    t = np.arange(801) * elbow.period_s
+    recording = replayed(elbow, 0.5 * acceleration * t**2)
+    fine, coarse = (
+        FittedPlant(elbow, [recording], 1 / (n * elbow.period_s)).streams[0] for n in (1, every)
+    )
+    np.testing.assert_allclose(coarse.theta_rad, fine.theta_rad[::every], rtol=0, atol=1e-15)
+    settled = slice(600 // every, None)
+    earlier = (fine.omega_rad_s[::every] - coarse.omega_rad_s)[settled]
+    expected = acceleration * elbow.period_s * (every - 1) / 2
+    np.testing.assert_allclose(earlier, expected, rtol=1e-4)
+
+
+# -- how sure it is --------------------------------------------------------------------------------
+
+
+class Cubic:
+    """Stands for the compiled plant: k1 and k3 of a cubic spring, in closed form."""
+
+    def __init__(self, theta_rad: np.ndarray, measured: np.ndarray) -> None:
+        self.basis = np.stack([theta_rad, theta_rad**3], axis=1)
+        self.measured = measured
+        self.weight = np.full(len(measured), 1 / np.sqrt(len(measured)))
+
+    def torque(self, values: dict[str, float]) -> np.ndarray:
+        return self.basis @ [values["k1_Nm_rad"], values["k3_Nm_rad3"]]
+
+
+class Plays:
+    """Stands for the compiled play operators: a set-point that is linear in all three numbers."""
+
+    def __init__(self, basis: np.ndarray, measured: np.ndarray) -> None:
+        self.basis, self.measured = basis, measured
+        self.weight = np.full(len(measured), 1 / np.sqrt(len(measured)))
+
+    def set_point(self, *values: float) -> np.ndarray:
+        return self.basis @ values
+
+
+def alike(rng: np.random.Generator, rho: float, runs: int, n: int) -> np.ndarray:
+    """Noise of unit variance of which neighbours are alike by ``rho``, shape (runs, n)."""
+    noise = rng.normal(size=(runs, n))
+    for k in range(1, n):
+        noise[:, k] = rho * noise[:, k - 1] + np.sqrt(1 - rho**2) * noise[:, k]
+    return noise
+
+
+RUNS, SAMPLES, TOLD = 400, 4000, 40
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
+def test_standard_deviations_are_the_scatter_of_repeated_experiments(rho):
+    theta = 0.2 * np.sin(np.arange(SAMPLES) * 2 * np.pi / 1000)
+    basis = Cubic(theta, theta).basis
+    noise = 0.02 * alike(np.random.default_rng(11), rho, RUNS, SAMPLES)
+    measured = basis @ [10.0, 200.0] + noise
+    fits = np.linalg.lstsq(basis, measured.T, rcond=None)[0].T
+    said = []
+    for fit, row in itertools.islice(zip(fits, measured, strict=True), TOLD):
+        values = dict(zip(("k1_Nm_rad", "k3_Nm_rad3"), fit.tolist(), strict=True))
+        told = uncertainty(Cubic(theta, row), values)  # type: ignore[arg-type]
+        said.append([told.sigma[k] for k in values])
+        assert told.correlation_factor == pytest.approx(np.sqrt((1 + rho) / (1 - rho)), rel=0.2)
+    # The scatter of 400 fits is known to 3.5 %; without the factor it is 2 and 6.2 times as large
+    # as said at 0.6 and 0.95.
+    np.testing.assert_allclose(np.mean(said, axis=0), fits.std(axis=0), rtol=0.12)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
+def test_standard_deviations_of_the_inverse_are_that_scatter_too(rho):
+    angle = np.arange(SAMPLES) * 2 * np.pi / SAMPLES
+    basis = np.stack([np.sin(angle), 0.01 * np.cos(angle), 0.3 * np.sin(3 * angle)], axis=1)
+    measured = basis @ [0.1, 2.5, 0.02]
+    measured = measured + 1e-3 * alike(np.random.default_rng(12), rho, RUNS, SAMPLES)
+    fits = np.linalg.lstsq(basis, measured.T, rcond=None)[0].T
+    said = []
+    for fit, row in itertools.islice(zip(fits, measured, strict=True), TOLD):
+        values = dict(zip(KEYS, fit.tolist(), strict=True))
+        sigma, _ = play_spread(Plays(basis, row), values)  # type: ignore[arg-type]
+        said.append([sigma[k] for k in KEYS])
+    np.testing.assert_allclose(np.mean(said, axis=0), fits.std(axis=0), rtol=0.12)
