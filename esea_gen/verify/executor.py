@@ -105,7 +105,9 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         if fmt.needs_libm:
             return np.asarray(getattr(np, op)(numbers[0]))
         return _call(op, numbers[0])
-    second = fmt.needs_libm  # of two equal zeros f64 takes the second, as CasADi does; f32 the first
+    second = (
+        fmt.needs_libm
+    )  # of two equal zeros f64 takes the second, as CasADi does; f32 the first
     rules: dict[str, Callable[..., Array]] = {
         "add": lambda x, y: x + y,
         "sub": lambda x, y: x - y,
