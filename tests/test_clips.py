@@ -95,7 +95,7 @@ def unclipped(block):
 
 
 def memories(block, rng):
-    """Arguments of many steps: states and inputs anywhere in range, often at an end, often small."""
+    """Arguments of many steps: states and inputs in range, often at an end, often small."""
     f64 = FORMATS["f64"]
     arguments = [np.tile(c, (CASES, 1)) for c in coefficients_of(block, f64, {})]
     for p in (*block.state, *block.inputs):

@@ -249,9 +249,10 @@ def extended_state(device: DeviceData) -> Block:
     next step with the torque measured now.  Without a valid angle it predicts only: the rate of the
     torque decays, and the torque comes to rest.
 
-    The predicted angle has room beyond the port's range, which a valid sample never lets it use up:
-    at an end the estimate is what it is anywhere else.  Without samples it may reach the end of that
-    room, and rests there: the rate towards the end is dropped with the angle, and a flag says so.
+    The predicted angle has room beyond the port's range, which a valid sample never lets it use
+    up: at an end the estimate is what it is anywhere else.  Without samples it may reach the end of
+    that room, and rests there: the rate towards the end is dropped with the angle, and a flag says
+    so.
     """
     law = _ExtendedState(device)
     return Block.define(

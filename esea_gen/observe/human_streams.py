@@ -1,4 +1,4 @@
-"""What the extended-state observer is tried with: a joint in motion, at rest at its ends, unseen."""
+"""What the extended-state observer is tried with: a joint that moves, rests at its ends, unseen."""
 
 from __future__ import annotations
 

@@ -293,8 +293,9 @@ def compare_fixed(
     """Compare one Block on one stream.
 
     A Block that does not forget its errors is judged step by step, each from the state that the C
-    had; so is a rough stream that breaks what the bound for any number of steps assumes.  There a step whose decision rounding turned is counted, must be explained by the derived
-    error of what it compares, and is not held against the bound.
+    had; so is a rough stream that breaks what the bound for any number of steps assumes.  There a
+    step whose decision rounding turned is counted, must be explained by the derived error of what
+    it compares, and is not held against the bound.
     """
     block = plan.block
     runner.reset()

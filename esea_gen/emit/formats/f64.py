@@ -33,7 +33,7 @@ class F64(FloatingFormat):
         "#include <math.h>\n"
         "\n"
         "#define esea_fabs(x) fabs(x)\n"
-        "/* C leaves open which zero fmin(0, -0) is; a comparison does not, whatever the compiler. */\n"
+        "/* Which zero fmin(0, -0) is, C leaves open; a comparison does not. */\n"
         "static inline double esea_fmin(double x, double y) { return x < y ? x : y; }\n"
         "static inline double esea_fmax(double x, double y) { return x > y ? x : y; }\n",
     )
