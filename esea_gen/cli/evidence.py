@@ -68,7 +68,9 @@ def _bound_note(result: Any, block: str) -> str:
     (name, bound), *_ = sorted(result.bounds[block].items())
     percent = max((100 * e / scale[k] for k, e in bound.outputs.items()), default=0.0)
     if name == "identified domain":
-        return f"within the derived bound ({percent:.2g} % in the domain)"
+        rough = sum(c.beyond > 0 for c in result.comparisons if c.block == block)
+        more = f"; {rough} rough streams step by step" if rough else ""
+        return f"within the derived bound ({percent:.2g} % in the domain){more}"
     items = [c for c in result.comparisons if c.block == block and c.real == "f32"]
     apart = max((100 * d / scale[k] for c in items for k, d in c.drift.items() if k in scale))
     turned = sum(c.turned for c in items)

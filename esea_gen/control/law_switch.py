@@ -24,6 +24,11 @@ FLAGS = (
 )
 
 
+def _flags(reach: float) -> tuple[Flag, ...]:
+    text = "the joined command was clipped at the motor's limit"
+    return (*FLAGS, Flag("CLIPPED", text, True, ("u_command_Nm",), reach))
+
+
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
     r"""The command of the law that is asked for, joined to what was commanded before.
 
@@ -91,7 +96,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
             Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
             Port("law_held", 0, last, "place of the law in force"),
-            Port("status", 0, 7, "what is known of the choice", flags=FLAGS),
+            Port("status", 0, 15, "what is known of the choice", flags=_flags(reach)),
         ),
         equations=_equations(),
         step=_joining(laws, checked, reach),
@@ -120,7 +125,8 @@ def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepF
             ca.if_else(changed, s.u_last_Nm - command, c.keep * s.offset_Nm),
             "[law] joined at a change, fading after it",
         )
-        joined = label("u_joined_Nm", clip(command + offset, -reach, reach), "[law]")
+        wanted = command + offset
+        joined = label("u_joined_Nm", clip(wanted, -reach, reach), "[law]")
         return (
             {"law_held": held, "offset_Nm": clip(offset, -2 * reach, 2 * reach)}
             | {"u_last_Nm": joined},
@@ -129,7 +135,12 @@ def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepF
                 "request_ok": ca.logic_and(guard.inputs_ok, ok == 1),
                 "law_held": held,
                 "status": flag_word(
-                    [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), unknown]
+                    [
+                        ca.logic_not(guard.inputs_ok),
+                        ca.logic_not(guard.state_ok),
+                        unknown,
+                        ca.fabs(wanted) > reach,
+                    ]
                 ),
             },
         )

@@ -261,7 +261,7 @@ class _Reference:
             Flag(
                 "CLIPPED",
                 "the set torque was clipped at tau_range_Nm",
-                False,
+                True,
                 ("tau_set_Nm",),
                 self.full_scale,
             ),

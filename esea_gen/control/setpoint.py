@@ -66,7 +66,13 @@ def _set_flags(rate_lim: float, acc_lim: float) -> tuple[Flag, ...]:
     return (
         Flag("INPUT_INVALID", "the set-point was NaN or outside its range; it is held", True),
         Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-        Flag("RATE_CLIPPED", "the rate was clipped", True, ("delta_rate_rad_s",), rate_lim),
+        Flag(
+            "RATE_CLIPPED",
+            "the rate, or the memory of the set-point, was clipped",
+            True,
+            ("delta_rate_rad_s",),
+            rate_lim,
+        ),
         Flag(
             "ACCELERATION_CLIPPED",
             "the acceleration was clipped",
@@ -189,7 +195,9 @@ class _Observer:
                 [
                     ca.logic_not(ok),
                     ca.logic_not(guard.state_ok),
-                    ca.fabs(next_rate) > self.rate_lim,
+                    ca.logic_or(
+                        ca.fabs(next_rate) > self.rate_lim, ca.fabs(next_delta) > self.delta_room
+                    ),
                     ca.fabs(next_acc) > self.acc_lim,
                 ]
             ),

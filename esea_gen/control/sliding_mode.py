@@ -242,11 +242,12 @@ class _SlidingMode:
         raw, missing = self.bumpless(s, u, driven, entering, label)
         command = label("u_command_Nm", ca.if_else(on, clip(raw, -self.u_lim, self.u_lim), 0))
         rests = self.integral_rests(s, u, e, driven, raw, entering, label)
-        grown = clip(
-            integral + ca.if_else(rests, 0, c.integral_gain_1_s * e),
-            -self.integral_lim,
-            self.integral_lim,
+        grown = label(
+            "grown_rad_s", integral + ca.if_else(rests, 0, c.integral_gain_1_s * e), "the integral"
         )
+        full = ca.fabs(grown) > self.integral_lim
+        grown = clip(grown, -self.integral_lim, self.integral_lim)
+        beyond = ca.logic_or(ca.fabs(driven) > self.u_lim, ca.fabs(raw) > self.u_lim)
         next_state = {
             "active": on,
             "integral_rad_s": ca.if_else(on, grown, 0),
@@ -264,9 +265,9 @@ class _SlidingMode:
                 [
                     ca.logic_not(guard.inputs_ok),
                     ca.logic_not(guard.state_ok),
-                    ca.logic_and(on, ca.fabs(driven) > self.u_lim),
+                    ca.logic_and(on, beyond),
                     ca.logic_and(on, ca.fabs(reach) > 1),
-                    ca.logic_and(on, rests),
+                    ca.logic_and(on, ca.logic_or(rests, full)),
                     on,
                     entering,
                 ]
@@ -481,7 +482,11 @@ class _SlidingMode:
                 self.u_lim,
             ),
             Flag("LAYER_LEFT", "|s| is beyond the boundary layer", False, ("s_rad_s",), phi),
-            Flag("INTEGRAL_RESTS", "the command is held back; the integral does not grow"),
+            Flag(
+                "INTEGRAL_RESTS",
+                "the command is held back, or the integral is at its range: it does not grow",
+                True,
+            ),
             Flag("ACTIVE", "the controller acts"),
             Flag("ENTERED", "the controller took over in this step, from the applied command"),
         )

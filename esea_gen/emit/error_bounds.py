@@ -190,7 +190,7 @@ def block_bound(
     )
     if (solved is None or idle) and is_linear(once.kernel, len(block.coefficients)):
         solved, idle = linear_bound(block, once.state_errors(once(once.zero))), False
-        method, extra = "linear", (f"{block.name}: no clip of a state acts",)
+        method, extra = "linear", linear_assumptions(block)
     if solved is None or idle:
         raise RangeError(f"{block.name}: not stable, rounding errors may grow without limit")
     return once.bound(once(solved), solved, math.inf, method, *extra)
@@ -370,18 +370,22 @@ def is_linear(kernel: Kernel, coefficients: int) -> bool:
     return True
 
 
-def linear_bound(block: Block, local: Errors) -> Errors | None:
-    """Sum one step's own errors through the powers of a linear Block's state matrix.
-
-    return: bound for any number of steps; None when the matrix varies or is not stable.
-    """
-    state = block.step.sx_in()
+def state_jacobian(block: Block) -> ca.Function:
+    """How the next states change with the states: arguments of ``step``, one square matrix."""
+    arguments = block.step.sx_in()
     n_c = len(block.coefficients)
-    symbols = ca.veccat(*state[n_c : n_c + len(block.state)])
-    results = block.step.call(state)
-    jacobian = ca.Function(
-        "A", state, [ca.jacobian(ca.veccat(*results[: len(block.state)]), symbols)]
-    )
+    symbols = ca.veccat(*arguments[n_c : n_c + len(block.state)])
+    results = block.step.call(arguments)
+    after = ca.veccat(*results[: len(block.state)])
+    return ca.Function("A", arguments, [ca.densify(ca.jacobian(after, symbols))])
+
+
+def state_matrix(block: Block) -> Array | None:
+    """The one matrix by which a linear Block's states go on, at its default tunables.
+
+    return: without what only says that the Block has started; None when the matrix varies.
+    """
+    jacobian = state_jacobian(block)
     prepared = block.prepare.call([ca.DM(t.default) for t in block.tunables])
     # Once primed and inside all limits the matrix must be one and the same wherever it is taken.
     rng = np.random.default_rng(0)
@@ -403,10 +407,30 @@ def linear_bound(block: Block, local: Errors) -> Errors | None:
             return None
         a = found
     assert a is not None
-    flags = [k for k, p in enumerate(block.state) if p.name == "primed" for _ in range(p.size)]
+    flags = started_flags(block)
     a[flags, :] = 0.0
     a[:, flags] = 0.0
-    if np.max(np.abs(np.linalg.eigvals(a))) >= 1:
+    return a
+
+
+def started_flags(block: Block) -> list[int]:
+    """Rows of the states that only say that the Block has started."""
+    names = [p.name for p in block.state for _ in range(p.size)]
+    return [k for k, name in enumerate(names) if name == "primed"]
+
+
+def linear_assumptions(block: Block) -> tuple[str, ...]:
+    """What :func:`linear_bound` takes as given of every step."""
+    return f"{block.name}: no clip of a state acts", f"{block.name}: no invalid input is bridged"
+
+
+def linear_bound(block: Block, local: Errors) -> Errors | None:
+    """Sum one step's own errors through the powers of a linear Block's state matrix.
+
+    return: bound for any number of steps; None when the matrix varies or is not stable.
+    """
+    a = state_matrix(block)
+    if a is None or np.max(np.abs(np.linalg.eigvals(a))) >= 1:
         return None
     d = np.concatenate([np.asarray(e) for e in local])
     total, power = np.zeros_like(d), np.eye(len(d))

@@ -28,12 +28,15 @@ class Stream:
     injections: before the step, ``{state port: value}`` overwrites the state.
     coefficients: from the step on, ``{coefficient port: value}`` stands in the memory of the
         coefficients; those not named are as prepared from the default tunables.
+    rough: whether it may break what an error bound assumes: a clip of a state acts, an invalid
+        input is bridged.  Its steps are then judged one by one.
     """
 
     name: str
     inputs: dict[str, Array]
     injections: dict[int, dict[str, Array]] = field(default_factory=dict)
     coefficients: dict[int, dict[str, Array]] = field(default_factory=dict)
+    rough: bool = False
 
     @property
     def steps(self) -> int:

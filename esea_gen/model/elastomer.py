@@ -246,6 +246,7 @@ class _TorqueSensor:
 
         play, tau_h = self.hysteresis(r, w, s, theta, primed, label)
         tau_r = self.maxwell(p, symbols, s, u, dtheta, label) if self.rate_terms else ca.SX(0)
+        label("tau_r_raw_Nm", tau_r, "(3.3) before its limit")
         tau_r_next = label("tau_r_Nm", clip(tau_r, -self.tau_lim, self.tau_lim), "(3.3)")
         tau = label("tau_Nm", tau_s + tau_r_next + tau_h, "(3.1)")
 

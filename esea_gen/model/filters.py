@@ -32,7 +32,7 @@ def _status(omega_lim: float) -> tuple[Flag, ...]:
         Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
         Flag(
             "RATE_CLIPPED",
-            "the estimate was clipped at the rate's physical range",
+            "the estimate was clipped at the rate's physical range, or its memory at its own",
             True,
             ("omega_rad_s", "omega_mid_rad_s"),
             omega_lim,
@@ -138,14 +138,18 @@ class _TrackingObserver:
         )
         error = label("innovation_rad", u.theta_rad - predicted, "[1] innovation")
         mid = s.v_rad_s + 0.5 * self.h * s.a_rad_s2
-        v = s.v_rad_s + self.h * s.a_rad_s2 + c.beta_1_s * error
+        v = label("rate_raw_rad_s", s.v_rad_s + self.h * s.a_rad_s2 + c.beta_1_s * error, "[obs 1]")
+        theta_hat, a = predicted + c.alpha * error, s.a_rad_s2 + c.gamma_1_s2 * error
+        clipped = label(
+            "memory_clipped",
+            ca.logic_or(ca.fabs(theta_hat) > 2 * self.theta_lim, ca.fabs(a) > self.a_lim),
+            "deflection or acceleration is clipped for the next step",
+        )
         next_state = {
             "primed": ca.logic_or(s.primed, guard.inputs_ok),
-            "theta_hat_rad": clip(
-                predicted + c.alpha * error, -2 * self.theta_lim, 2 * self.theta_lim
-            ),
+            "theta_hat_rad": clip(theta_hat, -2 * self.theta_lim, 2 * self.theta_lim),
             "v_rad_s": clip(v, -self.v_lim, self.v_lim),
-            "a_rad_s2": clip(s.a_rad_s2 + c.gamma_1_s2 * error, -self.a_lim, self.a_lim),
+            "a_rad_s2": clip(a, -self.a_lim, self.a_lim),
         }
         limit = self.omega_lim
         outputs = {
@@ -155,7 +159,7 @@ class _TrackingObserver:
                 [
                     ca.logic_not(guard.inputs_ok),
                     ca.logic_not(guard.state_ok),
-                    ca.logic_or(ca.fabs(v) > limit, ca.fabs(mid) > limit),
+                    ca.logic_or(ca.logic_or(ca.fabs(v) > limit, ca.fabs(mid) > limit), clipped),
                 ]
             ),
         }

@@ -32,6 +32,7 @@ class Forward:
         names = {p.name for p in self.block.state}
         self.state = self.block.state
         self.omega_high = self.block.inputs[1].high
+        self.tau_r_high = next(p.high for p in self.block.state if p.name == "tau_r_Nm")
         self.has_rate = "x" in {n for n, _ in self.block.labels}
         if names != {"primed", "theta_prev_rad", "tau_r_Nm", "play_rad"}:
             raise ValueError(f"the sensor's state {sorted(names)} is not what its inverse knows")
@@ -41,6 +42,10 @@ class Forward:
         values = {f"s_{k}": v for k, v in state.items()}
         values |= {"u_theta_rad": theta, "u_omega_rad_s": omega}
         return call_named(self.block.labelled_step, values)
+
+    def clipped(self, end: Mapping[str, ca.SX]) -> ca.SX:
+        """Whether a step clipped the Maxwell element's torque."""
+        return ca.fabs(end["label_tau_r_raw_Nm"]) > self.tau_r_high
 
     def share(self, known: Mapping[str, ca.SX]) -> ca.SX:
         """(1 - exp(-x))/x of the Maxwell step, as the sensor has it: d tau_r / d theta over kv."""

@@ -80,7 +80,8 @@ def _exact_flags(device: DeviceData, theta_high: float, omega_high: float) -> tu
         ),
         Flag(
             "STEP_CLIPPED",
-            "the set-point jumps by more than its rate allows; the model's rate torque is clipped",
+            "the set-point jumps by more than its rate allows, or the memory of its rate or of the "
+            "model's rate torque is at its range; clipped",
             True,
             ("step_rad",),
             threshold(omega_high * device.period_s),
@@ -252,6 +253,10 @@ class _Exact:
         missed = ca.logic_and(
             ca.fabs(residual) > self.limit["NOT_CONVERGED"], ca.logic_not(clamped)
         )
+        clipped = self.rate_source.clipped(c, s, primed, theta, theta_last)
+        if self.forward.has_rate:
+            clipped = ca.logic_or(clipped, self.forward.clipped(end))
+        label("memory_clipped", clipped, "of the set-point's rate, or of the model's rate torque")
         status = flag_word(
             [
                 ca.logic_not(guard.inputs_ok),
@@ -260,7 +265,7 @@ class _Exact:
                 ca.fabs(omega) > self.limit["RATE_OUTSIDE"],
                 ca.fabs(u.tau_Nm) > self.tau_domain,
                 ca.logic_and(guard.inputs_ok, clamped),
-                ca.fabs(moved) > self.step_max,
+                ca.logic_or(ca.fabs(moved) > self.step_max, clipped),
                 ca.logic_and(guard.inputs_ok, missed),
             ]
         )

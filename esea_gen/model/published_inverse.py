@@ -156,7 +156,13 @@ def published_inverse(
         outputs=(
             around("theta_rad", inverse.theta_high, "deflection set-point", equation="(4.7)"),
             around("u_Nm", inverse.tau_lim, "request corrected by the observed disturbance"),
-            Port("status", 0, 15, "what is known of this set-point", flags=inverse.flags),
+            Port(
+                "status",
+                0,
+                (1 << len(inverse.flags)) - 1,
+                "what is known of this set-point",
+                flags=inverse.flags,
+            ),
         ),
         equations=_published_equations(bool(inverse.taps)),
         facts=facts,
@@ -211,6 +217,9 @@ class _Published:
                 self.theta_high,
             ),
         )
+        if self.taps:
+            text = "the set-point jumps by more than its rate allows; the model's memory is clipped"
+            self.flags = (*self.flags, Flag("STEP_CLIPPED", text, True))
 
     def step(
         self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
@@ -235,36 +244,31 @@ class _Published:
             total = total + p[j] * f
         label("unclamped_rad", total, "(4.7), as meant")
         theta = label("set_point_rad", clip(total, -self.theta_high, self.theta_high))
-        outputs = {
-            "theta_rad": theta,
-            "u_Nm": corrected,
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.fabs(u.tau_Nm) > threshold(self.file.domain.tau_full_scale_Nm.value),
-                    ca.logic_or(ca.fabs(wanted) > self.tau_high, ca.fabs(total) > self.theta_high),
-                ]
-            ),
-        }
+        bits = [
+            ca.logic_not(guard.inputs_ok),
+            ca.logic_not(guard.state_ok),
+            ca.fabs(u.tau_Nm) > threshold(self.file.domain.tau_full_scale_Nm.value),
+            ca.logic_or(ca.fabs(wanted) > self.tau_high, ca.fabs(total) > self.theta_high),
+        ]
         next_state: dict[str, Any] = {"inverse_play_rad": held}
         if self.taps:
             state = self.forward.of(s) | {"primed": ca.logic_and(s.primed, guard.state_ok)}
             last = self.forward.step(state, theta, 0)["label_theta_last_rad"]
-            omega = label(
-                "omega_rad_s",
-                clip((theta - last) / self.h, -self.omega_high, self.omega_high),
-                "rate of the step",
-            )
+            rate = (theta - last) / self.h
+            omega = clip(rate, -self.omega_high, self.omega_high)
+            label("omega_rad_s", omega, "rate of the step")
             model = self.forward.step(state, theta, omega)
             if self.forward.has_rate:
                 label("rate_share", self.forward.share(model), "(1 - exp(-x))/x, third order")
-            difference = clip(
-                model["label_tau_Nm"] - corrected, -2 * self.tau_high, 2 * self.tau_high
-            )
+            missed = model["label_tau_Nm"] - corrected
+            difference = clip(missed, -2 * self.tau_high, 2 * self.tau_high)
+            fast, far = ca.fabs(rate) > self.omega_high, ca.fabs(missed) > 2 * self.tau_high
+            clipped = ca.logic_or(ca.logic_or(fast, far), self.forward.clipped(model))
+            bits.append(clipped)
             line = [difference, *ca.vertsplit(s.difference_Nm)[: len(self.taps) - 1]]
             next_state |= {q.name: model[f"next_{q.name}"] for q in self.forward.state}
             next_state["difference_Nm"] = line
+        outputs = {"theta_rad": theta, "u_Nm": corrected, "status": flag_word(bits)}
         return next_state, outputs
 
     def known(

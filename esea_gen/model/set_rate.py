@@ -35,6 +35,12 @@ class RateSource:
     ) -> dict[str, ca.SX]:
         raise NotImplementedError
 
+    def clipped(
+        self, c: SimpleNamespace, s: SimpleNamespace, primed: ca.SX, theta: ca.SX, last: ca.SX
+    ) -> ca.SX:
+        """Whether what is kept for the next step is clipped at its range."""
+        raise NotImplementedError
+
 
 class _Extrapolated(RateSource):
     # The last difference belongs to the middle of the last step; on by one step, linearly.
@@ -55,6 +61,11 @@ class _Extrapolated(RateSource):
     ) -> dict[str, ca.SX]:
         w = ca.if_else(primed, clip((theta - last) / self.h, -self.limit, self.limit), 0)
         return {"w1_rad_s": w, "w2_rad_s": ca.if_else(primed, s.w1_rad_s, 0)}
+
+    def clipped(
+        self, c: SimpleNamespace, s: SimpleNamespace, primed: ca.SX, theta: ca.SX, last: ca.SX
+    ) -> ca.SX:
+        return ca.logic_and(primed, ca.fabs((theta - last) / self.h) > self.limit)
 
 
 class _Observer(RateSource):
@@ -77,7 +88,8 @@ class _Observer(RateSource):
     ) -> dict[str, ca.SX]:
         values = {f"c_{p.name}": getattr(c, p.name) for p in self.coefficients}
         values |= {f"s_{p.name}": getattr(s, p.name) for p in self.state}
-        return call_named(self.block.step, values | {"s_primed": primed, "u_theta_rad": theta})
+        values |= {"s_primed": primed, "u_theta_rad": theta}
+        return call_named(self.block.labelled_step, values)
 
     def predict(self, c: SimpleNamespace, s: SimpleNamespace, primed: ca.SX) -> ca.SX:
         return self._step(c, s, primed, 0)["y_omega_mid_rad_s"]
@@ -87,6 +99,14 @@ class _Observer(RateSource):
     ) -> dict[str, ca.SX]:
         results = self._step(c, s, primed, theta)
         return {p.name: results[f"next_{p.name}"] for p in self.state}
+
+    def clipped(
+        self, c: SimpleNamespace, s: SimpleNamespace, primed: ca.SX, theta: ca.SX, last: ca.SX
+    ) -> ca.SX:
+        results = self._step(c, s, primed, theta)
+        limit = next(p.high for p in self.state if p.name == "v_rad_s")
+        fast = ca.fabs(results["label_rate_raw_rad_s"]) > limit
+        return ca.logic_or(fast, results["label_memory_clipped"])
 
 
 def rate_source(device: DeviceData, rate: Rate, bandwidth_Hz: float) -> RateSource:

@@ -20,12 +20,14 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
+    f32_inside,
     flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import bandwidth_tunable, share_of
+from esea_gen.observe.human_streams import STREAMS
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -246,6 +248,11 @@ def extended_state(device: DeviceData) -> Block:
     Each step corrects the prediction by steady gains on the encoder's innovation, and predicts the
     next step with the torque measured now.  Without a valid angle it predicts only: the rate of the
     torque decays, and the torque comes to rest.
+
+    The predicted angle has room beyond the port's range, which a valid sample never lets it use
+    up: at an end the estimate is what it is anywhere else.  Without samples it may reach the end of
+    that room, and rests there: the rate towards the end is dropped with the angle, and a flag says
+    so.
     """
     law = _ExtendedState(device)
     return Block.define(
@@ -266,7 +273,10 @@ def extended_state(device: DeviceData) -> Block:
         inputs=law.inputs(),
         outputs=law.outputs(),
         equations=law.equations(),
+        # Between a prediction and a sample, both of which lie there: gain_theta is at most 1.
+        facts={"theta_load_est_rad": (law.theta_low, law.theta_high)},
         step=law.step,
+        streams=STREAMS,
     )
 
 
@@ -309,11 +319,16 @@ class _ExtendedState:
         }
         # What the largest torque could rise by within the shortest decay.
         self.rate_lim = threshold(2 * self.tau_h_lim / self.decay_low)
-        # A prediction may lie beyond what is given out, by a step of the fastest motion.
-        self.omega_room, self.tau_room = (
-            threshold(1.01 * self.omega_lim),
-            threshold(1.01 * self.tau_h_lim),
-        )
+        # Predictions lie beyond what is given out by at most a step of the fastest motion.
+        most = self.h * (self.tau_lim + self.tau_h_lim) / self.inertia
+        self.omega_room = threshold(1.001 * (self.omega_lim + most))
+        self.tau_room = threshold(1.001 * (self.tau_h_lim + self.h * self.rate_lim))
+        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        # A valid sample takes back the share gain_theta of what the angle lies beyond its range,
+        # and a step adds at most `moved`: what lies within `room` then stays there unclipped.
+        moved = self.h * (self.omega_lim + 0.5 * most)
+        room = min(1.01 * moved / max(self.gain["theta"], 1e-9), high - low)
+        self.theta_low, self.theta_high = f32_inside(low - room, high + room)
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         keep = ca.exp(-self.h / t.decay_s)
@@ -329,10 +344,8 @@ class _ExtendedState:
             ca.if_else(seen, u.theta_load_rad - predicted, 0),
             "encoder less prediction; 0 without a valid sample",
         )
-        theta = clip(
-            predicted + self.gain["theta"] * innovation,
-            self.drive.theta_low_rad,
-            self.drive.theta_high_rad,
+        theta = label(
+            "theta_load_est_rad", predicted + self.gain["theta"] * innovation, "corrected"
         )
         omega_raw = s.omega_rad_s + self.gain["omega"] * innovation
         tau_raw = s.tau_h_Nm + self.gain["tau"] * innovation
@@ -346,20 +359,19 @@ class _ExtendedState:
             "acceleration_rad_s2", (u.tau_Nm + tau_h) * (1 / self.inertia), "(5.3)"
         )
         start = ca.logic_or(s.primed, seen)
-        following = clip(
-            theta + self.h * (omega + 0.5 * self.h * acceleration),
-            self.drive.theta_low_rad,
-            self.drive.theta_high_rad,
+        following = label(
+            "theta_next_rad", theta + self.h * (omega + 0.5 * self.h * acceleration), "[eso 6]"
         )
+        above, below = following > self.theta_high, following < self.theta_low
+        # An angle that rests at an end has no rate towards that end.
+        omega_next = omega + self.h * acceleration
+        omega_next = ca.if_else(above, ca.fmin(omega_next, 0), omega_next)
+        omega_next = ca.if_else(below, ca.fmax(omega_next, 0), omega_next)
         next_state = {
             "primed": start,
-            "theta_rad": following,
-            "omega_rad_s": ca.if_else(
-                start, clip(omega + self.h * acceleration, -self.omega_room, self.omega_room), 0
-            ),
-            "tau_h_Nm": ca.if_else(
-                start, clip(tau_h + c.reach_s * rate, -self.tau_room, self.tau_room), 0
-            ),
+            "theta_rad": clip(following, self.theta_low, self.theta_high),
+            "omega_rad_s": ca.if_else(start, omega_next, 0),
+            "tau_h_Nm": ca.if_else(start, tau_h + c.reach_s * rate, 0),
             "rate_Nm_s": ca.if_else(start, c.keep * rate, 0),
             "tau_last_Nm": u.tau_Nm,
         }
@@ -375,6 +387,7 @@ class _ExtendedState:
                     ca.fabs(omega_raw) > self.omega_lim,
                     ca.fabs(tau_raw) > self.tau_h_lim,
                     ca.fabs(rate_raw) > self.rate_lim,
+                    ca.logic_or(above, below),
                 ]
             ),
         }
@@ -396,9 +409,7 @@ class _ExtendedState:
     def state(self) -> tuple[Port, ...]:
         return (
             Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port(
-                "theta_rad", self.drive.theta_low_rad, self.drive.theta_high_rad, "predicted angle"
-            ),
+            Port("theta_rad", self.theta_low, self.theta_high, "predicted angle"),
             around("omega_rad_s", self.omega_room, "predicted rate"),
             around("tau_h_Nm", self.tau_room, "predicted torque"),
             around("rate_Nm_s", self.rate_lim, "predicted rate of the torque"),
@@ -426,11 +437,11 @@ class _ExtendedState:
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             Port(
                 "theta_load_est_rad",
-                self.drive.theta_low_rad,
-                self.drive.theta_high_rad,
+                self.theta_low,
+                self.theta_high,
                 "load side's angle, corrected",
             ),
-            Port("status", 0, 31, "what is known of this estimate", flags=self.flags()),
+            Port("status", 0, 63, "what is known of this estimate", flags=self.flags()),
         )
 
     def equations(self) -> tuple[Equation, ...]:
@@ -471,5 +482,10 @@ class _ExtendedState:
                     ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
                     ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
                 )
+            ),
+            Flag(
+                "ANGLE_CLIPPED",
+                "the angle was predicted past its range, without a valid sample; it rests there",
+                True,
             ),
         )

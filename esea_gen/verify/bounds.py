@@ -18,6 +18,8 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.verdict import ONE_STEP
 
+PORT_RANGES = "port ranges"
+
 
 def full_scales(device: Device, block: Component) -> dict[str, float]:
     """What counts as 100 % for each output and state of a Block.
@@ -120,11 +122,11 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
         return {}
     out: dict[str, Bound] = {}
     for name, ranges in (
-        ("port ranges", {}),
+        (PORT_RANGES, {}),
         ("identified domain", operating_ranges(device, block)),
     ):
         if out and not ranges:  # nothing that the domain narrows
-            out[name] = out["port ranges"]
+            out[name] = out[PORT_RANGES]
             continue
         single = block_bound(block, FORMATS["f32"], ranges)
         double = block_bound(block, FORMATS["f64"], ranges)
@@ -142,13 +144,17 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
 def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], StepRule | None]:
     """How a Block's float32 is judged: a bound for any number of steps, or what one step adds.
 
-    return: bounds of :func:`derive_bounds` and None, or that of one step and its rule;
-        :class:`UserError` when not even one step has a finite bound.
+    return: bounds of :func:`derive_bounds`, with a rule too where they assume something that a
+        rough stream may break; or that of one step and its rule. :class:`UserError` when not even
+        one step has a finite bound.
     """
     try:
-        return derive_bounds(device, block), None
+        bounds = derive_bounds(device, block)
     except RangeError:
-        pass
+        bounds = None
+    if bounds is not None:
+        assumes = any(b.method == "linear" for b in bounds.values())
+        return bounds, StepRule(block) if assumes else None
     try:
         rule = StepRule(block)
     except RangeError as error:

@@ -13,7 +13,14 @@ from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream
-from esea_gen.verify.bounds import forward_residual, full_scales, operating_ranges, residual_flag
+from esea_gen.verify.assumed import broken, steps_beyond
+from esea_gen.verify.bounds import (
+    PORT_RANGES,
+    forward_residual,
+    full_scales,
+    operating_ranges,
+    residual_flag,
+)
 from esea_gen.verify.one_step import StepRule, drift
 from esea_gen.verify.runs import CasadiOracle, Run, run_c, run_symbolic
 from esea_gen.verify.streams import inside
@@ -39,13 +46,21 @@ def compare(
 
     bounds: for f32, from :func:`esea_gen.verify.bounds.bounds_or_rule`.
     oracle: for f64, CasADi's own C.
-    rule: for f32, compare one step at a time, from the same memory, instead of by ``bounds``.
+    rule: for f32, compare one step at a time, from the same memory: where ``bounds`` hold for no
+        more than that, or a rough stream breaks what they assume.
     expected: what :func:`run_symbolic` gives, where it is known already.
     """
     wanted = expected or run_symbolic(block, stream)
     got = run_c(library.block(block.name), stream)
+    lasting, beyond = bounds.get(PORT_RANGES), 0
+    if library.real == "f32" and lasting is not None:
+        beyond = steps_beyond(block, lasting, stream, wanted[1])
+        rule = (rule or StepRule(block)) if beyond else None
     kind, limits = _limits(device, block, library.real, stream, bounds, rule, wanted[1])
     result = Comparison(block.name, stream.name, library.real, stream.steps, {}, limits, rule=kind)
+    result.beyond = beyond
+    if beyond and lasting is not None and not stream.rough:
+        result.problems.append(broken(lasting, beyond))
     if kind == ONE_STEP and rule is not None:
         _compare_steps(rule, stream, wanted, got, result)
     else:
@@ -90,7 +105,7 @@ def _limits(
             if k.startswith("s_")
         )
     )
-    bound = bounds["identified domain" if within else "port ranges"]
+    bound = bounds["identified domain" if within else PORT_RANGES]
     return LASTING, bound.states | bound.outputs
 
 

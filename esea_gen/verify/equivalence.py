@@ -13,6 +13,9 @@ it must stay within a derived bound.  Three rules, in this order:
 ``any number of steps``
     The derived bound of a Block that forgets its errors
     (:func:`~esea_gen.verify.bounds.derive_bounds`).
+    That of a linear Block assumes that no clip of a state acts and no invalid input is bridged.
+    Every run is held against that (:mod:`esea_gen.verify.assumed`): one that breaks it fails,
+    unless its stream is declared rough; its steps are then judged by the next rule.
 ``one step, from the same memory``
     For a Block that does not forget them: what each step adds is held to the bound of one step
     (:mod:`esea_gen.verify.one_step`).  How far C and symbolic Block come apart in a free run is
@@ -31,6 +34,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
+from esea_gen.verify.assumed import UNTRIED
 from esea_gen.verify.bounds import bounds_or_rule, full_scales
 from esea_gen.verify.compare import compare
 from esea_gen.verify.program import compare_program, program_streams
@@ -143,6 +147,7 @@ def verify(
                 if derived:
                     bounds[block.name] = derived
             held = bounds.get(block.name, {})
+            first = len(comparisons)
             for k, stream in enumerate(tried[block.name]):
                 say(f"{block.name}, {real}: {stream.name}")
                 if (block.name, k) not in known:
@@ -151,6 +156,8 @@ def verify(
                 comparisons.append(
                     compare(device, block, library, stream, held, oracle, rule, expected)
                 )
+            if all(c.beyond for c in comparisons[first:]):
+                comparisons[first].problems.append(UNTRIED)
     scales = {b.name: full_scales(device, b) for b in chosen}
     smallest: dict[str, float] = {}
     for own in scales.values():

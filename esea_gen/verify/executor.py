@@ -105,7 +105,9 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         if fmt.needs_libm:
             return np.asarray(getattr(np, op)(numbers[0]))
         return _call(op, numbers[0])
-    libm = fmt.needs_libm  # C's fmin and fmax; f32 has its own
+    second = (
+        fmt.needs_libm
+    )  # of two equal zeros f64 takes the second, as CasADi does; f32 the first
     rules: dict[str, Callable[..., Array]] = {
         "add": lambda x, y: x + y,
         "sub": lambda x, y: x - y,
@@ -121,8 +123,8 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         "le": lambda x, y: x <= y,
         "eq": lambda x, y: x == y,
         "ne": lambda x, y: x != y,
-        "fmin": lambda x, y: np.fmin(x, y) if libm else _choose(y < x, y, x),
-        "fmax": lambda x, y: np.fmax(x, y) if libm else _choose(y > x, y, x),
+        "fmin": lambda x, y: _choose(x < y, x, y) if second else _choose(y < x, y, x),
+        "fmax": lambda x, y: _choose(x > y, x, y) if second else _choose(y > x, y, x),
     }
     return rules[op](*numbers)
 

@@ -13,7 +13,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.emit.error_bounds import BEYOND, Bound
 from esea_gen.emit.fixed import expression as ex
-from esea_gen.emit.fixed.errors import Propagation, any_bound
+from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import (
     BlockPlan,
@@ -30,6 +30,7 @@ from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
+from esea_gen.verify.assumed import broken, steps_beyond
 from esea_gen.verify.bounds import full_scales
 from esea_gen.verify.compare import unexplained
 from esea_gen.verify.executor import counter_fields, evaluate, expected_counters
@@ -267,6 +268,8 @@ class FixedComparison:
     problems: bits that differ from the executor's, errors above their bound, unexplained status
         bits, broken stop and restore.
     turned: steps in which rounding turned a decision, where the steps are judged one by one.
+    beyond: steps that break what the bound for any number of steps assumes; where a rough stream
+        holds some, all its steps are judged one by one.
     """
 
     block: str
@@ -276,6 +279,7 @@ class FixedComparison:
     limits: dict[str, float]
     problems: list[str] = field(default_factory=list)
     turned: int = 0
+    beyond: int = 0
 
     @property
     def passed(self) -> bool:
@@ -289,20 +293,28 @@ def compare_fixed(
     """Compare one Block on one stream.
 
     A Block that does not forget its errors is judged step by step, each from the state that the C
-    had.  There a step whose decision rounding turned is counted, must be explained by the derived
-    error of what it compares, and is not held against the bound.
+    had; so is a rough stream that breaks what the bound for any number of steps assumes.  There a
+    step whose decision rounding turned is counted, must be explained by the derived error of what
+    it compares, and is not held against the bound.
     """
     block = plan.block
     runner.reset()
     difference, raw_y, raw_s = first_difference(plan, runner, stream)
     counted: Raw = np.ones(stream.steps, dtype=bool)
-    limits = bound.states | bound.outputs
+    beyond, claimed = 0, bound
     if math.isinf(bound.steps):
-        expected_y, expected_s = run_symbolic(block, seen_stream(plan, stream))
-    else:
+        seen = seen_stream(plan, stream)
+        expected_y, expected_s = run_symbolic(block, seen)
+        beyond = steps_beyond(block, bound, seen, expected_s)
+        if beyond:
+            bound = step_bound(plan)
+    limits = bound.states | bound.outputs
+    if not math.isinf(bound.steps):
         steps = single_steps(plan, stream, states_before(plan, stream, raw_s))
         expected_y, expected_s, counted = steps.outputs, steps.states, ~steps.turned
-    result = FixedComparison(block.name, stream.name, stream.steps, {}, limits)
+    result = FixedComparison(block.name, stream.name, stream.steps, {}, limits, beyond=beyond)
+    if beyond and not stream.rough:
+        result.problems.append(broken(claimed, beyond))
     if difference:
         result.problems.append(difference)
     if not math.isinf(bound.steps):

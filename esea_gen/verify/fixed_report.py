@@ -19,6 +19,7 @@ import numpy.typing as npt
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.verify.assumed import UNTRIED
 from esea_gen.verify.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
 from esea_gen.verify.fixed import bounds_of, compare_fixed
 from esea_gen.verify.proof import EvaResult, prove_block
@@ -195,11 +196,15 @@ def _compare_blocks(
         full = {p.name: max(abs(p.low), abs(p.high)) for p in block.outputs if not p.flags}
         proven = max((bound.outputs[n] / f for n, f in full.items()), default=0.0)
         measured, turned, problems = 0.0, 0, []
+        kept = False
         for stream in streams(block, steps=STREAM_STEPS):
             found = compare_fixed(device, plan, runner, stream, bound)
             problems += [f"{stream.name}: {p}" for p in found.problems]
             turned += found.turned
+            kept |= not found.beyond
             measured = max([measured, *(found.errors[n] / f for n, f in full.items())])
+        if not kept:
+            problems.append(UNTRIED)
         out.append(
             BlockResult(
                 block.name,

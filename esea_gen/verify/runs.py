@@ -19,9 +19,8 @@ from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 
-# C leaves open which zero fmin(0, -0) is, and a compiler that swaps the operands changes it.  Where
-# single bits are compared at such a tie, both sides call the library's function as written.
-AS_WRITTEN = ("-fno-builtin-fmin", "-fno-builtin-fmax")
+# CasADi's own minimum and maximum of before C99, in place of libm's: bits are compared.
+TIES = "casadi_ties.h"
 
 Run = tuple[dict[str, Array], dict[str, Array]]  # outputs and states, per port
 
@@ -32,9 +31,9 @@ class CasadiOracle:
     def __init__(self, system: System) -> None:
         self.stem = f"esea_{system.name}_casadi"
         files = {n.removeprefix("reference/"): t for n, t in casadi_c(system).items()}
-        loop = template_folder() / "verify" / "casadi_loop.c"
-        files[loop.name] = loop.read_text(encoding="utf-8")
-        path = compile_sources(files, AS_WRITTEN, ("-lm",))
+        for name in ("casadi_loop.c", TIES):
+            files[name] = (template_folder() / "verify" / name).read_text(encoding="utf-8")
+        path = compile_sources(files, ("-include", TIES), ("-lm",))
         self.ffi = cffi.FFI()
         names = [f"{self.stem}_{b.name}_step" for b in system.kinds if b.kind == "block"]
         self.ffi.cdef(

@@ -9,6 +9,7 @@ cannot bring about, such as a latch that opens, a Block brings along
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -118,6 +119,8 @@ def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
     ]
     if injections:
         found.append(Stream("corrupt states", walk, injections))
+    # Each input moves without regard to the others and to what a joint can do.
+    found = [replace(s, rough=True) for s in found]
     return [*found, *block.streams.events(block, np.random.default_rng(seed))]
 
 

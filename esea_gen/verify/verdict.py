@@ -49,6 +49,9 @@ class Comparison:
     turned : int
         Rule "one step": steps in which rounding turned a decision, within the derived errors of its
         operands.
+    beyond : int
+        Steps that break what a bound for any number of steps assumes.  A rough stream may hold
+        some: it is then judged by the rule "one step".
     """
 
     block: str
@@ -64,6 +67,7 @@ class Comparison:
     rule: str = EXACT
     drift: dict[str, float] = field(default_factory=dict)
     turned: int = 0
+    beyond: int = 0
 
     @property
     def passed(self) -> bool:
@@ -150,6 +154,7 @@ class Verification:
                     "residual_limit_Nm": None if c.residual is None else c.residual[1],
                     "drift_not_bounded": c.drift,
                     "steps_with_a_turned_decision": c.turned,
+                    "steps_beyond_the_bounds_assumptions": c.beyond,
                 }
                 for c in self.comparisons
             ],

@@ -16,6 +16,7 @@ from esea_gen.emit.error_bounds import (
     fixed_point,
     is_linear,
     limits_of,
+    linear_assumptions,
     linear_bound,
     pieces,
 )
@@ -214,7 +215,7 @@ def block_bound(
     )
     if (solved is None or idle) and is_linear(plan.step.kernel, len(block.coefficients)):
         solved, idle = linear_bound(block, step.state_errors(step.once(step.zero))), False
-        method, extra = "linear", (f"{block.name}: no clip of a state acts",)
+        method, extra = "linear", linear_assumptions(block)
     if solved is None or idle:
         raise RangeError(f"{block.name}: not stable, rounding errors may grow without limit")
     final = step.once(solved)

@@ -33,8 +33,9 @@ class F64(FloatingFormat):
         "#include <math.h>\n"
         "\n"
         "#define esea_fabs(x) fabs(x)\n"
-        "#define esea_fmin(x, y) fmin((x), (y))\n"
-        "#define esea_fmax(x, y) fmax((x), (y))\n",
+        "/* Which zero fmin(0, -0) is, C leaves open; a comparison does not. */\n"
+        "static inline double esea_fmin(double x, double y) { return x < y ? x : y; }\n"
+        "static inline double esea_fmax(double x, double y) { return x > y ? x : y; }\n",
     )
 
     def passes(self, kernel: Kernel) -> Kernel:

@@ -46,7 +46,7 @@ from esea_gen.verify.mutation.mutants import Mutant
 from esea_gen.verify.mutation.tasks import task_signature
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.program import compare_program, program_streams
-from esea_gen.verify.runs import AS_WRITTEN, CasadiOracle, run_c, run_executor, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, run_c, run_executor, run_symbolic
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 
 # Fast to compile; without optimisation float arithmetic has the same bits.
@@ -78,7 +78,7 @@ class Bench:
         self.device, self.folder, self.fmt, self.loose = device, folder, FORMATS[real], loose
         self.gcc = find_compiler("gcc", "gcc libc6-dev")
         self.renderer = Renderer(device.system, self.fmt, "-", "-", device.title)
-        self.library = HostLibrary(device.system, self.renderer, AS_WRITTEN)
+        self.library = HostLibrary(device.system, self.renderer)
         self.library.ffi.cdef("void esea_choose_mutant(int which);", override=True)
         texts = {n: t for n, t in self.library.files.items() if "/" not in n and n != "main.c"}
         texts["driver.c"] = self.renderer.render("hostlib/driver.c.j2")
