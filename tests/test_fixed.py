@@ -334,7 +334,7 @@ def test_range_report_shows_every_value_and_why_it_is_wide(elbow):
         assert f"`{r.name}`" in text
         assert 0 <= r.headroom_bits < r.bits
         assert (r.bits == 64) == bool(r.why)
-    assert rows["theta_q0_31"].high == pytest.approx(elbow.file.limits.theta_rad.value)
+    assert rows["theta_rad"].high == pytest.approx(elbow.file.limits.theta_rad.value)
     assert "tau_Nm" in text
     assert len(largest_contributions(plan, 5)) == 5
     figure, axes = pyplot.subplots()

@@ -44,14 +44,14 @@ class Q31(Format):
         "   64-bit products and shifts.",
         "",
         " NUMBERS",
-        "   A field theta_q0_31 holds a number of units of 2^-31: 0 integer and 31 fraction bits "
-        "(Qm.n).",
-        "   Its comment gives the raw range, the value of one unit and what happens outside.  "
-        "Rounding is",
-        "   to the nearest unit.  No operation can overflow, whatever bit pattern an input or a "
-        "state has.",
+        "   A field is a whole number of units of 2^-n.  Its name does not tell n, which goes with",
+        "   the range: the macro ..._<FIELD>_FRACTION behind its struct does.  Its comment has the",
+        "   raw range, the value of one unit and what happens outside (Qm.n: m integer and n",
+        "   fraction bits).  Rounding is to the nearest unit.  No operation can overflow, whatever",
+        "   bit pattern an input or a state has.",
         "   ESEA_Q31_FROM(x, n) and ESEA_Q31_TO(raw, n) of esea_q31.h convert, for hosts with "
-        "double.",
+        "double;",
+        "   esea_q31_from_float and esea_q31_to_float of esea_q31_units.h in single precision.",
     )
     printf = ("%14ld", "long")
 
@@ -77,7 +77,7 @@ class Q31(Format):
         )
 
     def naming(self, system: System) -> FixedNaming:
-        """Names that end in the field's format."""
+        """The ports' names, and macros of the fields' formats."""
         return FixedNaming(system)
 
     def sources(self) -> tuple[Path, ...]:
