@@ -179,14 +179,13 @@ def _rest(port: Port) -> float:
 
 def triangle_example(system: System) -> Triangle:
     """A triangle on the first input that has room for one, and the first output that it moves."""
-    task = system.tasks[0]
-    inputs = [x for x in system.task_inputs(task) if x.port.size == 1]
+    inputs = [x for x in system.inputs if x.port.size == 1]
     source = next((x for x in inputs if _lattice(x.port)[1] >= LEAST_PEAK), None)
     if source is None:
         raise _nothing(
             system,
-            f"no input of task {task.name} has a range that a triangle fits into",
-            "Give the task an input of one number whose range holds more than one value.",
+            "no input has a range that a triangle fits into",
+            "Make an input of one number external whose range holds more than one value.",
         )
     start, peak, lattice = _lattice(source.port)
 
@@ -202,12 +201,12 @@ def triangle_example(system: System) -> Triangle:
         out = run.tick({source.name: (start + triangle(k, peak)) * lattice})
         if k % (steps // SAMPLES) == steps // (2 * SAMPLES):
             seen.append((k, out))
-    results = [x for x in system.task_outputs(task) if x.port.size == 1 and not x.port.flags]
+    results = [x for x in system.outputs if x.port.size == 1 and not x.port.flags]
     moving = [x for x in results if len({out[x.name] for _, out in seen}) > 1]
     if not moving:
         raise _nothing(
             system,
-            f"{source.name} moves no output of task {task.name}",
+            f"{source.name} moves no output",
             "Make an output of one number external that answers to it.",
         )
     (result, *_) = moving
@@ -256,6 +255,7 @@ class _Run:
 # -- a drive ---------------------------------------------------------------------------------------
 
 SETTLE_TICKS = 20  # encoders and rates have settled
+ARMED_TICKS = 5  # between the release of the latch and torque mode
 MOVE_TICKS = 90  # of the deflection: to one side, to the other
 REST_TICKS = 10  # at the end: held, with no torque wanted
 LOAD_RATE_RAD_S = 0.2
@@ -343,10 +343,10 @@ class _Recording:
         self.reach = deflection_rad
         every = max(t.every for t in system.tasks)
         self.wait = 3 * every
-        self.arm = max(SETTLE_TICKS, 2 * self.wait)
-        self.start = self.arm + every
+        self.arm = max(SETTLE_TICKS, 2 * every)
+        self.start = self.arm + ARMED_TICKS
         self.end = self.start + MOVE_TICKS
-        self.ticks = self.end + max(REST_TICKS, self.wait)
+        self.ticks = self.end + max(REST_TICKS, every + 1)
         unset = {
             i: {"zeroed": 1.0} for i, t in system.tunables if (t.name, t.default) == ("zeroed", 0.0)
         }

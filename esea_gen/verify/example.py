@@ -35,14 +35,15 @@ class ExampleRun:
     said: str
 
 
-def run_example(files: Mapping[str, str], real: str) -> ExampleRun:
+def run_example(files: Mapping[str, str], real: str, optimise: str = "-O2") -> ExampleRun:
     """Compile an output folder's C into its example program, and run it.
 
     files: the folder's files by name; tests put a fault into one.
+    optimise: compiler flag; the bits are the same with any.
     """
     fmt = FORMATS[real]
     gcc = find_compiler(*HOST_GCC.gcc)
-    flags = ["-std=c99", "-O2", *fmt.compiler_flags.split()]
+    flags = ["-std=c99", optimise, *fmt.compiler_flags.split()]
     with tempfile.TemporaryDirectory(prefix="esea-example-") as scratch:
         folder = Path(scratch)
         here = {n: t for n, t in files.items() if "/" not in n}
