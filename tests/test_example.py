@@ -12,6 +12,8 @@ import esea_gen
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.example import example
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.language.block import Block
@@ -170,7 +172,7 @@ FAULTS = {
         r"\1" + REMEMBERS,
         "promises",
     ),
-    "a millinewtonmetre": (
+    "one percent of the command": (
         "esea_elbow_drive.c",
         r"(out->u_Nm = )([^;]+);",
         r"\1(\2) + (\2) / 100;",
@@ -245,20 +247,20 @@ def test_the_gates_refuse_an_example_that_compares_nothing(elbow):
     )
 
 
-def one_block(low: float, high: float, moves: bool = True) -> System:
+def one_block(low: float, high: float, moves: bool = True, size: int = 1) -> System:
     """A System of one Block: y = x, or y that stays."""
 
-    def step(_c, _s, u, _guard, _label):
-        y = u.x_Nm if moves else ca.SX(0.5 * (low + high))
-        return {}, {"y_Nm": y, "status": flag_word([ca.SX(0)])}
+    def step(_c, _s, u, guard, _label):
+        y = u.x_Nm[0] if moves else ca.SX(0.5 * (low + high))
+        return {}, {"y_Nm": y, "status": flag_word([ca.logic_not(guard.inputs_ok)])}
 
-    flags = (Flag("NEVER", "does not happen"),)
+    flags = (Flag("INPUT_INVALID", "the input was outside its range"),)
     block = Block.define(
         "echo",
         "Gives back what it is given",
         period_s=0.001,
         state=(),
-        inputs=(Port("x_Nm", low, high, "in", on_invalid=low),),
+        inputs=(Port("x_Nm", low, high, "in", size, on_invalid=low),),
         outputs=(
             Port("y_Nm", low, high, "out"),
             Port("status", 0, 1, "what is known", flags=flags),
@@ -270,7 +272,10 @@ def one_block(low: float, high: float, moves: bool = True) -> System:
     return System("small", 0.001, {"echo": block}, tasks, {}, {"x_Nm": ("echo.x_Nm",)}, outputs)
 
 
-@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (0.0, 4095.0), (-1e-3, 1e-3), (-2.0, 900.0)])
+RANGES = ((0, 1), (0, 4095), (-1e-3, 1e-3), (-2, 900), (-5, 0), (3, 4), (0, 50))
+
+
+@pytest.mark.parametrize(("low", "high"), RANGES)
 def test_any_range_that_holds_more_than_a_value_gets_its_triangle(low, high):
     made = example(one_block(low, high))
     assert len(made.samples) == 12
@@ -280,9 +285,17 @@ def test_any_range_that_holds_more_than_a_value_gets_its_triangle(low, high):
     assert math.frexp(made.lattice)[0] == 0.5  # a power of two
 
 
+@pytest.mark.parametrize("real", REALS)
+def test_a_triangle_that_does_not_start_at_zero_runs(real):
+    require_tool("gcc")
+    renderer = Renderer(one_block(3.0, 4.0), FORMATS[real], "-", "-", "Small")
+    run = run_example(renderer.folder(), real, QUICK)
+    assert (run.problems, run.checked) == ((), 12), run.said
+
+
 def test_a_system_that_cannot_be_tried_is_refused():
-    with pytest.raises(UserError, match=r"small: .* compare nothing: no input has a range"):
-        example(one_block(0.5, 0.5))
+    with pytest.raises(UserError, match=r"small: .* compare nothing: it has no external input"):
+        example(one_block(0.0, 1.0, size=2))
     with pytest.raises(UserError, match=r"small: .* compare nothing: x_Nm moves no output"):
         example(one_block(0.0, 1.0, moves=False))
 
@@ -296,9 +309,6 @@ def test_a_drive_whose_latch_cannot_be_opened_is_refused(drive):
 
 def test_only_the_folder_has_the_example(drive):
     """What is compiled into a library has no main."""
-    from esea_gen.emit.formats import FORMATS
-    from esea_gen.emit.render import Renderer
-
     renderer = Renderer(drive.system, FORMATS["f32"], "-", "-", "-")
     assert renderer.folder().keys() - renderer.files().keys() == {"main.c"}
     assert compile_sources(renderer.files(), (), ()).exists()

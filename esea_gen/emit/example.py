@@ -23,7 +23,7 @@ from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System, Task
 
 SAMPLES = 12  # of a triangle
-LEAST_PEAK = SAMPLES  # lattice steps: below, samples of the triangle would coincide
+LEAST_PEAK = SAMPLES  # lattice steps, for a count: below, samples of the triangle would coincide
 MOST_PEAK = 255
 DIGITS = 6  # behind the point
 
@@ -159,15 +159,14 @@ def _nothing(system: System, why: str, fix: str) -> UserError:
 
 
 def _lattice(port: Port) -> tuple[int, int, float]:
-    # Start, peak and lattice.  The lattice is a power of two, so that every number is exact; a
-    # count moves in steps of one round a quarter of its range, everything else round zero.
-    count = port.low >= 0
-    middle = port.low + 0.25 * (port.high - port.low) if count else 0.0
+    # Start, peak and lattice.  The lattice is a power of two, so that every number is exact.  The
+    # triangle goes round zero or, where that is no place inside the range, round a quarter of it;
+    # a count moves in steps of one.
+    inside = port.low < 0 < port.high
+    middle = 0.0 if inside else port.low + 0.25 * (port.high - port.low)
     reach = 0.5 * min(port.high - middle, middle - port.low)
-    if not 0 < reach < math.inf:
-        return 0, 0, 1.0
     shift = 8 - math.frexp(reach)[1]
-    if count and reach >= LEAST_PEAK + 1:
+    if not inside and reach >= LEAST_PEAK + 1:
         shift = max(shift, 0)
     start = round(middle * 2.0**shift)
     return start, min(int(reach * 2.0**shift), MOST_PEAK), 2.0**-shift
@@ -178,14 +177,13 @@ def _rest(port: Port) -> float:
 
 
 def triangle_example(system: System) -> Triangle:
-    """A triangle on the first input that has room for one, and the first output that it moves."""
-    inputs = [x for x in system.inputs if x.port.size == 1]
-    source = next((x for x in inputs if _lattice(x.port)[1] >= LEAST_PEAK), None)
+    """A triangle on the first input, and the first output that it moves."""
+    source = next((x for x in system.inputs if x.port.size == 1), None)
     if source is None:
         raise _nothing(
             system,
-            "no input has a range that a triangle fits into",
-            "Make an input of one number external whose range holds more than one value.",
+            "it has no external input of one number",
+            "Make one external.",
         )
     start, peak, lattice = _lattice(source.port)
 
