@@ -259,7 +259,7 @@ REST_TICKS = 10  # at the end: held, with no torque wanted
 LOAD_RATE_RAD_S = 0.2
 SHARES = (0.1, 0.04, 0.015)  # of the largest deflection: how far it moves, tried in this order
 LEAST_COUNTS = 3
-COMMAND_SHARE = 1e-3  # largest seen: 2.3e-5 of the range in f32, 1.7e-4 in q31
+COMMAND_SHARE = 1e-3  # largest seen: 2.7e-4 of the range in f32, 1.7e-4 in q31
 WANTED_SHARE = 0.9  # of the torque that is there: near enough for a command within its limits
 WANTED_LATTICE_NM = 2.0**-8
 
