@@ -72,8 +72,8 @@ def test_the_torque_is_the_double_precision_one(elbow, run):
 @pytest.mark.parametrize(
     ("name", "find", "put"),
     [
-        ("esea_elbow.c", r"(out->tau_q5_26 = )", r"\g<1>1 + "),
-        ("esea_elbow_units.h", r"(theta_rad, )31", r"\g<1>30"),
+        ("esea_elbow.c", r"(out->tau_Nm = )", r"\g<1>1 + "),
+        ("esea_elbow_units.h", r"(theta_rad, )ESEA_ELBOW_SENSE_IN_THETA_RAD_FRACTION", r"\g<1>30"),
     ],
     ids=["one unit off", "wrong format of an input"],
 )

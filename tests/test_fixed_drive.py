@@ -284,9 +284,9 @@ def test_ranges_names_what_cannot_be_lowered_and_draws(tmp_path):
     rows = {r["name"]: r for r in found["velocity"]["values"]}
     # 0.35 rad in units of 2^-31 rad, inwards.
     limit = math.floor(float(np.float32(0.35)) * 2**31)
-    assert rows["theta_q0_31"]["raw"][1] in (limit, math.floor(0.35 * 2**31))
-    assert rows["theta_q0_31"]["unit"] == "rad"
-    assert "theta_q0_31" in done.output
+    assert rows["theta_rad"]["raw"][1] in (limit, math.floor(0.35 * 2**31))
+    assert rows["theta_rad"]["unit"] == "rad"
+    assert "theta_rad" in done.output
     assert found["sensor"]["proven_error"]["percent_of_range"]["tau_Nm"] < 0.05
     assert figure.read_bytes().startswith(b"\x89PNG")
 

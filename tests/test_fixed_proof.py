@@ -120,9 +120,9 @@ def test_a_coefficient_outside_its_promise_is_found():
     def fault(name, text):
         if name != "esea_elbow_velocity.c":
             return text
-        at = text.index("coeffs->alpha_q0_31 = ")
+        at = text.index("coeffs->alpha = ")
         end = text.index(";", at)
-        wrong = "coeffs->alpha_q0_31 = params->bandwidth_q7_24"
+        wrong = "coeffs->alpha = params->bandwidth_Hz"
         return text[:at] + wrong + text[end:]
 
     found = prove_block(device, device.velocity, fault)

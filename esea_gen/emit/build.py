@@ -147,7 +147,7 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
         command = f"{build_command(device)} --real {real}"
         try:
             digest = format_hash(device, real)
-            files = Renderer(device.system, FORMATS[real], digest, command, device.title).files()
+            files = Renderer(device.system, FORMATS[real], digest, command, device.title).folder()
         except UnsupportedOperationError as error:
             others = " or ".join(f"--real {name}" for name in DEFAULT_FORMATS if name != real)
             raise UserError(f"{device.origin}: {error}", f"Try {others}.") from None

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
-from esea_gen.language.system import External, Latch, Signal, System
+from esea_gen.language.system import External, Latch, Signal, System, Task
 
 
 class Naming:
@@ -80,6 +80,22 @@ class Naming:
     def external_fraction(self, external: External) -> int | None:
         """Fraction bits of an external value's field; None where it is in units."""
         return None
+
+    def block_scales(self, block: Block, group: str) -> tuple[str, ...]:
+        """C macros of the fraction bits of a Block's struct, a line each; none in units."""
+        return ()
+
+    def task_scales(self, task: Task, group: str) -> tuple[str, ...]:
+        """C macros of the fraction bits of a task's struct ``in`` or ``out``; none in units."""
+        return ()
+
+    def latch_scales(self) -> tuple[str, ...]:
+        """C macros of the fraction bits of the latches; none in units."""
+        return ()
+
+    def external_scale(self, external: External) -> str:
+        """C expression of the fraction bits of an external value's field; empty in units."""
+        return ""
 
     def from_units(self, external: External, text: str) -> str:
         """C expression of a double in the external value's unit as a number of its field."""

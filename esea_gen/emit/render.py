@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ from typing import Any
 import casadi as ca
 import jinja2
 
+from esea_gen.emit.example import example, tolerance
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.printed import EmittedBlock, comment
 from esea_gen.emit.program_c import EmittedProgram, emit_program
@@ -107,7 +106,7 @@ def content_hash(
         put(path.read_text(encoding="utf-8"))
     for fmt in formats:
         # A file carries the hash, so it is taken as it is without one.
-        for name, text in sorted(Renderer(system, fmt, "", "", title).files().items()):
+        for name, text in sorted(Renderer(system, fmt, "", "", title).folder().items()):
             put(name)
             put(text)
     return h.hexdigest()[:16]
@@ -122,76 +121,6 @@ def versions() -> dict[str, str]:
         "casadi": ca.CasadiMeta.version(),
         "jinja2": jinja2.__version__,
     }
-
-
-@dataclass(frozen=True)
-class ExampleSample:
-    """A sample of the example program: step, deflection in lattice counts, expected torque."""
-
-    step: int
-    expected: float
-
-
-def example_stream(system: System) -> dict[str, Any]:
-    """The example program's input and what it must give, from the symbolic System.
-
-    The first input is a triangle on a lattice of a power of two, so that it is exact in every
-    format: round zero, or, of a count, round a quarter of its range in steps of one.  The others
-    are 0, or, where they are the same kind of count, stay where the triangle starts.
-
-    return: ``shift`` (lattice 2**-shift), ``peak`` (in steps of it), ``start``, ``steps``,
-        ``samples``, ``input``, ``output`` (the first that moves), ``others`` and ``held`` (what
-        these are held at, by name).
-    """
-    task = system.tasks[0]
-    source, *others = system.task_inputs(task)
-    low, high = source.port.low, source.port.high
-    start = round(low + 0.25 * (high - low)) if low >= 0 else 0
-    reach = 0.5 * min(high - start, start - low)
-    shift = 8 - math.frexp(reach)[1]
-    shift = max(shift, 0) if low >= 0 else shift
-    peak = min(int(reach * 2.0**shift), 255)
-    steps = 4 * peak
-
-    def alike(port: Port) -> bool:
-        return (port.unit, port.low, port.high) == (source.port.unit, low, high)
-
-    held = {x.name: float(start) if alike(x.port) else 0.0 for x in others}
-    given = {
-        x.name: held[x.name] if x.port.size == 1 else [held[x.name]] * x.port.size for x in others
-    }
-    simulator = system.simulator()
-    seen = []
-    for k in range(steps):
-        value = start + triangle(k, peak) * 2.0**-shift
-        out = simulator.step(task.name, **{source.name: value}, **given)
-        if k % (steps // 12) == steps // 24:
-            seen.append((k, out))
-    results = [x for x in system.task_outputs(task) if x.port.size == 1]
-    moving = [x for x in results if len({out[x.name] for _, out in seen}) > 1 and not x.port.flags]
-    result = (moving or results)[0]
-    return {
-        "shift": shift,
-        "peak": peak,
-        "start": start,
-        "steps": steps,
-        "samples": [ExampleSample(k, round(out[result.name], 6)) for k, out in seen],
-        # Far above float32's rounding at any torque scale, far below what a wrong number does.
-        "tolerance": float(f"{1e-5 * result.port.high:.1g}"),
-        "task": task,
-        "input": source,
-        "others": others,
-        "held": held,
-        "output": result,
-    }
-
-
-def triangle(k: int, peak: int) -> int:
-    """Whole-numbered triangle wave of period ``4 * peak``: 0, up, down through 0, back."""
-    phase = k % (4 * peak)
-    if phase <= peak:
-        return phase
-    return 2 * peak - phase if phase <= 3 * peak else phase - 4 * peak
 
 
 def identity(prefix: str, fmt: Format, digest: str) -> str:
@@ -229,7 +158,8 @@ class Renderer:
             "cname": self.naming.field,
             "xname": self.naming.external,
             "lname": self.naming.latch,
-            "external_fraction": self.naming.external_fraction,
+            "external_scale": self.naming.external_scale,
+            "scales": self.naming,
             "literal": self.literal,
             "port_text": self.port_text,
             "feed": self.feed,
@@ -302,16 +232,41 @@ class Renderer:
         return out
 
     def files(self) -> dict[str, str]:
-        """Every file of the output folder but the manifest."""
+        """The C with what stands beside it, ready to be compiled into a program of its caller."""
         out = self.own_files()
-        out["main.c"] = self.render("device/main.c.j2", example=self.example())
         out |= {n: self.render(t) for n, t in self.fmt.templates(self.prefix).items()}
         out |= self.fmt.casadi_c(self.system)
         return out | {path.name: path.read_text() for path in self.fmt.sources()}
 
-    def example(self) -> dict[str, Any]:
-        """The example program's stream in this format's numbers."""
-        return self.fmt.example(self.naming, example_stream(self.system))
+    def folder(self) -> dict[str, str]:
+        """Every file of the output folder but the manifest: the example program, too."""
+        return self.files() | {"main.c": self.example()}
+
+    def example(self) -> str:
+        """The example program, which holds the C against what the symbolic System gives."""
+        made = example(self.system)
+        return self.render(
+            made.template,
+            example=made,
+            tolerances=[tolerance(self.system, x, self.fmt.example_share) for x in made.checked],
+            given=self.given,
+            tunable=lambda i, n: next(t for t in self.system.blocks[i].tunables if t.name == n),
+            task_of=lambda x: self.system.task_of(x.signals[0].instance).name,
+            from_units=self.naming.from_units,
+            to_units=self.in_units,
+        )
+
+    def in_units(self, external: External, text: str) -> str:
+        """C expression of an external value as a double in its unit."""
+        if self.naming.external_scale(external):
+            return self.naming.to_units(external, text)
+        return f"(double){text}"
+
+    def given(self, external: External, value: float) -> str:
+        """C expression of an external value's number in units."""
+        if self.naming.external_scale(external):
+            return self.naming.from_units(external, repr(float(value)))
+        return self.fmt.literal(value)
 
 
 def port_text(port: Any) -> str:

@@ -2,7 +2,7 @@
 
 No double arithmetic in f32, no libm, no heap, no writable data, no export without the prefix, a
 bounded stack; and no warning from any compiler.  Every gate reads what the compiler made, not the
-C text.
+C text.  On the host the example program runs, too: it must compare something, and agree.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
+from esea_gen.verify.example import run_example
 from esea_gen.verify.firmware import deepest_stack, double_arithmetic, double_helpers
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
@@ -222,6 +223,8 @@ def check_objects(
         if single:
             problems += _instructions(objects, chosen)
         used, stack_problems = _stack(device, folder, chosen, single)
+        if chosen.name == "host" and "main.c" in texts:
+            problems += run_example(texts, real).problems
         sizes = _output(find_compiler(*chosen.toolchain.tool("size")), *objects).splitlines()[1:]
     return GateReport(
         device.name,

@@ -1,4 +1,4 @@
-"""C names of fields in q31: the port's, with its format in the place of the unit."""
+"""Fields in q31: named as their ports, each with a macro that says its format."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.emit.fixed.kept import plan_block, raw_tunable
-from esea_gen.emit.fixed.plan import FieldPlan, field_name
-from esea_gen.emit.fixed.render import field_text
+from esea_gen.emit.fixed.plan import FieldPlan
+from esea_gen.emit.fixed.render import field_text, format_text
 from esea_gen.emit.naming import Naming
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
-from esea_gen.language.system import External, Latch, Signal, System
+from esea_gen.language.system import External, Signal, System, Task
 
 
 class FixedNaming(Naming):
@@ -21,10 +21,6 @@ class FixedNaming(Naming):
 
     def __init__(self, system: System) -> None:
         super().__init__(system, "int32_t", np.dtype(np.int32))
-
-    def field(self, block: Block, group: str, port: Any) -> str:
-        """Name of a Block's field."""
-        return plan_block(block).field(group, port.name).name
 
     def _end(self, signal: Signal, group: str) -> FieldPlan:
         return plan_block(self.system.blocks[signal.instance]).field(group, signal.port)
@@ -37,15 +33,46 @@ class FixedNaming(Naming):
         group = "in" if external in self.system.inputs else "out"
         return self._end(external.signals[0], group)
 
-    def external(self, external: External) -> str:
-        """Name of an external value's field."""
-        f = self.external_field(external)
-        return field_name(external.name, f.fraction, f.name == f.port.name)
+    def _macro(self, *parts: str) -> str:
+        return "_".join(("esea", self.system.name, *parts, "fraction")).upper()
 
-    def latch(self, latch: Latch) -> str:
-        """Name of a latch's field."""
-        f = self._end(latch.source, "out")
-        return field_name(latch.name, f.fraction, f.name == f.port.name)
+    def _external_macro(self, external: External) -> str:
+        group = "in" if external in self.system.inputs else "out"
+        task = self.system.task_of(external.signals[0].instance)
+        return self._macro(task.name, group, external.name)
+
+    def _scale(self, macro: str, f: FieldPlan) -> str:
+        form = f"({f.fraction})" if f.fraction < 0 else f.fraction
+        return f"#define {macro} {form} /* {format_text(f)} */"
+
+    def block_scales(self, block: Block, group: str) -> tuple[str, ...]:
+        """Fraction bits of a Block's struct."""
+        return tuple(
+            self._scale(self._macro(block.name, group, f.name), f)
+            for f in plan_block(block).fields[group]
+            if not getattr(f.port, "flags", ())
+        )
+
+    def task_scales(self, task: Task, group: str) -> tuple[str, ...]:
+        """Fraction bits of a task's struct."""
+        of_task = self.system.task_inputs if group == "in" else self.system.task_outputs
+        return tuple(
+            self._scale(self._external_macro(x), self.external_field(x))
+            for x in of_task(task)
+            if not x.port.flags
+        )
+
+    def latch_scales(self) -> tuple[str, ...]:
+        """Fraction bits of the latches."""
+        return tuple(
+            self._scale(self._macro("latches", x.name), self._end(x.source, "out"))
+            for x in self.system.latches
+            if not x.port.flags
+        )
+
+    def external_scale(self, external: External) -> str:
+        """C expression of the fraction bits: the header's macro."""
+        return self._external_macro(external)
 
     def text(self, block: Block | None, group: str, port: Any) -> str:
         """Raw range, unit and overflow behaviour."""
@@ -92,13 +119,13 @@ class FixedNaming(Naming):
 
     def from_units(self, external: External, text: str) -> str:
         """C expression of the raw number nearest to a double."""
-        return f"ESEA_Q31_FROM({text}, {self.external_field(external).fraction})"
+        return f"ESEA_Q31_FROM({text}, {self.external_scale(external)})"
 
     def to_units(self, external: External, text: str) -> str:
         """C expression of a raw number as a double."""
         if external.port.flags:
             return text
-        return f"ESEA_Q31_TO({text}, {self.external_field(external).fraction})"
+        return f"ESEA_Q31_TO({text}, {self.external_scale(external)})"
 
     def stored(self, external: External, value: Any) -> npt.NDArray[Any]:
         """Raw number of a value that one stands for exactly."""

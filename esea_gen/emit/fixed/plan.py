@@ -31,21 +31,6 @@ def port_fraction(port: Port | Tunable) -> int:
     return min(best_fraction(Fraction(port.low), Fraction(port.high)), MOST_PORT_FRACTION)
 
 
-def field_name(name: str, fraction: int, plain: bool) -> str:
-    """C name of a field: the format stands where the unit was.
-
-    plain: whether it is a whole number or a word, which keeps its name.
-    """
-    if plain:
-        return name
-    integer = 31 - fraction
-    return (
-        f"{stem(name)}_q{integer}_{fraction}"
-        if fraction >= 0
-        else f"{stem(name)}_q{integer}_m{-fraction}"
-    )
-
-
 @dataclass(frozen=True)
 class FieldPlan:
     """One field of a struct.
@@ -59,8 +44,12 @@ class FieldPlan:
     fraction: int
     low: int
     high: int
-    name: str
     checked: bool = False
+
+    @property
+    def name(self) -> str:
+        """C name of the field: the port's alone, for the format goes with the range."""
+        return str(self.port.name)
 
     @property
     def lsb(self) -> float:
@@ -110,14 +99,10 @@ class BlockPlan:
         return next(f for f in self.fields[group] if f.port.name == name)
 
 
-def _field(port: Port | Tunable, fraction: int, taken: set[str], plain: bool) -> FieldPlan:
+def _field(port: Port | Tunable, fraction: int) -> FieldPlan:
     scale = Fraction(2) ** fraction
     low, high = math.ceil(Fraction(port.low) * scale), math.floor(Fraction(port.high) * scale)
-    name = field_name(port.name, fraction, plain)
-    if name in taken:  # two ports that differ in the unit alone
-        name = f"{port.name}{name[len(stem(port.name)) :]}"
-    taken.add(name)
-    return FieldPlan(port, fraction, low, high, name)
+    return FieldPlan(port, fraction, low, high)
 
 
 def _place(pointer: str, f: FieldPlan, element: int) -> str:
@@ -168,7 +153,7 @@ def _prepare(
     # It runs only when a tunable changes: 64 bits throughout.
     wide = range(len(kernel.nodes))
     ranges = lower(Kernel(kernel.name, kernel.nodes, ()), source, (), wide=wide, block=block.name)
-    fields, taken = [], set[str]()
+    fields = []
     for p, r in zip(block.coefficients, kernel.results, strict=True):
         low, high = Fraction(p.high), Fraction(p.low)
         for i in r:
@@ -177,7 +162,7 @@ def _prepare(
             low, high = min(low, ends[0]), max(high, ends[1])
         low, high = max(low, Fraction(p.low)), min(high, Fraction(p.high))
         fraction = min(best_fraction(low, high), MOST_PORT_FRACTION)
-        f = _field(p, fraction, taken, False)
+        f = _field(p, fraction)
         scale = Fraction(2) ** fraction
         fields.append(
             FieldPlan(
@@ -189,7 +174,6 @@ def _prepare(
                 min(f.high, math.ceil(high * scale))
                 if f.high < ex.INT32[1]
                 else math.ceil(high * scale),
-                f.name,
             )
         )
     made = lower(kernel, source, _targets(fields, True), wide=wide, block=block.name)
@@ -197,13 +181,7 @@ def _prepare(
 
 
 def _fields(ports: Iterable[Any], switches: Mapping[str, bool]) -> tuple[FieldPlan, ...]:
-    taken: set[str] = set()
-    out = []
-    for p in ports:
-        switch = switches.get(p.name, False)
-        plain = switch or bool(getattr(p, "flags", ()))
-        out.append(_field(p, 0 if switch else port_fraction(p), taken, plain))
-    return tuple(out)
+    return tuple(_field(p, 0 if switches.get(p.name) else port_fraction(p)) for p in ports)
 
 
 class Planner:

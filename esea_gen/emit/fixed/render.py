@@ -33,6 +33,12 @@ def quantity(value: float, unit: str) -> str:
     return f"{value:.3g}" + ("" if unit == "1" else f" {unit}")
 
 
+def format_text(f: FieldPlan) -> str:
+    """Format of a field, and what one unit of its raw numbers is."""
+    form = "whole number" if f.fraction == 0 else f"Q{31 - f.fraction}.{f.fraction}"
+    return f"{form}, one unit is {quantity(f.lsb, f.port.unit)}"
+
+
 def field_text(f: FieldPlan, group: str) -> str:
     """What a header says of a field's numbers: raw range, unit, what happens outside.
 
@@ -40,9 +46,7 @@ def field_text(f: FieldPlan, group: str) -> str:
     """
     if getattr(f.port, "flags", ()):
         return ""
-    unit = f.port.unit
-    format_ = "whole number" if f.fraction == 0 else f"Q{31 - f.fraction}.{f.fraction}"
-    text = f"raw {f.low} to {f.high}, {format_}, one unit is {quantity(f.lsb, unit)}"
+    text = f"raw {f.low} to {f.high}, {format_text(f)}"
     behaviour = {
         "params": "outside: refused",
         "coeffs": "cut to it by prepare",

@@ -100,8 +100,8 @@ class BlockRanges:
             return out
         width = max(len(r.name) for r in self.rows)
         out.append(
-            f"  {'':{width}} {'kind':11} {'raw range':>24} {'range':>25} {'one unit':>9} "
-            f"{'bits':>4} {'room':>5}"
+            f"  {'':{width}} {'kind':11} {'format':>7} {'raw range':>24} {'range':>25} "
+            f"{'one unit':>9} {'bits':>4} {'room':>5}"
         )
         for r in self.rows:
             raw = f"{r.raw_low} to {r.raw_high}"
@@ -110,8 +110,8 @@ class BlockRanges:
             span = f"{r.low:.4g} to {r.high:.4g}" + (f" {r.physical}" if r.physical else "")
             note = f"  {r.why or r.note}" if r.why or r.note else ""
             out.append(
-                f"  {r.name:{width}} {r.kind:11} {raw:>24} {span:>25} {r.unit:9.2e} {r.bits:4d} "
-                f"{r.headroom_bits:5.1f}{note}"
+                f"  {r.name:{width}} {r.kind:11} {r.form:>7} {raw:>24} {span:>25} "
+                f"{r.unit:9.2e} {r.bits:4d} {r.headroom_bits:5.1f}{note}"
             )
         if self.bound is not None:
             when = "for any number of steps" if math.isinf(self.bound.steps) else "of one step"

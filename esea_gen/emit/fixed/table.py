@@ -39,6 +39,11 @@ class RangeRow:
     note: str = ""
 
     @property
+    def form(self) -> str:
+        """Integer and fraction bits."""
+        return f"Q{self.bits - 1 - self.fraction}.{self.fraction}"
+
+    @property
     def unit(self) -> float:
         """Value of one unit in the last place."""
         return float(2.0**-self.fraction)

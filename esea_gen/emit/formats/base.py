@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -29,7 +28,7 @@ class Format(ABC):
     header: support header with its conversions; empty where none are needed.
     operations: what ``esea_<device>_real.h`` holds: the operations that kernels call.
     notes: what a device's header says of compiling and of its numbers, one string a line.
-    printf: conversion and type of a number that the example program prints.
+    example_share: of an output's range, what the example program takes for rounding.
     """
 
     name: ClassVar[str]
@@ -45,7 +44,7 @@ class Format(ABC):
     header: ClassVar[str]
     operations: ClassVar[str]
     notes: ClassVar[tuple[str, ...]]
-    printf: ClassVar[tuple[str, str]]
+    example_share: ClassVar[float]
 
     @abstractmethod
     def passes(self, kernel: Kernel) -> Kernel:
@@ -78,13 +77,3 @@ class Format(ABC):
     def link_header(self, prefix: str) -> str:
         """Header that binds the device's C to its messages."""
         return f"{prefix}_link.h"
-
-    def example(self, naming: Naming, example: Mapping[str, Any]) -> dict[str, Any]:
-        """The example program's stream as numbers of this format.
-
-        example: as ``emit.render.example_stream`` gives it, in units.
-        return: the same with ``given``: C expression of the input at step ``k``.
-        """
-        scale, start = self.literal(2.0 ** -example["shift"]), example["start"]
-        more = f" + {self.literal(start)}" if start else ""
-        return {**example, "given": f"({self.c_type})triangle(k) * {scale}{more}"}

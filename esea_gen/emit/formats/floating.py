@@ -58,7 +58,7 @@ class FloatingFormat(Format):
         "and add:",
         "   results then differ in the last bits from those that were verified.",
     )
-    printf = ("%14.6f", "double")
+    example_share = 1e-5
     joins_words: ClassVar[bool]
 
     @abstractmethod

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,10 +12,8 @@ from esea_gen.emit.fixed.lowering import rewrite
 from esea_gen.emit.fixed.naming import FixedNaming
 from esea_gen.emit.fixed.render import print_lowered
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, early_stores
 from esea_gen.emit.walker import Kernel, fuse_selects
-from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
 
@@ -44,16 +39,16 @@ class Q31(Format):
         "   64-bit products and shifts.",
         "",
         " NUMBERS",
-        "   A field theta_q0_31 holds a number of units of 2^-31: 0 integer and 31 fraction bits "
-        "(Qm.n).",
-        "   Its comment gives the raw range, the value of one unit and what happens outside.  "
-        "Rounding is",
-        "   to the nearest unit.  No operation can overflow, whatever bit pattern an input or a "
-        "state has.",
+        "   A field is a whole number of units of 2^-n.  Its name does not tell n, which goes with",
+        "   the range: the macro ..._<FIELD>_FRACTION behind its struct does.  Its comment has the",
+        "   raw range, the value of one unit and what happens outside (Qm.n: m integer and n",
+        "   fraction bits).  Rounding is to the nearest unit.  No operation can overflow, whatever",
+        "   bit pattern an input or a state has.",
         "   ESEA_Q31_FROM(x, n) and ESEA_Q31_TO(raw, n) of esea_q31.h convert, for hosts with "
-        "double.",
+        "double;",
+        "   esea_q31_from_float and esea_q31_to_float of esea_q31_units.h in single precision.",
     )
-    printf = ("%14ld", "long")
+    example_share = 5e-5
 
     def passes(self, kernel: Kernel) -> Kernel:
         """What the range plan starts from."""
@@ -77,7 +72,7 @@ class Q31(Format):
         )
 
     def naming(self, system: System) -> FixedNaming:
-        """Names that end in the field's format."""
+        """The ports' names, and macros of the fields' formats."""
         return FixedNaming(system)
 
     def sources(self) -> tuple[Path, ...]:
@@ -94,31 +89,6 @@ class Q31(Format):
     def link_header(self, prefix: str) -> str:
         """The dialect's binding over numbers in units."""
         return f"{prefix}_units_link.h"
-
-    def example(self, naming: Naming, example: Mapping[str, Any]) -> dict[str, Any]:
-        """The stream as raw numbers."""
-        assert isinstance(naming, FixedNaming)
-        source, result = example["input"], example["output"]
-        fraction = naming.external_field(source).fraction
-        if fraction < example["shift"]:
-            raise UserError(
-                f"{naming.system.name}: the example's input cannot be exact in q31 (lattice "
-                f"2^-{example['shift']}, format 2^-{fraction}).",
-                "Narrow the range of the first input.",
-            )
-        made = naming.external_field(result)
-        more = f" + {example['start'] << fraction}" if example["start"] else ""
-        return {
-            **example,
-            "given": f"triangle(k) * {1 << (fraction - example['shift'])}{more}",
-            "held": {
-                x.name: naming.external_field(x).raw(example["held"][x.name])
-                for x in example["others"]
-            },
-            "samples": [replace(s, expected=made.raw(s.expected)) for s in example["samples"]],
-            # Ten times what single precision gets: half a percent of a percent of the range.
-            "tolerance": made.raw(5e-5 * result.port.high),
-        }
 
 
 FORMAT = Q31()

@@ -1,0 +1,500 @@
+"""What the example program of a System does, and what it must give, by the symbolic System.
+
+A System without a drive is given a triangle on one input.  A System with a drive is given a short
+recording of its encoders; its latch is armed, torque control runs, and then the latch is tried.
+All numbers are in units and the same for every number format.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from esea_gen.control.faults import FAULT_TEXT, Fault
+from esea_gen.control.reference import OFF, TORQUE
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
+from esea_gen.language.system import External, System, Task
+
+SAMPLES = 12  # of a triangle
+LEAST_PEAK = SAMPLES  # lattice steps, for a count: below, samples of the triangle would coincide
+MOST_PEAK = 255
+DIGITS = 6  # behind the point
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A checked step of the triangle: what the output must be."""
+
+    step: int
+    expected: float
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """The example of a System without a drive.
+
+    start, peak, lattice: the input is ``(start + triangle) * lattice``, with whole numbers.
+    held: values of all inputs, by name.
+    """
+
+    input: External
+    output: External
+    start: int
+    peak: int
+    lattice: float
+    steps: int
+    samples: tuple[Sample, ...]
+    held: Mapping[str, float]
+
+    template = "device/main.c.j2"
+
+    @property
+    def checked(self) -> tuple[External, ...]:
+        """The one output."""
+        return (self.output,)
+
+    tunables: tuple[tuple[str, str, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Column:
+    """An input of the recording.
+
+    feeds: inputs that are given it, every element of them.
+    """
+
+    name: str
+    feeds: tuple[External, ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A base tick of the recording: inputs by column, and what each checked output must be."""
+
+    given: tuple[float, ...]
+    expected: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What the latch of one axis is asked and tells."""
+
+    mode: External
+    command: External
+    fault: External
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The example of a System with a drive.
+
+    columns, rows: the recording; inputs in no column keep their value of ``held``.
+    checked: outputs that are compared at every tick.
+    axes, stop, rearm: what the trial of the latch uses.
+    wait: ticks in which the control task delivers for certain.
+    rearmed: last value of ``rearm`` in the recording.
+    driven: whether the law moves the motor on this recording.
+    tunables: instance, name, value: what a calibration would set.
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    checked: tuple[External, ...]
+    held: Mapping[str, float]
+    axes: tuple[Axis, ...]
+    stop: External
+    rearm: External
+    wait: int
+    rearmed: int
+    driven: bool
+    tunables: tuple[tuple[str, str, float], ...]
+
+    template = "device/main_drive.c.j2"
+    off = float(OFF)
+    torque = float(TORQUE)
+    stopped = float(Fault.STOP)
+
+
+_MADE: WeakKeyDictionary[System, Triangle | Drive] = WeakKeyDictionary()
+
+
+def example(system: System) -> Triangle | Drive:
+    """The example of a System, worked out once."""
+    if system not in _MADE:
+        _MADE[system] = drive_example(system) if has_drive(system) else triangle_example(system)
+    return _MADE[system]
+
+
+def tolerance(system: System, external: External, share: float) -> float:
+    """Largest error of an output that the example takes for rounding, in its unit.
+
+    share: of the output's range, the number format's own; a law multiplies it by its gains.
+    """
+    if _sink(system, external) == ("limits", "u_Nm"):
+        share = max(share, COMMAND_SHARE)
+    most = max(abs(external.port.low), abs(external.port.high))
+    return float(f"{share * most:.1g}")
+
+
+def triangle(k: int, peak: int) -> int:
+    """Whole-numbered triangle wave of period ``4 * peak``: 0, up, down through 0, back."""
+    phase = k % (4 * peak)
+    if phase <= peak:
+        return phase
+    return 2 * peak - phase if phase <= 3 * peak else phase - 4 * peak
+
+
+def _nothing(system: System, why: str, fix: str) -> UserError:
+    return UserError(f"{system.name}: the example program would compare nothing: {why}.", fix)
+
+
+# -- a triangle ------------------------------------------------------------------------------------
+
+
+def _lattice(port: Port) -> tuple[int, int, float]:
+    # Start, peak and lattice.  The lattice is a power of two, so that every number is exact.  The
+    # triangle goes round zero or, where that is no place inside the range, round a quarter of it;
+    # a count moves in steps of one.
+    inside = port.low < 0 < port.high
+    middle = 0.0 if inside else port.low + 0.25 * (port.high - port.low)
+    reach = 0.5 * min(port.high - middle, middle - port.low)
+    shift = 8 - math.frexp(reach)[1]
+    if not inside and reach >= LEAST_PEAK + 1:
+        shift = max(shift, 0)
+    start = round(middle * 2.0**shift)
+    return start, min(int(reach * 2.0**shift), MOST_PEAK), 2.0**-shift
+
+
+def _rest(port: Port) -> float:
+    return float(min(max(0.0, port.low), port.high))
+
+
+def triangle_example(system: System) -> Triangle:
+    """A triangle on the first input, and the first output that it moves."""
+    source = next((x for x in system.inputs if x.port.size == 1), None)
+    if source is None:
+        raise _nothing(
+            system,
+            "it has no external input of one number",
+            "Make one external.",
+        )
+    start, peak, lattice = _lattice(source.port)
+
+    def alike(port: Port) -> bool:
+        mine = source.port
+        return (port.unit, port.low, port.high) == (mine.unit, mine.low, mine.high)
+
+    held = {x.name: start * lattice if alike(x.port) else _rest(x.port) for x in system.inputs}
+    steps = 4 * peak
+    run = _Run(system, {}, held)
+    seen = []
+    for k in range(steps):
+        out = run.tick({source.name: (start + triangle(k, peak)) * lattice})
+        if k % (steps // SAMPLES) == steps // (2 * SAMPLES):
+            seen.append((k, out))
+    results = [x for x in system.outputs if x.port.size == 1 and not x.port.flags]
+    moving = [x for x in results if len({out[x.name] for _, out in seen}) > 1]
+    if not moving:
+        raise _nothing(
+            system,
+            f"{source.name} moves no output",
+            "Make an output of one number external that answers to it.",
+        )
+    (result, *_) = moving
+    samples = tuple(Sample(k, _number(out[result.name])) for k, out in seen)
+    return Triangle(source, result, start, peak, lattice, steps, samples, held)
+
+
+def _number(value: float) -> float:
+    return round(float(value), DIGITS) + 0.0  # + 0.0: no negative zero
+
+
+class _Run:
+    """The symbolic System, tick by tick, with inputs that stay until they are given anew."""
+
+    def __init__(
+        self,
+        system: System,
+        tunables: Mapping[str, Mapping[str, float]],
+        held: Mapping[str, float],
+    ) -> None:
+        self.system, self.given = system, dict(held)
+        self.simulator = system.simulator(tunables)
+        self.now = 0
+        self.out: dict[str, float] = {}
+
+    def _inputs(self, task: Task) -> dict[str, Any]:
+        return {
+            x.name: self.given[x.name]
+            if x.port.size == 1
+            else np.full(x.port.size, self.given[x.name])
+            for x in self.system.task_inputs(task)
+        }
+
+    def tick(self, given: Mapping[str, float]) -> dict[str, float]:
+        """One base tick: release, then every task that is due.  Outputs of one number."""
+        self.given |= given
+        self.simulator.release(self.now)
+        for task in self.system.tasks:
+            if self.now >= task.phase and (self.now - task.phase) % task.every == 0:
+                out = self.simulator.step(task.name, **self._inputs(task))
+                self.out |= {n: float(v) for n, v in out.items() if np.size(v) == 1}
+        self.now += 1
+        return dict(self.out)
+
+
+# -- a drive ---------------------------------------------------------------------------------------
+
+SETTLE_TICKS = 20  # encoders and rates have settled
+ARMED_TICKS = 5  # between the release of the latch and torque mode
+MOVE_TICKS = 90  # of the deflection: to one side, to the other
+REST_TICKS = 10  # at the end: held, with no torque wanted
+LOAD_RATE_RAD_S = 0.2
+SHARES = (0.1, 0.04, 0.015)  # of the largest deflection: how far it moves, tried in this order
+LEAST_COUNTS = 3
+COMMAND_SHARE = 1e-3  # largest seen: 2.7e-4 of the range in f32, 1.7e-4 in q31
+WANTED_SHARE = 0.9  # of the torque that is there: near enough for a command within its limits
+WANTED_LATTICE_NM = 2.0**-8
+
+
+def has_drive(system: System) -> bool:
+    """Whether a System has all that the example of a drive runs: encoders, limits, a latch."""
+    sources = {_sink(system, x) for x in system.inputs}
+    needed = {("limits", "stop"), ("limits", "rearm")}
+    encoders = {p for p in sources if p[0].startswith("encoder_") and p[1] == "count"}
+    told = {_sink(system, x) for x in system.outputs}
+    shared = [x for x in system.inputs if _sink(system, x) in needed]
+    return (
+        bool(system.latches)
+        and len(shared) == len(needed)
+        and any(port == "mode" for _, port in sources)
+        and len(encoders) == 2
+        and {("limits", "u_Nm"), ("limits", "fault")} <= told
+    )
+
+
+def _sink(system: System, external: External) -> tuple[str, str]:
+    # Kind of Block and name of the port that it feeds or comes from.
+    signal = external.signals[0]
+    return system.blocks[signal.instance].name, signal.port
+
+
+def _axis(system: System, external: External, kind: str) -> str:
+    # Which axis it is of: what follows the Block's name in the instance's.
+    for signal in external.signals:
+        if system.blocks[signal.instance].name == kind:
+            return signal.instance.removeprefix(kind)
+    raise AssertionError(f"{external.name} has nothing to do with {kind}")
+
+
+@dataclass(frozen=True)
+class _Encoder:
+    """Count of an encoder by angle."""
+
+    at_zero_rad: float
+    sign: float
+    full: int
+
+    def count(self, angle_rad: float) -> float:
+        turns = self.sign * (angle_rad - self.at_zero_rad) / (2 * math.pi)
+        return float(round(turns * self.full) % self.full)
+
+
+def _encoder(block: Block, tunables: Mapping[str, float]) -> _Encoder:
+    full = int(next(p for p in block.inputs if p.name == "count").high) + 1
+
+    def angle(count: int) -> float:
+        simulator = block.simulator(tunables)
+        for _ in range(SETTLE_TICKS):
+            out = simulator.step(count=float(count), frame_error=0.0)
+        return float(out["theta_rad"])
+
+    # A hundredth of a turn on, the short way round.
+    rise = math.remainder(angle(full // 100) - angle(0), 2 * math.pi)
+    return _Encoder(angle(0), math.copysign(1.0, rise), full)
+
+
+def _default(system: System, kind: str, name: str) -> float:
+    block = next(b for b in system.kinds if b.name == kind)
+    return float(next(t.default for t in block.tunables if t.name == name))
+
+
+def _wave(x: float) -> float:
+    # Of parabolas, with the zeros and peaks of sin(x pi / 2): sums and products are the same on
+    # every machine, a sine is not.
+    y = x % 2.0
+    return y * (2.0 - y) * (1.0 if x % 4.0 < 2.0 else -1.0)
+
+
+class _Recording:
+    """The inputs of a drive's example, and what its tasks answer."""
+
+    def __init__(self, system: System, deflection_rad: float) -> None:
+        self.system = system
+        self.reach = deflection_rad
+        every = max(t.every for t in system.tasks)
+        self.wait = 3 * every
+        self.arm = max(SETTLE_TICKS, 2 * every)
+        self.start = self.arm + ARMED_TICKS
+        self.end = self.start + MOVE_TICKS
+        self.ticks = self.end + max(REST_TICKS, every + 1)
+        unset = {
+            i: {"zeroed": 1.0} for i, t in system.tunables if (t.name, t.default) == ("zeroed", 0.0)
+        }
+        self.tunables = unset
+        low, high = (_default(system, "limits", f"rom_{end}_rad") for end in ("min", "max"))
+        self.middle = 0.5 * (low + high)
+        self.columns = self._columns()
+        held = {x.name: _rest(x.port) for x in system.inputs}
+        self.held = held
+        self.run = _Run(system, unset, held)
+
+    def _of(self, port: str) -> tuple[External, ...]:
+        return tuple(x for x in self.system.inputs if any(s.port == port for s in x.signals))
+
+    def _columns(self) -> tuple[tuple[Column, Callable[[int, float], float]], ...]:
+        made: list[tuple[Column, Callable[[int, float], float]]] = []
+        for x in self._of("count"):
+            instance = x.signals[0].instance
+            block = self.system.blocks[instance]
+            encoder = _encoder(block, self.tunables.get(instance, {}))
+            angle = self._motor if block.name == "encoder_motor" else self._load
+
+            def count(
+                k: int,
+                _tau: float,
+                encoder: _Encoder = encoder,
+                angle: Callable[[int], float] = angle,
+            ) -> float:
+                return encoder.count(angle(k))
+
+            made.append((Column(x.name, (x,)), count))
+        wanted = (*self._of("tau_desired_Nm"), *self._of("tau_preview_Nm"))
+        made.append((Column("mode", self._of("mode")), self._mode))
+        made.append((Column("rearm", self._of("rearm")), lambda k, _tau: float(k >= self.arm)))
+        if wanted:
+            made.append((Column("tau_desired_Nm", wanted), self._wanted))
+        return tuple(made)
+
+    def _load(self, k: int) -> float:
+        since = max(k - self.start, 0) * self.system.base_period_s
+        return self.middle + LOAD_RATE_RAD_S * since
+
+    def _motor(self, k: int) -> float:
+        share = min(max(k - self.start, 0) / MOVE_TICKS, 1.0)
+        return self._load(k) + self.reach * _wave(3.0 * share)
+
+    def _mode(self, k: int, _tau: float) -> float:
+        return float(TORQUE if k >= self.start else OFF)
+
+    def _wanted(self, k: int, tau: float) -> float:
+        if not self.start <= k < self.end:
+            return 0.0
+        return round(WANTED_SHARE * tau / WANTED_LATTICE_NM) * WANTED_LATTICE_NM
+
+
+def _outputs(system: System, kind: str, port: str) -> tuple[External, ...]:
+    return tuple(x for x in system.outputs if _sink(system, x) == (kind, port))
+
+
+def drive_example(system: System) -> Drive:
+    """A recording of the encoders on which the latch opens and torque control runs."""
+    largest = _default(system, "limits", "theta_max_rad")
+    said = ""
+    for share in SHARES:
+        made, said = _tried(system, share * largest)
+        if made is not None:
+            return made
+    raise UserError(
+        f"{system.name}: the example program cannot show the drive at work: {said}.",
+        "Look at the limits of [safety], [joint] and [encoder] in the device file, and at what the "
+        "law commands in mode 0.",
+    )
+
+
+def _tried(system: System, deflection_rad: float) -> tuple[Drive | None, str]:
+    recording = _Recording(system, deflection_rad)
+    commands, faults, torques = (
+        _outputs(system, *end)
+        for end in (("limits", "u_Nm"), ("limits", "fault"), ("sensor", "tau_Nm"))
+    )
+    checked = (*commands, *torques, *faults)
+    rows, tau = [], 0.0
+    for k in range(recording.ticks):
+        given = tuple(value(k, tau) for _, value in recording.columns)
+        columns = zip(recording.columns, given, strict=True)
+        out = recording.run.tick({x.name: v for (c, _), v in columns for x in c.feeds})
+        tau = out[torques[0].name] if torques else 0.0
+        rows.append(Row(given, tuple(_number(out[x.name]) for x in checked)))
+    for x in faults:
+        if out[x.name] != Fault.NONE:
+            reason = Fault(round(out[x.name]))
+            return None, f"on its recording {x.name} is {reason}: {FAULT_TEXT[reason]}"
+    (stop,), (rearm,) = recording._of("stop"), recording._of("rearm")
+    axes = tuple(
+        Axis(
+            next(m for m in recording._of("mode") if _axis(system, m, "limits") == axis),
+            next(u for u in commands if _axis(system, u, "limits") == axis),
+            fault,
+        )
+        for fault in faults
+        for axis in [_axis(system, fault, "limits")]
+    )
+    driven = all(out[a.command.name] != 0.0 for a in axes)
+    columns_ = tuple(c for c, _ in recording.columns)
+    moved = {x.name for c in columns_ for x in c.feeds}
+    made = Drive(
+        columns_,
+        tuple(rows),
+        checked,
+        {n: v for n, v in recording.held.items() if n not in moved},
+        axes,
+        stop,
+        rearm,
+        recording.wait,
+        1,
+        driven,
+        tuple((i, n, v) for i, values in recording.tunables.items() for n, v in values.items()),
+    )
+    return (made, "") if (said := _latch_fails(made, recording.run)) == "" else (None, said)
+
+
+def _latch_fails(made: Drive, run: _Run) -> str:
+    # What the C is asked, asked of the symbols: empty when the latch does as the program demands.
+    def held(count: int, given: Mapping[str, float], fault: float) -> bool:
+        good = True
+        for _ in range(count):
+            out = run.tick(given)
+            for a in made.axes:
+                good &= out[a.fault.name] == fault
+                good &= fault == Fault.NONE or out[a.command.name] == 0.0
+        return good
+
+    def mode(value: float) -> dict[str, float]:
+        return {a.mode.name: value for a in made.axes}
+
+    stop, rearm = made.stop.name, made.rearm.name
+    asked = (
+        ("a stop does not latch", 1, {stop: 1.0}, Fault.STOP),
+        ("the latch opens when the stop is over", made.wait, {stop: 0.0}, Fault.STOP),
+        ("rearm opens it in torque mode", made.wait, {rearm: made.rearmed + 1.0}, Fault.STOP),
+        ("mode 0 opens it", made.wait, mode(OFF), Fault.STOP),
+        ("rearm in mode 0 does not open it", 1, {rearm: made.rearmed + 2.0}, Fault.NONE),
+        ("torque mode closes it again", made.wait, mode(TORQUE), Fault.NONE),
+    )
+    for said, count, given, fault in asked:
+        if not held(count, given, float(fault)):
+            return said
+    if made.driven and any(run.out[a.command.name] == 0.0 for a in made.axes):
+        return "after the latch was opened again, the motor is not driven"
+    return ""
+
+
+__all__ = ["Drive", "Triangle", "example", "has_drive", "tolerance", "triangle"]

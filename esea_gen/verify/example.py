@@ -1,0 +1,97 @@
+"""The emitted example program, compiled as its header says and run: it must compare, and agree."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from esea_gen.emit.formats import FORMATS
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.targets import HOST_GCC
+
+_SAMPLES = re.compile(r"^(\d+) of (\d+) samples agree$", re.M)
+_LATCH = re.compile(r"^latch: (\d+) of (\d+) hold$", re.M)
+_LONGEST_S = 60.0
+
+
+@dataclass(frozen=True)
+class ExampleRun:
+    """What the example program said.
+
+    agree, checked: of its samples.
+    held, asked: of what the latch promises; 0 of a device without one.
+    problems: why it does not pass; empty when it does.
+    """
+
+    agree: int
+    checked: int
+    held: int
+    asked: int
+    problems: tuple[str, ...]
+    said: str
+
+
+def run_example(files: Mapping[str, str], real: str, optimise: str = "-O2") -> ExampleRun:
+    """Compile an output folder's C into its example program, and run it.
+
+    files: the folder's files by name; tests put a fault into one.
+    optimise: compiler flag; the bits are the same with any.
+    """
+    fmt = FORMATS[real]
+    gcc = find_compiler(*HOST_GCC.gcc)
+    flags = ["-std=c99", optimise, *fmt.compiler_flags.split()]
+    with tempfile.TemporaryDirectory(prefix="esea-example-") as scratch:
+        folder = Path(scratch)
+        here = {n: t for n, t in files.items() if "/" not in n}
+        for name, text in here.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        sources = sorted(n for n in here if n.endswith(".c"))
+        command = [gcc, *flags, *sources, "-o", "example", *fmt.libraries.split()]
+        made = _run(command, folder)
+        if made.returncode != 0:
+            return ExampleRun(0, 0, 0, 0, ("main.c: the example does not compile",), made.stderr)
+        try:
+            done = _run([str(folder / "example")], folder)
+        except subprocess.TimeoutExpired:
+            return ExampleRun(0, 0, 0, 0, ("main.c: the example does not end",), "")
+    return judged(done.stdout, done.returncode)
+
+
+def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=_LONGEST_S,
+    )
+
+
+def judged(said: str, code: int) -> ExampleRun:
+    """What to think of an example program's words and exit code."""
+    agree, checked = _count(_SAMPLES, said)
+    held, asked = _count(_LATCH, said)
+    problems = []
+    if checked == 0:
+        problems.append("main.c: the example compares nothing")
+    if agree != checked:
+        problems.append(f"main.c: {agree} of {checked} samples of the example agree")
+    if held != asked:
+        problems.append(f"main.c: {held} of {asked} promises of the latch hold in the example")
+    if code != 0:
+        problems.append(f"main.c: the example's exit code is {code}")
+    return ExampleRun(agree, checked, held, asked, tuple(problems), said)
+
+
+def _count(pattern: re.Pattern[str], said: str) -> tuple[int, int]:
+    found = pattern.search(said)
+    return (int(found[1]), int(found[2])) if found else (0, 0)
+
+
+__all__ = ["ExampleRun", "judged", "run_example"]
