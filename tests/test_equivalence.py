@@ -89,7 +89,7 @@ def changed(elbow, real: str, old: str, new: str) -> HostLibrary:
     ("real", "old", "new"),
     [
         ("f64", "9.39", "9.390000000000002"),  # the last bit of one constant
-        ("f64", "(tau_s_Nm + tau_r_Nm)", "(tau_s_Nm - tau_r_Nm)"),
+        ("f64", "tau_s_Nm + tau_r_Nm", "tau_s_Nm - tau_r_Nm"),
         ("f64", "theta_rad <= 0.3499999940395355", "theta_rad < 0.3499999940395355"),
         ("f32", "9.39f", "9.4f"),
         ("f32", "esea_fmax(", "esea_fmin("),

@@ -24,6 +24,18 @@ def comment(text: str, indent: int = 0, width: int = 98) -> str:
     )
 
 
+def bare(text: str) -> str:
+    """C text without the brackets round the whole of it."""
+    if not (text.startswith("(") and text.endswith(")")):
+        return text
+    depth = 0
+    for i, c in enumerate(text):
+        depth += (c == "(") - (c == ")")
+        if depth == 0 and i < len(text) - 1:
+            return text
+    return text[1:-1]
+
+
 @dataclass(frozen=True)
 class Statement:
     """A line of a printed kernel.
@@ -86,5 +98,5 @@ def early_stores(
             )
             waits = [defined[w] for w in re.findall(r"[A-Za-z_]\w*", atom) if w in defined]
             waits.append(read.get(place, 0))
-            after[max(waits)].append(f"{place} = {atom};")
+            after[max(waits)].append(f"{place} = {bare(atom)};")
     return tuple(map(tuple, after))

@@ -14,9 +14,10 @@ import jinja2
 
 from esea_gen.emit.example import example, tolerance
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.printed import EmittedBlock, comment
+from esea_gen.emit.printed import EmittedBlock, bare, comment
 from esea_gen.emit.program_c import EmittedProgram, emit_program
 from esea_gen.emit.walker import Kernel, walk
+from esea_gen.emit.wrapping import wrap
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
 from esea_gen.language.program import Program
@@ -59,13 +60,15 @@ def environment() -> jinja2.Environment:
         autoescape=False,
         bytecode_cache=_COMPILED,
     )
+    env.filters["bare"] = bare
     env.filters["comment"] = comment
+    env.filters["wrap"] = wrap
     env.filters["number"] = lambda v: f"{v:.9g}"
     return env
 
 
 # A counter of the steps in which a flag was set.
-COUNTER = "{n} += (uint32_t)((out->{port} & {bit}) != 0u && {n} != UINT32_MAX);"
+COUNTER = "{n} += (((out->{port} & {bit}) != 0u) && ({n} != UINT32_MAX)) ? 1u : 0u;"
 
 
 def block_kernels(block: Block) -> dict[str, Kernel]:
@@ -216,8 +219,9 @@ class Renderer:
         return self.naming.convert(f"{text}{at}", made, *sink)
 
     def render(self, template: str, **context: Any) -> str:
-        """One file from one template, named by its path."""
-        return self.env.get_template(template).render(template=template, **context)
+        """One file from one template, named by its path; C with its long lines broken."""
+        text = self.env.get_template(template).render(template=template, **context)
+        return wrap(text) if template.endswith((".c.j2", ".h.j2")) else text
 
     def own_files(self) -> dict[str, str]:
         """The System's C without what stands around it: no example, no reference."""

@@ -16,6 +16,7 @@
 #ifndef ESEA_Q31_H
 #define ESEA_Q31_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -23,6 +24,12 @@ extern "C" {
 #endif
 
 typedef char esea_q31_needs_a_shift_that_keeps_the_sign[((-3) >> 1) == -2 ? 1 : -1];
+
+/* Bit ``at`` of a status word, where it is set. */
+static inline uint32_t esea_bit(bool set, uint32_t at)
+{
+    return set ? ((uint32_t)1 << at) : (uint32_t)0;
+}
 
 /* x / 2^s rounded, 1 <= s <= 31. */
 static inline int32_t esea_q31_round(int32_t x, int s)

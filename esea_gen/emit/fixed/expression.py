@@ -18,7 +18,7 @@ from esea_gen.emit.fixed import functions
 INT32 = (-(2**31), 2**31 - 1)
 INT64 = (-(2**63), 2**63 - 1)
 UINT32 = (0, 2**32 - 1)
-C_TYPES = {1: "int", 32: "int32_t", 64: "int64_t", -32: "uint32_t"}
+C_TYPES = {1: "bool", 32: "int32_t", 64: "int64_t", -32: "uint32_t"}
 LIMITS = {1: (0, 1), 32: INT32, 64: INT64, -32: UINT32}
 _COMPARE = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 
@@ -31,7 +31,7 @@ class OverflowProofError(Exception):
 class Expr:
     """One whole-number expression.
 
-    bits: type: 1 (``int``, 0 or 1), 32, 64, or -32 (``uint32_t``).
+    bits: type: 1 (``bool``, 0 or 1), 32, 64, or -32 (``uint32_t``).
     data: numbers that belong to the operation: a shift, a literal's value.
     name: of a named value: its C name; of a read: the place in memory.
     """
@@ -270,6 +270,8 @@ def flags(bits: tuple[tuple[Expr, int], ...]) -> Expr:
 
 
 def _literal_text(value: int, bits: int) -> str:
+    if bits == 1:
+        return "true" if value else "false"
     if bits == 64:
         return f"INT64_C({value})" if value > INT64[0] else "INT64_MIN"
     if bits == -32:
@@ -307,25 +309,36 @@ def bare_text(x: Expr) -> str:
     if x.op == "mul":
         return f"esea_q31_mul({bare_text(x.args[0])}, {bare_text(x.args[1])}, {x.data[0]})"
     if x.op == "flags":
-        parts = (f"((uint32_t){t} << {k})" for t, k in zip(a, x.data, strict=True))
+        parts = (f"esea_bit({bare_text(t)}, {k}u)" for t, k in zip(x.args, x.data, strict=True))
         return " | ".join(parts)
     simple: dict[str, Callable[[], str]] = {
-        "cast": lambda: f"({C_TYPES[x.bits]}){a[0]}",
+        "cast": lambda: _cast_text(x, a[0]),
         "add": lambda: f"{a[0]} + {a[1]}",
         "sub": lambda: f"{a[0]} - {a[1]}",
         "neg": lambda: f"-{a[0]}",
-        "sign": lambda: f"({a[0]} > 0) - ({a[0]} < 0)",
+        "sign": lambda: f"({a[0]} > 0) ? 1 : (({a[0]} < 0) ? -1 : 0)",
         "scale": lambda: f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}",
         "wide_mul": lambda: f"esea_q31_wide({', '.join(bare_text(y) for y in x.args)})",
         "choose": lambda: f"{a[0]} ? {a[1]} : {a[2]}",
         "not": lambda: f"!{a[0]}",
-        "and": lambda: " && ".join(a),
-        "or": lambda: " || ".join(a),
+        "and": lambda: " && ".join(_chain(x)),
+        "or": lambda: " || ".join(_chain(x)),
     }
     if x.op in simple:
         return simple[x.op]()
     name, extra = _function(x)
     return f"{name}({', '.join([*(bare_text(y) for y in x.args), *extra])})"
+
+
+def _cast_text(x: Expr, text: str) -> str:
+    if x.args[0].bits == 1:
+        return f"{text} ? {_literal_text(1, x.bits)} : {_literal_text(0, x.bits)}"
+    return f"({C_TYPES[x.bits]}){text}"
+
+
+def _chain(x: Expr) -> list[str]:
+    # Read from the left, brackets or none.
+    return [t for y in x.args for t in (_chain(y) if y.op == x.op else [c_text(y)])]
 
 
 def _function(x: Expr) -> tuple[str, list[str]]:

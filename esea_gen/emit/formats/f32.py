@@ -54,7 +54,12 @@ class F32(FloatingFormat):
         "static inline float esea_fabs(float x) { return x < 0.0f ? -x : x; }\n"
         "#endif\n"
         "static inline float esea_fmin(float x, float y) { return y < x ? y : x; }\n"
-        "static inline float esea_fmax(float x, float y) { return y > x ? y : x; }\n",
+        "static inline float esea_fmax(float x, float y) { return y > x ? y : x; }\n"
+        "/* Bit ``at`` of a status word, where it is set. */\n"
+        "static inline uint32_t esea_bit(bool set, uint32_t at)\n"
+        "{\n"
+        "    return set ? ((uint32_t)1 << at) : (uint32_t)0;\n"
+        "}\n",
     )
 
     def passes(self, kernel: Kernel) -> Kernel:

@@ -10,7 +10,7 @@ import numpy as np
 
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.naming import Naming
-from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, early_stores
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, early_stores
 from esea_gen.emit.walker import (
     Kernel,
     Node,
@@ -27,18 +27,48 @@ _COMPARE = {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "|
 # Where a boolean operand is taken as it is, without turning it into a number.
 LOGICAL = frozenset({"not", "and", "or"})
 SELECTING = frozenset({"if_else_zero", "select"})
+_CHAINS = frozenset({"and", "or", "add"})  # read from the left, brackets or none
+
+
+# Compilers that say so are refused; clang says nothing of -funsafe-math-optimizations alone.
+_REFUSED = """\
+#include <float.h>
+#include <stdbool.h>
+
+/* The checks for NaN and infinity, and the last bits, are those of IEEE 754 in this very precision.
+ * A compiler that was told to do without is refused. */
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST)
+#error "esea: do not compile with -ffast-math: it takes the checks for NaN away"
+#endif
+#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0
+#error "esea: do not compile with -ffinite-math-only: it takes the checks for NaN away"
+#endif
+#if defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
+#error "esea: do not compile with -funsafe-math-optimizations: results would differ"
+#endif
+#if (defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0) \\
+    || (defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0)
+#error "esea: intermediate results carry excess precision; on 32-bit x86: -msse2 -mfpmath=sse"
+#endif
+
+"""
 
 
 def float_operations(name: str, c_type: str, own: str) -> str:
     """Text of a device's ``_real.h``: a format's own operations, and those of every format."""
+    zero, one = ("0.0f", "1.0f") if c_type == "float" else ("0.0", "1.0")
     return (
+        f"{_REFUSED}"
         f"/* Small operations of the {name} format.  Every value that reaches a minimum or maximum "
         "has\n"
         " * passed its port's check, so none of them is NaN; a NaN in the first operand would pass "
         "through\n"
         " * and not turn into a limit. */\n"
         f"{own}"
-        f"static inline {c_type} esea_sign({c_type} x) {{ return ({c_type})((x > 0) - (x < 0)); }}"
+        f"static inline {c_type} esea_sign({c_type} x)\n"
+        "{\n"
+        f"    return (x > {zero}) ? {one} : ((x < {zero}) ? -{one} : {zero});\n"
+        "}"
     )
 
 
@@ -176,9 +206,14 @@ def print_kernel(
     atoms: list[str] = []
     statements: list[Statement] = []
     arguments = set()
+    chained: dict[int, str] = {}  # operations that stand where they are used, without brackets
+
+    def number(atom: str) -> str:
+        return f"({atom} ? {fmt.literal(1.0)} : {fmt.literal(0.0)})"
+
     for i, n in enumerate(kernel.nodes):
         if i in bits:
-            flags = (f"((uint32_t){atoms[c]} << {k})" for c, k in bits[i].flags)
+            flags = (f"esea_bit({bare(atoms[c])}, {k}u)" for c, k in bits[i].flags)
             statements.append(Statement("uint32_t", f"v{i}", " | ".join(flags)))
             atoms.append(f"v{i}")
             continue
@@ -200,7 +235,9 @@ def print_kernel(
             is_condition = n.op in LOGICAL or (n.op in SELECTING and position == 0)
             text = atoms[a]
             if kernel.nodes[a].boolean and not is_condition:
-                text = f"({fmt.c_type}){text}"
+                text = number(text)
+            elif chained.get(a) == n.op and (n.op != "add" or position == 0):
+                text = bare(text)  # as C reads it anyway
             elif is_condition and not kernel.nodes[a].boolean:
                 text = f"({text} != {fmt.literal(0.0)})"
             operands.append(text)
@@ -215,13 +252,15 @@ def print_kernel(
         )
         if inline:
             atoms.append(f"({text})")
+            if n.op in _CHAINS:
+                chained[i] = n.op
             continue
-        c_type = "int" if n.boolean else fmt.c_type
+        c_type = "bool" if n.boolean else fmt.c_type
         name, comment = named if named else (f"v{i}", "")
         statements.append(Statement(c_type, name, text, comment))
         atoms.append(name)
     results = tuple(
-        tuple(f"({fmt.c_type}){atoms[i]}" if kernel.nodes[i].boolean else atoms[i] for i in r)
+        tuple(number(atoms[i]) if kernel.nodes[i].boolean else atoms[i] for i in r)
         for r in kernel.results
     )
     return PrintedKernel(tuple(statements), results, frozenset(arguments))

@@ -160,10 +160,10 @@ def _with_ports(
 
 
 _COUNTERS = {
-    "counter wraps": COUNTER.replace(" && {n} != UINT32_MAX", ""),
+    "counter wraps": COUNTER.replace(" && ({n} != UINT32_MAX)", ""),
     "counter inverted": COUNTER.replace("!= 0u", "== 0u"),
-    "counter counts always": COUNTER.replace("(out->{port} & {bit}) != 0u && ", ""),
-    "counter sticks": COUNTER.replace(" += ", " = ").replace(" && {n} != UINT32_MAX", ""),
+    "counter counts always": COUNTER.replace("((out->{port} & {bit}) != 0u) && ", ""),
+    "counter sticks": COUNTER.replace(" += ", " = ").replace(" && ({n} != UINT32_MAX)", ""),
 }
 
 

@@ -1,0 +1,254 @@
+"""What compilers and style checkers say of the emitted C, and what a reader sees of it."""
+
+from __future__ import annotations
+
+import platform
+import re
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from esea_gen.device import load_device
+from esea_gen.devices.file import shipped_devices
+from esea_gen.emit.build import device_formats, render_device
+from esea_gen.emit.dialect import render_dialect
+from esea_gen.emit.wrapping import wrap
+
+from .conftest import require_tool
+
+MOST_COLUMNS = 120
+STRICT = (
+    *("-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Wshadow"),
+    *("-Wconversion", "-Wsign-conversion", "-Werror"),
+)
+COMPILERS = {
+    "gcc, C11": ("gcc", "-std=c11"),
+    "gcc, C++17": ("g++", "-std=c++17", "-x", "c++"),
+    "clang, C11": ("clang", "-std=c11"),
+    "clang, C++17": ("clang++", "-std=c++17", "-x", "c++"),
+}
+SAMPLE = ("elbow", "f64"), ("elbow_drive", "f32"), ("elbow_drive", "q31"), ("elbow_mpc", "f32")
+ALL = tuple(
+    (name, real) for name in sorted(shipped_devices()) for real in device_formats(load_device(name))
+)
+BUILDS = [
+    pytest.param(*build, marks=() if build in SAMPLE else pytest.mark.slow, id="-".join(build))
+    for build in ALL
+]
+
+
+@cache
+def texts(name: str, real: str) -> dict[str, str]:
+    """Our own C of a device: not CasADi's reference."""
+    (bundle,) = render_device(load_device(name), [real])
+    return {n: t for n, t in bundle.files.items() if n.endswith((".c", ".h")) and "/" not in n}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    root = tmp_path_factory.mktemp("emitted")
+
+    def of(name: str, real: str) -> Path:
+        target = root / name / real
+        if not target.exists():
+            target.mkdir(parents=True)
+            for file, text in texts(name, real).items():
+                (target / file).write_text(text)
+        return target
+
+    return of
+
+
+def check(compiler: tuple[str, ...], where: Path, *flags: str, only: str = "*.c"):
+    require_tool(compiler[0])
+    sources = sorted(p.name for p in where.glob(only))
+    assert sources
+    command = [*compiler, "-fsyntax-only", *flags, *sources]
+    return subprocess.run(command, cwd=where, capture_output=True, text=True, check=False)
+
+
+# -- compilers -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(("name", "real"), BUILDS)
+def test_no_compiler_warns(folder, name, real, compiler):
+    done = check(COMPILERS[compiler], folder(name, real), *STRICT)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "float esea_armed(double x); float esea_armed(double x) { return (float)x * 2.0; }",
+        "double esea_armed(float x); double esea_armed(float x) { return x * 2.0; }",
+        "unsigned esea_armed(int x); unsigned esea_armed(int x) { return x; }",
+        "int esea_armed(int x); int esea_armed(int x) { { int x = 1; return x; } }",
+        "int esea_armed(int x); int esea_armed(int x) { return 0; }",
+    ],
+)
+def test_each_warning_is_armed(tmp_path, compiler, fault):
+    (tmp_path / "a.c").write_text(fault + "\n")
+    assert check(COMPILERS[compiler], tmp_path).returncode == 0
+    assert check(COMPILERS[compiler], tmp_path, *STRICT).returncode != 0
+
+
+X86 = platform.machine() in ("x86_64", "AMD64")
+REFUSED = [
+    (("-ffast-math",), "NaN", ("gcc", "g++", "clang", "clang++")),
+    (("-Ofast",), "NaN", ("gcc", "g++", "clang", "clang++")),
+    (("-ffinite-math-only",), "NaN", ("gcc", "g++", "clang", "clang++")),
+    (("-funsafe-math-optimizations",), "would differ", ("gcc", "g++")),
+    (("-mfpmath=387",), "excess precision", ("gcc", "g++")),  # what 32-bit x86 computes with
+]
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+@pytest.mark.parametrize(("flags", "why", "compilers"), REFUSED, ids=str)
+def test_a_compiler_that_changes_the_arithmetic_is_refused(folder, real, flags, why, compilers):
+    if "-mfpmath=387" in flags and not X86:
+        pytest.skip("this processor has no x87")
+    where = folder("elbow", real)
+    for compiler in (c for c in COMPILERS.values() if c[0] in compilers):
+        # Every Block's file says so by itself: a project may give each file flags of its own.
+        for file in ("esea_elbow_sensor.c", "esea_elbow_velocity.c"):
+            assert check(compiler, where, only=file).returncode == 0
+            done = check(compiler, where, *flags, only=file)
+            assert done.returncode != 0, (compiler, file)
+            assert re.search(rf'error:? .*"?esea: .*{why}', done.stderr), done.stderr
+
+
+def test_whole_numbers_compile_with_any_arithmetic_of_floats(folder):
+    done = check(("gcc", "-std=c11"), folder("elbow_drive", "q31"), "-ffast-math", only="esea_e*.c")
+    assert done.returncode == 0, done.stderr
+
+
+# -- truth values ----------------------------------------------------------------------------------
+
+
+def essential_type_findings(where: Path, file: str) -> list[str]:
+    command = [
+        *(require_tool("cppcheck"), "--addon=misra", "--std=c99", "--quiet"),
+        *("--template={id} {file}:{line}", file),
+    ]
+    done = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False)
+    said = done.stderr
+    if "misra-c2012" not in said and not Path("/usr/lib/x86_64-linux-gnu/cppcheck/addons").exists():
+        pytest.skip("cppcheck has no MISRA addon here")
+    # Rules 10.3 and 10.5: a truth value as a number, a number as a truth value.
+    return re.findall(rf"misra-c2012-10\.[35] {re.escape(file)}:\d+", said)
+
+
+@pytest.mark.parametrize("real", ["f32", "q31"])
+@pytest.mark.parametrize(
+    "block", ["drive_observer", *(pytest.param(b, marks=pytest.mark.slow) for b in ("[!d]*",))]
+)
+def test_no_finding_of_essential_types(folder, real, block):
+    where = folder("elbow_drive", real)
+    for path in sorted(where.glob(f"esea_elbow_drive_{block}.c")):
+        assert essential_type_findings(where, path.name) == []
+
+
+def test_the_essential_types_are_armed(folder, tmp_path):
+    for name, text in texts("elbow_drive", "f32").items():
+        (tmp_path / name).write_text(text.replace("const bool ", "const int "))
+    assert len(essential_type_findings(tmp_path, "esea_elbow_drive_drive_observer.c")) > 5
+
+
+@pytest.mark.parametrize(("name", "real"), BUILDS)
+def test_no_arithmetic_on_truth_values(name, real):
+    for file, text in texts(name, real).items():
+        truths = set(re.findall(r"const bool (\w+) =", text))
+        casts = re.findall(r"\((?:u?int\d+_t|float|double|int)\)\(?!?(\w+)", text)
+        assert not truths & set(casts), file
+    assert any("const bool" in text for text in texts(name, real).values())
+
+
+# -- what a reader sees ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "real"), BUILDS)
+def test_no_line_is_too_long(name, real):
+    link = {
+        n: t
+        for n, t in render_dialect(load_device(name)).files.items()
+        if n.endswith(".h") and "mavlink/" not in n  # those are pymavlink's
+    }
+    assert link
+    long = [
+        f"{file}: {line}"
+        for file, text in (texts(name, real) | link).items()
+        for line in text.splitlines()
+        if len(line) > MOST_COLUMNS
+    ]
+    assert long == []
+
+
+def tokens(text: str) -> list[str]:
+    """Words and signs of C, comments left out."""
+    bare = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", "\n")
+    return re.findall(r'"(?:\\.|[^"])*"|\w+|[^\w\s]', bare)
+
+
+SUM = " + ".join(f"esea_value_{k}(first_{k}, second_{k})" for k in range(9))
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        (
+            "    const bool all = " + " && ".join(f"(value_{k} <= {k}.5f)" for k in range(6)) + ";",
+            "    const bool all = (value_0 <= 0.5f) && (value_1 <= 1.5f) && (value_2 <= 2.5f)\n"
+            "            && (value_3 <= 3.5f) && (value_4 <= 4.5f) && (value_5 <= 5.5f);",
+        ),
+        (
+            "void esea_device_block_step(const esea_device_block_coeffs_t *coeffs, "
+            "esea_device_block_state_t *state);",
+            "void esea_device_block_step(const esea_device_block_coeffs_t *coeffs,\n"
+            "        esea_device_block_state_t *state);",
+        ),
+        (
+            "#define ESEA_DEVICE_BLOCK_FLAG (1u << 3) /* what this flag says of the block, in more "
+            "words than fit */",
+            "/* what this flag says of the block, in more words than fit */\n"
+            "#define ESEA_DEVICE_BLOCK_FLAG (1u << 3)",
+        ),
+        (
+            " * " + "word " * 22 + "end */",
+            " * " + "word " * 18 + "word\n * " + "word " * 3 + "end */",
+        ),
+    ],
+)
+def test_where_lines_are_broken(line, expected):
+    if line.startswith(" *"):
+        line, expected = f"/*\n{line}", f"/*\n{expected}"
+    assert wrap(line) == expected
+    assert wrap(expected) == expected
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"    state->sum = {SUM};",
+        f"    state->sum = (in->ok) ? ({SUM}) : 0.0f;",
+        f"#define ESEA_SUM {SUM}",
+        f'    esea_print("{SUM} and a \\" that is no end", {SUM});',
+        "x" * 130,
+        f"    a = {'b' * 95};",
+    ],
+)
+def test_a_broken_line_says_the_same(line):
+    broken = wrap(f"int before;\n{line} /* why */\nint after;\n")
+    assert tokens(broken) == tokens(f"int before;\n{line}\nint after;\n")
+    assert "/* why */" in broken
+    assert broken.endswith("int after;\n")
+    if "x" * 130 not in line and '"' not in line:
+        assert max(map(len, broken.splitlines())) <= MOST_COLUMNS
+
+
+def test_short_lines_stay():
+    text = "int a;\n\n    /* b */\n\tint c; // d\n"
+    assert wrap(text) == text
