@@ -205,7 +205,7 @@ class _Published:
         )
         # The envelope of the largest corrected request bounds every play state.
         self.reach = max(2 * self.theta_high, 4 * self.tau_lim / self.k1)
-        self.flags = (
+        self.flags: tuple[Flag, ...] = (
             Flag("INPUT_INVALID", "an input was NaN or outside its range; taken as zero", True),
             Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
             Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
