@@ -75,7 +75,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Row:
+class RecordedTick:
     """A base tick of the recording: inputs by column, and what each checked output must be."""
 
     given: tuple[float, ...]
@@ -92,7 +92,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveExample:
     """The example of a System with a drive.
 
     columns, rows: the recording; inputs in no column keep their value of ``held``.
@@ -105,7 +105,7 @@ class Drive:
     """
 
     columns: tuple[Column, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[RecordedTick, ...]
     checked: tuple[External, ...]
     held: Mapping[str, float]
     axes: tuple[Axis, ...]
@@ -122,10 +122,10 @@ class Drive:
     stopped = float(Fault.STOP)
 
 
-_MADE: WeakKeyDictionary[System, Triangle | Drive] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[System, Triangle | DriveExample] = WeakKeyDictionary()
 
 
-def example(system: System) -> Triangle | Drive:
+def example(system: System) -> Triangle | DriveExample:
     """The example of a System, worked out once."""
     if system not in _MADE:
         _MADE[system] = drive_example(system) if has_drive(system) else triangle_example(system)
@@ -404,7 +404,7 @@ def _outputs(system: System, kind: str, port: str) -> tuple[External, ...]:
     return tuple(x for x in system.outputs if _sink(system, x) == (kind, port))
 
 
-def drive_example(system: System) -> Drive:
+def drive_example(system: System) -> DriveExample:
     """A recording of the encoders on which the latch opens and torque control runs."""
     largest = _default(system, "limits", "theta_max_rad")
     said = ""
@@ -419,7 +419,7 @@ def drive_example(system: System) -> Drive:
     )
 
 
-def _tried(system: System, deflection_rad: float) -> tuple[Drive | None, str]:
+def _tried(system: System, deflection_rad: float) -> tuple[DriveExample | None, str]:
     recording = _Recording(system, deflection_rad)
     commands, faults, torques = (
         _outputs(system, *end)
@@ -432,7 +432,7 @@ def _tried(system: System, deflection_rad: float) -> tuple[Drive | None, str]:
         columns = zip(recording.columns, given, strict=True)
         out = recording.run.tick({x.name: v for (c, _), v in columns for x in c.feeds})
         tau = out[torques[0].name] if torques else 0.0
-        rows.append(Row(given, tuple(_number(out[x.name]) for x in checked)))
+        rows.append(RecordedTick(given, tuple(_number(out[x.name]) for x in checked)))
     for x in faults:
         if out[x.name] != Fault.NONE:
             reason = Fault(round(out[x.name]))
@@ -450,7 +450,7 @@ def _tried(system: System, deflection_rad: float) -> tuple[Drive | None, str]:
     driven = all(out[a.command.name] != 0.0 for a in axes)
     columns_ = tuple(c for c, _ in recording.columns)
     moved = {x.name for c in columns_ for x in c.feeds}
-    made = Drive(
+    made = DriveExample(
         columns_,
         tuple(rows),
         checked,
@@ -466,7 +466,7 @@ def _tried(system: System, deflection_rad: float) -> tuple[Drive | None, str]:
     return (made, "") if (said := _latch_fails(made, recording.run)) == "" else (None, said)
 
 
-def _latch_fails(made: Drive, run: _Run) -> str:
+def _latch_fails(made: DriveExample, run: _Run) -> str:
     # What the C is asked, asked of the symbols: empty when the latch does as the program demands.
     def held(count: int, given: Mapping[str, float], fault: float) -> bool:
         good = True
@@ -497,4 +497,4 @@ def _latch_fails(made: Drive, run: _Run) -> str:
     return ""
 
 
-__all__ = ["Drive", "Triangle", "example", "has_drive", "tolerance", "triangle"]
+__all__ = ["DriveExample", "Triangle", "example", "has_drive", "tolerance", "triangle"]
