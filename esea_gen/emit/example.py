@@ -75,7 +75,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class ExampleTick:
+class RecordedTick:
     """A base tick of the recording: inputs by column, and what each checked output must be."""
 
     given: tuple[float, ...]
@@ -105,7 +105,7 @@ class DriveExample:
     """
 
     columns: tuple[Column, ...]
-    rows: tuple[ExampleTick, ...]
+    rows: tuple[RecordedTick, ...]
     checked: tuple[External, ...]
     held: Mapping[str, float]
     axes: tuple[Axis, ...]
@@ -432,7 +432,7 @@ def _tried(system: System, deflection_rad: float) -> tuple[DriveExample | None, 
         columns = zip(recording.columns, given, strict=True)
         out = recording.run.tick({x.name: v for (c, _), v in columns for x in c.feeds})
         tau = out[torques[0].name] if torques else 0.0
-        rows.append(ExampleTick(given, tuple(_number(out[x.name]) for x in checked)))
+        rows.append(RecordedTick(given, tuple(_number(out[x.name]) for x in checked)))
     for x in faults:
         if out[x.name] != Fault.NONE:
             reason = Fault(round(out[x.name]))
