@@ -218,9 +218,9 @@ def test_the_search_finds_a_bound_that_is_too_small(block, judges):
 # Every Block of the drives, and of a device whose sensor has a dead zone.
 SEARCHED = {
     "elbow_drive": (
-        *("encoder_motor", "encoder_load", "joint", "velocity", "sensor", "motor_rate"),
-        *("load_rate", "reference", "inverse", "setpoint_rates", "limits", "drive_observer"),
-        *("human_eso", "set_rate", "sliding_mode", "stamp"),
+        *("encoder", "joint", "velocity", "sensor", "rate"),
+        *("reference", "inverse", "setpoint_rates", "limits", "drive_observer"),
+        *("human_eso", "sliding_mode", "stamp"),
     ),
     "elbow_mpc": ("ahead",),
     "knee": ("sensor",),

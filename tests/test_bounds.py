@@ -140,11 +140,10 @@ def test_the_bound_for_all_time_is_that_series_of_one_steps(pole):
 # -- what a bound assumes --------------------------------------------------------------------------
 
 # The linear ones sum a matrix's powers: only while no state is cut.
-LINEAR = ("velocity", "motor_rate", "load_rate", "set_rate", "setpoint_rates")
+LINEAR = ("velocity", "rate", "setpoint_rates")
 # Counts and choices are whole numbers, or nothing that is compared with them is exact.
 WHOLE = {
-    "encoder_motor": {"count", "frame_error"},
-    "encoder_load": {"count", "frame_error"},
+    "encoder": {"count", "frame_error"},
     "reference": {"mode"},
     "limits": {"control_beat", "mode", "rearm"},
     "sliding_mode": {"mode"},

@@ -28,11 +28,11 @@ from esea_gen.verify.ties import aimed_stream
 from .conftest import require_tool
 
 # Sides that no input can take, per Block, in f32.  None of the others has any.
-IMPOSSIBLE = {"encoder_motor": 5, "encoder_load": 5, "sensor": 5, "inverse": 25, "human_eso": 2}
+IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "human_eso": 2}
 BLOCKS = [
-    *("encoder_motor", "encoder_load", "joint", "velocity", "sensor", "motor_rate", "load_rate"),
+    *("encoder", "joint", "velocity", "sensor", "rate"),
     *("reference", "inverse", "setpoint_rates", "limits", "drive_observer", "human_eso"),
-    *("set_rate", "sliding_mode", "stamp"),
+    *("sliding_mode", "stamp"),
 ]
 
 

@@ -29,7 +29,7 @@ FAULTS = {
     # The energy trips while it is small, and not when it is large.
     "limits": (r"energy_max_J < window_J", "window_J < energy_max_J", "status"),
     # A turn that is counted is forgotten.
-    "encoder_motor": (r" state->turn = turn;", "", "turn"),
+    "encoder": (r" state->turn = turn;", "", "turn"),
     # The new law starts a torque away from where the coupling is.
     "reference": (r"\(law_Nm \+ offset_Nm\)", "(law_Nm - offset_Nm)", "tau_set_Nm"),
     # The last step of the search goes the wrong way.
@@ -37,9 +37,9 @@ FAULTS = {
     # The observer's memory of the motor's torque stands still.
     "drive_observer": (r" state->u_a_Nm = u_a_Nm;", "", "u_a_Nm"),
     # The difference is taken from the first angle ever seen.
-    "motor_rate": (r" state->theta_last_rad = theta_rad_used;", "", "omega_rad_s"),
+    "rate": (r" state->theta_last_rad = theta_rad_used;", "", "omega_rad_s"),
 }
-SOUND = ["joint", "stamp", "set_rate"]
+SOUND = ["joint", "stamp"]
 # By which rule f32 is judged.
 RULE = dict.fromkeys(FAULTS, LASTING) | {
     "sliding_mode": ONE_STEP,

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from esea_gen.device import load_device, parse_device
+from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import compile_system
+from esea_gen.language.alike import joined
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
@@ -199,3 +202,31 @@ def test_one_block_may_stand_behind_two_instances():
         assert runner.step(x=x)["y"] == simulator.step("go", x=x)["y"]
     assert runner.prepare({"right": {"gain": 5.0}}) == 2
     assert runner.prepare({"left": {"gain": float("nan")}}) == 1
+
+
+def test_blocks_that_differ_in_words_only_are_emitted_once():
+    device = load_device("elbow_drive")
+    blocks = device.system.blocks
+    assert blocks["motor_rate"] is blocks["load_rate"] is blocks["set_rate"]
+    assert blocks["encoder_motor"] is blocks["encoder_load"]
+    assert {"rate", "encoder"} <= {b.name for b in device.system.kinds}
+    files = render_device(device, ["f32"])[0].files
+    assert "esea_elbow_drive_rate.c" in files
+    assert not [n for n in files if "load_rate" in n or "encoder_" in n]
+
+
+def test_blocks_that_differ_in_a_number_are_not():
+    text = load_device("elbow_drive").toml()
+    assert "load_velocity_Hz = { value = 30.0" in text
+    other = text.replace("load_velocity_Hz = { value = 30.0", "load_velocity_Hz = { value = 25.0")
+    blocks = parse_device(other, "own.toml").system.blocks
+    assert blocks["motor_rate"] is not blocks["load_rate"]
+    assert blocks["motor_rate"] is blocks["set_rate"]
+
+
+def test_words_that_differ_stand_side_by_side():
+    texts = ["angle, motor side of it", "angle, load side of it", "angle, motor side of it"]
+    assert joined(texts) == "angle, motor or load side of it"
+    assert joined(["one thing", "something else entirely"]) == (
+        "one thing; or: something else entirely"
+    )

@@ -17,6 +17,7 @@ from esea_gen.control.limits import command_stamp, limits
 from esea_gen.control.reference import reference
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
+from esea_gen.language.alike import emitted_once
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
@@ -140,7 +141,10 @@ def control_system(
     """
     base = _base(device, velocity, sensor, inverse)
     parts = [law.parts(base) for law in laws]
-    one = _wired(_blocks(base, laws, parts), laws, parts)
+    sense, control = _blocks(base, laws, parts)
+    once = emitted_once({**sense, **control})
+    found = {n: once[n] for n in sense}, {n: once[n] for n in control}
+    one = _wired(found, laws, parts)
     return _of_axes(device, one)
 
 
