@@ -15,12 +15,14 @@ EDGE, INNER = 0.3, 0.45
 
 
 def decided() -> Block:
-    """An edge on 0.7 x + s; and one on s alone, which matters for positive x only."""
+    """An edge on 0.7 x + s; one on s alone, which matters for positive x only; one never met."""
 
     def step(c, s, u, guard, label):
         first = ca.if_else(s.kept_rad + 0.7 * u.x_rad < EDGE, 0.25, 0.75)
         second = ca.if_else(s.kept_rad < INNER, 1.0, 2.0)
         y = ca.if_else(u.x_rad > 0, first + second, first)
+        never = u.x_rad * u.x_rad + 0.2 * s.kept_rad * s.kept_rad + 0.25 < 0.24
+        y = y + ca.if_else(never, 0.5, 0)
         return {"kept_rad": 0.5 * s.kept_rad + 0.4 * u.x_rad}, {"y_rad": y}
 
     return Block.define(
