@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.errors import UserError
-from esea_gen.verify.mutation.python import mutate_python, sources_of, chosen_tests
+from esea_gen.verify.mutation.python import chosen_tests, mutate_python, sources_of
 from esea_gen.verify.mutation.python_edits import PythonFaults
 
 # Few, for each takes a process: of the sum, and of the text.
