@@ -5,7 +5,7 @@ OUT := out
 TESTS ?= tests
 STAMP := .venv/.stamp
 
-.PHONY: run test search docs bench test-slow proof style setup clean
+.PHONY: run test search docs bench test-slow test-slow-sample proof style setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -36,6 +36,10 @@ bench: setup
 
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow
+
+# Of the slow tests a fixed sample of a minute or two, for CI.
+test-slow-sample: setup
+	@$(BIN)/python -m pytest -n 2 -m slow_sample
 
 # Frama-C, Gappa and z3 on the fixed-point C; its set-up installs them too.
 proof: export ESEA_PROOF = 1

@@ -29,6 +29,25 @@ settings.register_profile(
 settings.load_profile("same")
 
 
+# Of the slow tests, those that CI runs each time: a minute or two, every kind of them.
+SLOW_SAMPLE = (
+    "test_box_qp.py::test_a_hundred_thousand_problems[spread]",
+    "test_cluster.py::test_a_scheduler_that_goes_is_told",
+    "test_coverage_drive.py::test_both_sides_of_every_decision_are_taken_in_f64[set_rate]",
+    "test_coverage_drive.py::test_both_sides_of_every_decision_are_taken_in_f64[encoder_load]",
+    "test_coverage_drive.py::test_the_c_gives_every_bit[sensor-f32]",
+    "test_coverage_drive.py::test_the_c_gives_every_bit[reference-f64]",
+    "test_fixed_drive.py::test_the_recorded_rubber_stays_within_the_aim[wrist]",
+    "test_inverse.py::test_published_signals_whole",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if any(f"/{name}" in item.nodeid for name in SLOW_SAMPLE):
+            item.add_marker(pytest.mark.slow_sample)
+
+
 def _missing(name: str) -> NoReturn:
     message = f"{name} is not installed"
     if os.environ.get("ESEA_REQUIRE_TOOLS") == "1":

@@ -1,4 +1,7 @@
-"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``."""
+"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``.
+
+``mutate-python`` asks the same of the tests of this program itself.
+"""
 
 from __future__ import annotations
 
@@ -202,6 +205,52 @@ def mutate(
     write_json(json_file, {name: r.to_dict() for name, r in reports.items()})
     if any(r.score < REQUIRED_SCORE for r in reports.values()):
         raise typer.Exit(1)
+
+
+@app.command("mutate-python")
+def mutate_python_command(
+    what: Annotated[
+        str, typer.Argument(metavar="ROOM|FILE", help="Room of esea_gen, or one of its files.")
+    ],
+    sample: Annotated[
+        int | None,
+        typer.Option("--sample", min=1, help="Number of faults, drawn at random; default: all."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random draw.")] = 0,
+    tests: Annotated[
+        list[str] | None,
+        typer.Option("--tests", help="Test file; default: those that import the room or file."),
+    ] = None,
+    independent: Annotated[
+        bool,
+        typer.Option(
+            "--independent/--all-tests",
+            help="Leave out tests that only compare with committed output.",
+        ),
+    ] = True,
+    limit_s: Annotated[
+        float | None,
+        typer.Option(
+            "--limit-s", min=1.0, help="Time of one run of the tests; default: 3 times the first."
+        ),
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Put one fault at a time into Python sources of this checkout and run its tests."""
+    from esea_gen.verify.mutation.python import mutate_python
+
+    with progress_line() as say:
+        result = mutate_python(
+            Path.cwd(),
+            what,
+            sample=sample,
+            seed=seed,
+            tests=tests or (),
+            independent=independent,
+            limit_s=limit_s,
+            progress=say,
+        )
+    show(result, json_file)
 
 
 traces = typer.Typer(help="Committed traces: how every shipped System behaves.")

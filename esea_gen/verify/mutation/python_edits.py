@@ -1,0 +1,226 @@
+"""Faults of Python sources: one small edit of the syntax tree at a time."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+_SWAPS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+    ast.LShift: ast.RShift,
+    ast.RShift: ast.LShift,
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
+}
+_DELETED = "deleted statement"
+_TERMS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
+
+
+def _deletable(x: Any) -> bool:
+    # Without the first assignment of a name what follows fails at once: no fault to look for.
+    if isinstance(x, ast.Assign):
+        return not any(isinstance(t, ast.Name | ast.Tuple) for t in x.targets)
+    return isinstance(x, ast.AugAssign | ast.Expr)
+
+
+@dataclass(frozen=True)
+class PythonMutant:
+    """One file with one fault.
+
+    path: as it was given.
+    line: where, from 1.
+    edit: what was there, and what stands there now.
+    suspect: why it may well do nothing that a test could tell; empty where nothing says so.
+    text: the whole file.
+    """
+
+    path: str
+    line: int
+    kind: str
+    edit: str
+    suspect: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}: {self.kind}: {self.edit}"
+
+
+def _silent(tree: ast.AST) -> set[ast.AST]:
+    """What no run can tell: annotations, docstrings, decorators, messages of errors."""
+    hidden: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        parts = [getattr(node, "annotation", None), getattr(node, "returns", None)]
+        parts += getattr(node, "decorator_list", [])
+        docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if docstring or isinstance(node, ast.Raise) or _only_for_types(node):
+            parts.append(node)
+        for part in filter(None, parts):
+            hidden.update(ast.walk(part))
+    return hidden
+
+
+def _only_for_types(node: ast.AST) -> bool:
+    test = getattr(node, "test", None)
+    return isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"
+
+
+# What kind, how to do it, how to undo it, and the statement that goes with it.
+Change = tuple[str, Callable[[], None], Callable[[], None], ast.AST | None]
+
+
+def _set(node: Any, name: str, value: Any, kind: str, gone: ast.AST | None = None) -> Change:
+    before = getattr(node, name)
+    return kind, lambda: setattr(node, name, value), lambda: setattr(node, name, before), gone
+
+
+def _swapped(operator: ast.AST) -> Any:
+    other = _SWAPS.get(type(operator))
+    return None if other is None else other()
+
+
+def _constants(node: ast.Constant) -> Iterator[Change]:
+    v = node.value
+    if isinstance(v, bool):
+        yield _set(node, "value", not v, "constant")
+    elif isinstance(v, int):
+        yield _set(node, "value", v + 1, "off by one")
+        if v:
+            yield _set(node, "value", -v, "sign")
+    elif isinstance(v, float) and v:
+        yield _set(node, "value", v * 1.01, "constant")
+        yield _set(node, "value", -v, "sign")
+
+
+def _changes(node: ast.AST, silent: set[ast.AST]) -> Iterator[Change]:
+    """Every edit of one node."""
+    if isinstance(node, ast.BinOp | ast.AugAssign | ast.BoolOp):
+        if (other := _swapped(node.op)) is not None:
+            yield _set(node, "op", other, "operator")
+    elif isinstance(node, ast.Compare):
+        for k, op in enumerate(node.ops):
+            other = _swapped(op)
+            ops = [*node.ops[:k], other, *node.ops[k + 1 :]]
+            if other is not None:
+                yield _set(node, "ops", ops, "comparison")
+    elif isinstance(node, ast.Constant):
+        yield from _constants(node)
+    elif isinstance(node, ast.Call):
+        plain = [a for a in node.args if not isinstance(a, ast.Starred)]
+        if len(plain) == len(node.args) >= 2:
+            first, second, *rest = node.args
+            if ast.dump(first) != ast.dump(second):
+                yield _set(node, "args", [second, first, *rest], "swapped argument")
+    if isinstance(node, ast.If | ast.While | ast.IfExp):
+        yield _set(node, "test", ast.UnaryOp(ast.Not(), node.test), "not")
+    for name, value in ast.iter_fields(node):
+        for k, x in enumerate(value if isinstance(value, list) else [value]):
+            if isinstance(x, ast.AST) and x in silent:
+                continue
+            for kind, to in _replacements(x):
+                put = [*value[:k], to, *value[k + 1 :]] if isinstance(value, list) else to
+                yield _set(node, name, put, kind, x if kind == _DELETED else None)
+
+
+def _replacements(x: Any) -> Iterator[tuple[str, ast.AST]]:
+    """What stands in place of a child: a term less, no sign, no statement."""
+    if isinstance(x, ast.BinOp) and isinstance(x.op, _TERMS):
+        yield "dropped term", x.left
+        if isinstance(x.op, ast.Add | ast.Mult):
+            yield "dropped term", x.right
+    elif isinstance(x, ast.UnaryOp) and isinstance(x.op, ast.USub):
+        yield "sign", x.operand
+    elif isinstance(x, ast.UnaryOp) and isinstance(x.op, ast.Not):
+        yield "not", x.operand
+    elif _deletable(x):
+        yield _DELETED, ast.Pass()
+
+
+def _short(node: ast.AST) -> str:
+    text = " ".join(ast.unparse(node).split())
+    return text if len(text) <= 90 else text[:87] + "..."
+
+
+def _suspicion(node: ast.AST, kind: str, in_text: bool) -> str:
+    if in_text:
+        return "in a text for people"
+    if kind == "comparison" and isinstance(node, ast.Compare):
+        edges = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+        if all(isinstance(op, edges) for op in node.ops):
+            return "differs only where both sides are equal"
+    return ""
+
+
+class PythonFaults:
+    """Every fault of a file, found by its place, and made when it is asked for."""
+
+    def __init__(self, path: str, text: str) -> None:
+        self.path = path
+        self.tree = ast.parse(text)
+        self.whole = ast.unparse(self.tree)
+        self.silent = _silent(self.tree)
+        self.places: list[tuple[ast.AST, ast.AST, Change, str]] = []
+        self._visit(self.tree, self.tree, False)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def _visit(self, node: ast.AST, statement: ast.AST, in_text: bool) -> None:
+        if node in self.silent:
+            return
+        if isinstance(node, ast.stmt):
+            statement = node
+        in_text = in_text or isinstance(node, ast.JoinedStr)
+        # A statement's own body is too long to show: the part that changes is enough.
+        shown = node if hasattr(statement, "body") else statement
+        for change in _changes(node, self.silent):
+            why = _suspicion(node, change[0], in_text)
+            gone = change[3]
+            here = (node, shown) if gone is None else (gone, gone)
+            self.places.append((*here, change, why))
+        for child in ast.iter_child_nodes(node):
+            self._visit(child, statement, in_text)
+
+    def make(self, k: int) -> PythonMutant | None:
+        """The fault number k; None where it changes nothing that Python sees."""
+        node, shown, (kind, do, undo, _), suspect = self.places[k]
+        before = _line_of(node, shown), _edited(shown)
+        do()
+        try:
+            text, after = ast.unparse(ast.fix_missing_locations(self.tree)), _edited(shown)
+        finally:
+            undo()
+        if text == self.whole:
+            return None
+        edit = before[1] if kind == _DELETED else f"{before[1]}  ->  {after}"
+        return PythonMutant(self.path, before[0], kind, edit, suspect, text)
+
+
+def _line_of(node: ast.AST, shown: ast.AST) -> int:
+    return int(getattr(node, "lineno", getattr(shown, "lineno", 1)))
+
+
+def _edited(node: ast.AST) -> str:
+    test = getattr(node, "test", None)
+    if test is not None and hasattr(node, "body") and isinstance(node, ast.stmt):
+        return _short(test)
+    return _short(node) if not isinstance(node, ast.Module) else "file"

@@ -1,0 +1,219 @@
+"""Mutation of Python sources: the faults are what they say, and their fate is told truly."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from esea_gen.cli import app
+from esea_gen.errors import UserError
+from esea_gen.verify.mutation.python import chosen_tests, mutate_python, sources_of
+from esea_gen.verify.mutation.python_edits import PythonFaults
+
+# Few, for each takes a process: of the sum, and of the text.
+TRIED, SEED = 4, 5
+
+SOURCE = '''\
+"""Say 1 + 1."""
+
+LIMIT = 3
+
+
+def clipped(x: float, scale: float = 2.5) -> float:
+    """Never 7."""
+    log = []
+    log.append(x)
+    if x > LIMIT and scale > 0:
+        raise ValueError("above " + "3")
+    return -min(x, scale) + len(log) * 4.0
+
+
+def label(x: float) -> str:
+    return f"{100 * x:.1f} %"
+
+
+def ends(n: int) -> int:
+    while n > 0:
+        n -= 1
+    return n
+'''
+
+TEST = """\
+import pytest
+from esea_gen.small.sums import clipped, ends, label
+
+
+def test_clipped():
+    assert clipped(1.0) == 3.0
+    assert clipped(2.9) == 1.5
+    assert ends(3) == 0
+
+
+def test_limit():
+    with pytest.raises(ValueError):
+        clipped(4.0)
+"""
+
+# Compares with what the program itself gave: accepted along with the fault, it proves nothing.
+COMMITTED_TEST = """\
+from esea_gen.small.sums import label
+
+
+def test_label():
+    assert label(0.25) == "25.0 %"
+"""
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    files = {
+        "esea_gen/__init__.py": "",
+        "esea_gen/small/__init__.py": "",
+        "esea_gen/small/sums.py": SOURCE,
+        "tests/test_sums.py": TEST,
+        "tests/test_traces.py": COMMITTED_TEST,
+        "pyproject.toml": '[tool.pytest.ini_options]\ntestpaths = ["tests"]\n',
+    }
+    for name, text in files.items():
+        path = tmp_path / "checkout" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path / "checkout"
+
+
+def every(source: str) -> list[tuple[int, str, str]]:
+    faults = PythonFaults("a.py", source)
+    made = [faults.make(k) for k in range(len(faults))]
+    return [(m.line, m.kind, m.edit) for m in made if m is not None]
+
+
+@pytest.mark.parametrize(
+    ("source", "kind", "edit"),
+    [
+        ("y = a + b", "operator", "y = a + b  ->  y = a - b"),
+        ("y = a + b", "dropped term", "y = a + b  ->  y = a"),
+        ("y = a + b", "dropped term", "y = a + b  ->  y = b"),
+        ("y = a / b", "operator", "y = a / b  ->  y = a * b"),
+        ("y = a < b", "comparison", "y = a < b  ->  y = a <= b"),
+        ("y = a is b", "comparison", "y = a is b  ->  y = a is not b"),
+        ("y = x[3]", "off by one", "y = x[3]  ->  y = x[4]"),
+        ("y = x[3]", "sign", "y = x[3]  ->  y = x[-3]"),
+        ("y = 2.0", "constant", "y = 2.0  ->  y = 2.02"),
+        ("y = -x", "sign", "y = -x  ->  y = x"),
+        ("y = True", "constant", "y = True  ->  y = False"),
+        ("y = not x", "not", "y = not x  ->  y = x"),
+        ("y = f(a, b)", "swapped argument", "y = f(a, b)  ->  y = f(b, a)"),
+        ("y = a and b", "operator", "y = a and b  ->  y = a or b"),
+        ("f.a = b", "deleted statement", "f.a = b"),
+        ("n += 1", "deleted statement", "n += 1"),
+        ("if a:\n    f()", "not", "a  ->  not a"),
+        ("if a:\n    f()", "deleted statement", "f()"),
+    ],
+)
+def test_each_kind_of_fault(source, kind, edit):
+    assert (kind, edit) in [(k, e) for _, k, e in every(source)]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""A text of 3 + 4."""',
+        "def f(x: Array[3] = None) -> Size[4]: ...",
+        "raise ValueError(f'{a + b}')",
+        "if TYPE_CHECKING:\n    from a import b",
+        "y = f(a, a)",
+        "y = 'a'",
+    ],
+)
+def test_what_no_run_can_tell_is_left_alone(source):
+    assert every(source) == []
+
+
+def test_faults_are_single_and_leave_the_source_as_it_was():
+    faults = PythonFaults("a.py", SOURCE)
+    whole = ast.unparse(ast.parse(SOURCE)).splitlines()
+    texts = set()
+    for k in range(len(faults)):
+        mutant = faults.make(k)
+        assert mutant is not None
+        changed = mutant.text.splitlines()
+        assert len(changed) == len(whole)
+        assert sum(a != b for a, b in zip(changed, whole, strict=True)) == 1
+        assert SOURCE.splitlines()[mutant.line - 1].strip()
+        texts.add(mutant.text)
+    assert len(texts) > 30
+    assert ast.unparse(faults.tree) == ast.unparse(ast.parse(SOURCE))
+
+
+def test_faults_are_noticed_or_told(checkout):
+    before = {p: p.read_bytes() for p in checkout.rglob("*.py")}
+    report = mutate_python(checkout, "small", limit_s=60, sample=TRIED, seed=SEED)
+    assert report.tests == ("tests/test_sums.py",)
+    assert len(report.found) == TRIED
+    fates = {(m.line, m.kind, m.edit): fate for m, fate in report.found}
+    # Of a text that no independent test reads nothing is noticed; of the sum everything is.
+    assert {f for (line, _, _), f in fates.items() if line == 16} == {"survived"}
+    assert {f for (line, _, _), f in fates.items() if line == 12} == {"killed"}
+    assert 0 < report.score < 1
+    assert report.score == pytest.approx(1 - len(report.survivors) / TRIED)
+    # Repeatable, and the checkout is as it was.
+    again = mutate_python(checkout, "small", limit_s=60, sample=TRIED, seed=SEED)
+    assert again.to_dict() == report.to_dict()
+    assert {p: p.read_bytes() for p in checkout.rglob("*.py")} == before
+    assert json.loads(json.dumps(report.to_dict()))["tried"] == TRIED
+
+
+def test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed(checkout):
+    source = checkout / "esea_gen/small/sums.py"
+    source.write_text("def ends(n):\n    while n:\n        n -= 1\n")
+    (checkout / "tests/test_sums.py").write_text(
+        "from esea_gen.small.sums import ends\n\ndef test_ends():\n    ends(3)\n"
+    )
+    report = mutate_python(checkout, "esea_gen/small/sums.py", limit_s=8)
+    fates = {m.kind: fate for m, fate in report.found}
+    assert fates["deleted statement"] == "no end"
+    assert fates["not"] == "survived"  # nothing looks at what it gives
+    assert "survived: esea_gen/small/sums.py:2: not: n  ->  not n" in report.table()
+
+
+def test_what_may_do_nothing_is_told_as_such():
+    faults = PythonFaults("a.py", 'y = 1 if a < b else 2\nz = f"{100 * a}"\n')
+    made = [m for m in map(faults.make, range(len(faults))) if m is not None]
+    why = {m.kind: m.suspect for m in made if m.line == 1}
+    assert why["comparison"] == "differs only where both sides are equal"
+    assert why["off by one"] == ""
+    assert {m.suspect for m in made if m.line == 2} == {"in a text for people"}
+
+
+def test_chosen_tests_committed_output_are_left_out_unless_asked_for(checkout):
+    sources = sources_of(checkout, "small")
+    assert [p.name for p in chosen_tests(checkout, sources, True)] == ["test_sums.py"]
+    assert len(chosen_tests(checkout, sources, False)) == 2
+
+
+def test_the_command(checkout, tmp_path, monkeypatch):
+    monkeypatch.chdir(checkout)
+    arguments = ["mutate-python", "small", "--sample", "2", "--seed", "1", "--json", "r.json"]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert "of 2 faults noticed" in done.output
+    rows = json.loads((checkout / "r.json").read_text())["mutants"]
+    assert {r["file"] for r in rows} == {"esea_gen/small/sums.py"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "no room or file 'nowhere'"),
+        (["small", "--tests", "tests/test_none.py"], "do not pass without a fault"),
+    ],
+)
+def test_the_command_refuses(checkout, monkeypatch, arguments, said):
+    monkeypatch.chdir(checkout)
+    done = CliRunner().invoke(app, ["mutate-python", *arguments])
+    assert isinstance(done.exception, UserError)
+    assert said in str(done.exception)
