@@ -179,6 +179,15 @@ def labelled_kernel(
     return prune(kernel), labels
 
 
+def use_counts(kernel: Kernel) -> list[int]:
+    """How often each node is an operand."""
+    uses = [0] * len(kernel.nodes)
+    for n in kernel.nodes:
+        for a in n.args:
+            uses[a] += 1
+    return uses
+
+
 def prune(kernel: Kernel) -> Kernel:
     """Drop the nodes that no result needs."""
     order = needed_nodes(kernel)

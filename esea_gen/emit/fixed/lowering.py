@@ -23,6 +23,7 @@ from esea_gen.emit.fixed.values import (
     Value,
     local_name,
 )
+from esea_gen.emit.local_names import unused
 from esea_gen.emit.walker import Kernel, Node
 
 
@@ -80,8 +81,7 @@ class Lowering(Elementary):
         return Value(ex.clamp(self.unchecked[i].expr, s.low, s.high), s.fraction)
 
     def _unused(self, name: str) -> str:
-        while name in self.names:
-            name += "_"
+        name = unused(name, self.names)
         self.names.add(name)
         return name
 
@@ -130,7 +130,7 @@ class Lowering(Elementary):
         if n.op == "input":
             name, comment = self.source(*n.source).name, ""
         else:
-            name, comment = label or (f"v{i}", "")
+            name, comment = label or (self.others.get(i, f"v{i}"), "")
         if not boolean and i not in self.words:
             name = local_name(name, v.fraction)
         name = self._unused(name)
@@ -208,11 +208,14 @@ def lower(
     words: Sequence[int] = (),
     checks: Collection[int] = (),
     block: str = "",
+    others: Mapping[int, str] | None = None,
 ) -> LoweredKernel:
     """Lower a kernel to whole numbers.
 
     source: ``source(argument, element)`` gives what an input is.
     checks: nodes by which the step checks its own coefficients.
+    others: names of values without a label.
     """
-    lowering = Lowering(kernel, source, labels or {}, facts or {}, wide, words, checks, block)
+    known = labels or {}, facts or {}
+    lowering = Lowering(kernel, source, *known, wide, words, checks, block, others or {})
     return lowering.run(targets)

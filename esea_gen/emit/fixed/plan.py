@@ -14,6 +14,7 @@ from esea_gen.emit.checks import coefficient_checks
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.lowering import lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
+from esea_gen.emit.local_names import meanings
 from esea_gen.emit.walker import Kernel, fuse_selects, labelled_kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
@@ -176,7 +177,9 @@ def _prepare(
                 else math.ceil(high * scale),
             )
         )
-    made = lower(kernel, source, _targets(fields, True), wide=wide, block=block.name)
+    others = meanings(block, "prepare", kernel, {}, stem)
+    targets = _targets(fields, True)
+    made = lower(kernel, source, targets, wide=wide, block=block.name, others=others)
     return made, tuple(fields)
 
 
@@ -191,6 +194,7 @@ class Planner:
         self.block = block
         fused, facts, labels = _labelled(block)
         self.kernel, self.facts, self.labels = _rewritten(fused, facts, labels)
+        self.others = meanings(block, "step", self.kernel, self.labels, stem)
         count = len(block.state)
         switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
         out = {p.name: _is_switch(p, self.kernel, count + k) for k, p in enumerate(block.outputs)}
@@ -227,6 +231,7 @@ class Planner:
             words=self.block.flag_results,
             checks=self.checks,
             block=self.block.name,
+            others=self.others,
         )
         return BlockPlan(
             self.block,

@@ -157,6 +157,7 @@ class LoweringBase:
     facts: ranges that follow from algebra, by node.
     checks: nodes by which the step checks its own coefficients.
     block: name of the Block, for messages.
+    others: names of values without a label.
     """
 
     def __init__(
@@ -169,7 +170,9 @@ class LoweringBase:
         words: Sequence[int],
         checks: Collection[int],
         block: str,
+        others: Mapping[int, str],
     ) -> None:
+        self.others = others
         self.kernel, self.source, self.labels = kernel, source, labels
         self.facts, self.wide, self.block = facts, wide, block
         self.checks, self.unchecked, self.checking = checks, dict[int, Value](), False

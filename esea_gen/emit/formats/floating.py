@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from esea_gen.emit.formats.base import Format
+from esea_gen.emit.local_names import LocalNames, meanings
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, early_stores
 from esea_gen.emit.walker import (
@@ -17,6 +18,7 @@ from esea_gen.emit.walker import (
     UnsupportedOperationError,
     labelled_kernel,
     status_words,
+    use_counts,
     walk,
 )
 from esea_gen.language.block import Block
@@ -160,13 +162,15 @@ class FloatingFormat(Format):
         names: dict[int, tuple[str, str]] | None = None,
     ) -> PrintedKernel:
         """Print a kernel as one of a Block's functions: ``prepare``, ``init`` or ``step``."""
+        others = meanings(block, function, kernel, names or {})
         if function == "prepare":
-            return print_kernel(kernel, self, _access([("params", block.tunables)]), {})
+            access = _access([("params", block.tunables)])
+            return print_kernel(kernel, self, access, {}, others=others)
         coefficients = [("coeffs", block.coefficients)]
         if function == "init":
-            return print_kernel(kernel, self, _access(coefficients), {})
+            return print_kernel(kernel, self, _access(coefficients), {}, others=others)
         access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
-        return print_kernel(kernel, self, access, names or {}, block.flag_results)
+        return print_kernel(kernel, self, access, names or {}, block.flag_results, others)
 
 
 def _access(groups: list[tuple[str, tuple[Any, ...]]]) -> Callable[[int, int], tuple[str, str]]:
@@ -190,22 +194,23 @@ def print_kernel(
     access: Callable[[int, int], tuple[str, str]],
     labels: dict[int, tuple[str, str]],
     words: Sequence[int] = (),
+    others: Mapping[int, str] | None = None,
 ) -> PrintedKernel:
     """Print a kernel as a list of C definitions.
 
     access: ``access(argument, element) -> (local name, C expression that reads it)``.
     words: results that are status words.
+    others: names of values without a label, where these stand as statements of their own.
     """
-    uses = [0] * len(kernel.nodes)
-    for n in kernel.nodes:
-        for a in n.args:
-            uses[a] += 1
+    uses = use_counts(kernel)
     wanted = {i for r in kernel.results for i in r}
     bits = status_words(kernel, words, uses) if fmt.joins_words else {}
     parts = {i for word in bits.values() for i in word.parts}
     atoms: list[str] = []
     statements: list[Statement] = []
     arguments = set()
+    reads = {access(*n.source)[0] for n in kernel.nodes if n.op == "input"}
+    names = LocalNames(reads, labels, others or {})
     chained: dict[int, str] = {}  # operations that stand where they are used, without brackets
 
     def number(atom: str) -> str:
@@ -214,8 +219,8 @@ def print_kernel(
     for i, n in enumerate(kernel.nodes):
         if i in bits:
             flags = (f"esea_bit({bare(atoms[c])}, {k}u)" for c, k in bits[i].flags)
-            statements.append(Statement("uint32_t", f"v{i}", " | ".join(flags)))
-            atoms.append(f"v{i}")
+            statements.append(Statement("uint32_t", names.define(i), " | ".join(flags)))
+            atoms.append(statements[-1].name)
             continue
         if i in parts:
             atoms.append("")
@@ -225,10 +230,10 @@ def print_kernel(
             atoms.append(f"({text})" if text.startswith("-") else text)
             continue
         if n.op == "input":
-            local, source = access(*n.source)
+            read, source = access(*n.source)
             arguments.add(n.source[0])
-            statements.append(Statement(fmt.c_type, local, source))
-            atoms.append(local)
+            statements.append(Statement(fmt.c_type, read, source))
+            atoms.append(read)
             continue
         operands = []
         for position, a in enumerate(n.args):
@@ -256,9 +261,8 @@ def print_kernel(
                 chained[i] = n.op
             continue
         c_type = "bool" if n.boolean else fmt.c_type
-        name, comment = named if named else (f"v{i}", "")
-        statements.append(Statement(c_type, name, text, comment))
-        atoms.append(name)
+        statements.append(Statement(c_type, names.define(i), text, named[1] if named else ""))
+        atoms.append(statements[-1].name)
     results = tuple(
         tuple(number(atoms[i]) if kernel.nodes[i].boolean else atoms[i] for i in r)
         for r in kernel.results

@@ -1,0 +1,161 @@
+"""Names of a kernel's local values in C: from labels, and from the ports that they come from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+from esea_gen.emit.walker import Kernel, status_words, use_counts
+from esea_gen.language.block import Block
+
+# Keywords of C and C++, the functions' own arguments, and what headers may define in lower case.
+_RESERVED = frozenset(
+    word
+    for line in (
+        "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl",
+        "const constexpr const_cast continue decltype default delete do double dynamic_cast else",
+        "enum explicit export extern false float for friend goto if inline int long mutable",
+        "namespace new noexcept not not_eq nullptr operator or or_eq private protected public",
+        "register reinterpret_cast restrict return short signed sizeof static static_assert",
+        "static_cast struct switch template this thread_local throw true try typedef typeid",
+        "typename union unsigned using virtual void volatile wchar_t while xor xor_eq",
+        "coeffs in out params state errno linux unix",
+    )
+    for word in line.split()
+)
+_MACRO = re.compile(r"[A-Z][A-Z0-9_]*")
+
+
+def unused(name: str, taken: Collection[str]) -> str:
+    """The name, or what comes of it by an ending: free, no keyword and no macro's."""
+    if _MACRO.fullmatch(name):
+        name += "_value"
+    while name in taken or name in _RESERVED:
+        name += "_"
+    return name
+
+
+class LocalNames:
+    """Names of one function's values: a label's, else a port's, else a number.
+
+    taken: names of what the function reads.
+    """
+
+    def __init__(
+        self,
+        taken: Collection[str],
+        labels: Mapping[int, tuple[str, str]],
+        others: Mapping[int, str],
+    ) -> None:
+        self._taken, self._others, self._labels = set(taken), others, dict[int, str]()
+        for i, (name, _) in labels.items():
+            self._labels[i] = self._new(name)
+
+    def _new(self, name: str) -> str:
+        name = unused(name, self._taken)
+        self._taken.add(name)
+        return name
+
+    def define(self, i: int) -> str:
+        """Name of a value that gets its statement now."""
+        return self._labels.get(i) or self._new(self._others.get(i, f"v{i}"))
+
+
+def meanings(
+    block: Block,
+    function: str,
+    kernel: Kernel,
+    labels: Mapping[int, tuple[str, str]],
+    base: Callable[[str], str] = str,
+) -> dict[int, str]:
+    """Names of values that no label names but a port does.
+
+    A state as its guard lets it through is ``<state>_used``, a condition has its flag's name, and
+    what a function writes is named by where it goes; a new state is ``<state>_next``.
+
+    function: ``prepare``, ``init`` or ``step``.
+    base: of a port's name, what stands before these endings.
+    """
+    if function == "prepare":
+        return _first([_results(kernel, 0, block.coefficients, base, "")])
+    if function == "init":
+        return _first([_results(kernel, 0, block.state, base, "")])
+    return _first(
+        [
+            _guarded(block, kernel, labels, base),
+            _flags(block, kernel),
+            _results(kernel, len(block.state), block.outputs, base, "_out"),
+            _results(kernel, 0, block.state, base, "_next"),
+        ]
+    )
+
+
+def _first(groups: list[dict[int, str]]) -> dict[int, str]:
+    return {i: name for group in reversed(groups) for i, name in group.items()}
+
+
+def _element(name: str, ending: str, size: int, element: int) -> str:
+    return f"{name}{ending}" + ("" if size == 1 else f"_{element}")
+
+
+def _results(
+    kernel: Kernel, start: int, ports: tuple[Any, ...], base: Callable[[str], str], ending: str
+) -> dict[int, str]:
+    found: dict[int, str] = {}
+    for p, nodes in zip(ports, kernel.results[start:], strict=False):
+        name, end = (p.name, "") if getattr(p, "flags", ()) else (base(p.name), ending)
+        for element, i in enumerate(nodes):
+            found.setdefault(i, _element(name, end, len(nodes), element))
+    return found
+
+
+def _flags(block: Block, kernel: Kernel) -> dict[int, str]:
+    uses = use_counts(kernel)
+    found: dict[int, str] = {}
+    flags = [p.flags for p in block.outputs if p.flags]
+    for result, names in zip(block.flag_results, flags, strict=True):
+        for word in status_words(kernel, (result,), uses).values():
+            for i, bit in word.flags:
+                if bit < len(names):
+                    found.setdefault(i, names[bit].name.lower())
+    return found
+
+
+def _guarded(
+    block: Block,
+    kernel: Kernel,
+    labels: Mapping[int, tuple[str, str]],
+    base: Callable[[str], str],
+) -> dict[int, str]:
+    guards = {i for i, (name, _) in labels.items() if name == "state_ok"}
+    guards |= {
+        i for i, n in enumerate(kernel.nodes) if n.op == "and" and guards.intersection(n.args)
+    }
+    first = len(block.coefficients)
+    found: dict[int, str] = {}
+
+    def state(i: int) -> str:
+        n = kernel.nodes[i]
+        argument = n.source[0] - first
+        if n.op != "input" or not 0 <= argument < len(block.state):
+            return ""
+        p = block.state[argument]
+        return _element(base(p.name), "_used", p.size, n.source[1])
+
+    for i, n in enumerate(kernel.nodes):
+        if n.op in ("select", "if_else_zero") and n.args[0] in guards:
+            name = state(n.args[1])
+            if name:
+                found[i] = name
+        elif n.op == "add":  # (ok ? state : 0) + (!ok ? start : 0)
+            arms = [a for a in n.args if a in found and kernel.nodes[a].op == "if_else_zero"]
+            other = [a for a in n.args if a not in arms]
+            if len(arms) == len(other) == 1 and kernel.nodes[other[0]].op == "if_else_zero":
+                inverse = kernel.nodes[kernel.nodes[other[0]].args[0]]
+                if inverse.op == "not" and inverse.args == kernel.nodes[arms[0]].args[:1]:
+                    found[i] = found.pop(arms[0])
+    return found
+
+
+__all__ = ["LocalNames", "meanings", "unused"]

@@ -1,0 +1,110 @@
+"""Names of values inside the emitted functions."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+
+import casadi as ca
+import pytest
+
+import esea_gen
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Flag, Port, flag_word
+from esea_gen.language.system import System, Task
+
+from .conftest import require_tool
+
+# Labels that C, C++ or the function itself already has a meaning for.
+AWKWARD = ("register", "class", "bool", "state", "in", "linux", "x_rad", "x_rad_now", "INFINITY")
+
+
+def system_of(label_names) -> System:
+    """A Block that doubles its input once for each label, and keeps the sum."""
+
+    def step(c, s, u, guard, label):
+        value = u.x_rad
+        for k, name in enumerate(label_names):
+            value = label(name, ca.fmin(value * 2.0, 4.0 + k), "why")
+        moved = label("moved", value > s.kept_rad, "")
+        word = flag_word([moved, ca.logic_not(guard.state_ok)])
+        total = ca.if_else(moved, value, s.kept_rad)
+        return {"kept_rad": ca.fmax(total, 0.5)}, {"y_rad": ca.fmin(total, 2.0), "status": word}
+
+    flags = (
+        Flag("MOVED", "the sum grew", compares=("y_rad",)),
+        Flag("STATE_REPAIRED", "the state was corrupt"),
+    )
+    block = Block.define(
+        "awkward",
+        "Names",
+        period_s=0.001,
+        state=(Port("kept_rad", -4.0, 4.0, "sum", init=1.0),),
+        inputs=(Port("x_rad", -1.0, 1.0, "input", on_invalid=0.0),),
+        outputs=(
+            Port("y_rad", -2.0, 2.0, "output"),
+            Port("status", 0.0, 3.0, "what happened", flags=flags),
+        ),
+        step=step,
+    )
+    return System(
+        "names",
+        0.001,
+        {"awkward": block},
+        (Task("only", ("awkward",)),),
+        {},
+        {"x_rad": ("awkward.x_rad",)},
+        {"y_rad": "awkward.y_rad", "status": "awkward.status"},
+    )
+
+
+def locals_of(text: str) -> list[str]:
+    body = text[text.index("_step(") :]
+    return re.findall(r"const \w+ (\w+) =", body)
+
+
+def step_text(real: str, label_names) -> dict[str, str]:
+    return Renderer(system_of(label_names), FORMATS[real], "-", "-", "Names").own_files()
+
+
+@pytest.mark.parametrize("real", ["f64", "f32", "q31"])
+def test_awkward_labels_still_compile(real, tmp_path):
+    files = step_text(real, AWKWARD)
+    files |= {p.name: p.read_text() for p in FORMATS[real].sources()}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    names = locals_of(files["esea_names_awkward.c"])
+    assert len(names) == len(set(names))
+    for compiler in (("gcc", "-std=gnu99"), ("g++", "-std=gnu++17", "-x", "c++")):
+        require_tool(compiler[0])
+        command = [*compiler, "-fsyntax-only", "-Wall", "-Wextra", "-Wshadow", "-Werror"]
+        command += ["-include", "math.h", "esea_names_awkward.c"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("real", "expected"),
+    [
+        ("f64", {"kept_rad_used", "kept_rad_next", "y_rad_out", "status", "moved"}),
+        ("f32", {"kept_rad_used", "kept_rad_next", "y_rad_out", "status", "moved"}),
+        ("q31", {"kept_used_q28", "kept_next_q28", "y_out_q28", "status", "moved"}),
+    ],
+)
+def test_a_value_has_the_name_of_its_label_or_its_port(real, expected):
+    names = set(locals_of(step_text(real, ("first", "second"))["esea_names_awkward.c"]))
+    assert expected <= names
+    assert "second" in {n.split("_")[0] for n in names}
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_every_label_of_a_shipped_block_is_a_name(real):
+    device = esea_gen.load_device("elbow_drive")
+    block = device.system.blocks["limits"]
+    printed = FORMATS[real].emit(block).step
+    names = {s.name for s in printed.statements}
+    inputs = {p.name for p in block.inputs}
+    missing = [n for n, _ in block.labels if n not in names | inputs]
+    assert missing == []
