@@ -136,7 +136,9 @@ class Step:
 
     def after(self, name: str, index: int | None = None) -> Number:
         """A state after the step."""
-        return self._number("state", name, index, self.written.get(self._place("state", name, index)))
+        return self._number(
+            "state", name, index, self.written.get(self._place("state", name, index))
+        )
 
     def out(self, name: str) -> Number:
         """An output; it must have been written."""
