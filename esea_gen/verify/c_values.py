@@ -87,16 +87,22 @@ def literal(bits: int) -> str:
     return f"(fp #b{bits >> 31:01b} #b{bits >> 23 & 255:08b} #b{bits & 0x7FFFFF:023b})"
 
 
+def _power(exponent: int) -> str:
+    return literal(single(Fraction(2**exponent)))
+
+
 class Arithmetic:
     """What C's operators make of values.
 
     exact: whether a product of two unknown numbers is computed; else it is any number of its type
-        (the same for the same operands) with the sign that it must have, which allows more than
-        the C does.
+        (the same for the same operands) with the sign and the rough size that it must have, and a signed number fits
+        where it is cast to fewer bits, which the value analysis shows.  That allows more than the C
+        does.
     """
 
     def __init__(self, script: Script, exact: bool) -> None:
         self.script, self.exact = script, exact
+        self.certain = True  # whether what is evaluated is evaluated in every run
         self.products: list[tuple[Value, Value, Value]] = []
 
     def name(self, kind: CType, text: str) -> Value:
@@ -153,6 +159,10 @@ class Arithmetic:
             how = "sign_extend" if value.type.signed else "zero_extend"
             return self.name(kind, f"((_ {how} {more}) {value.term})")
         if more < 0:
+            if not self.exact and self.certain and kind.signed and value.type.signed:
+                # That no cast loses bits is the value analysis' result, and true of products alone.
+                held = f"((_ extract {kind.bits - 1} 0) {value.term})"
+                self.script.fact(f"(= ((_ sign_extend {-more}) {held}) {value.term})")
             return self.name(kind, f"((_ extract {kind.bits - 1} 0) {value.term})")
         return Value(kind, term=value.term)
 
@@ -219,9 +229,11 @@ class Arithmetic:
             return f"|{name}|"
         result = self.script.unknown(name, kind.sort)
         if op == "*" and kind.kind == "float":
-            zero, most = "(_ +zero 8 24)", literal(single(Fraction(2**60)))
-            small = every(*(f"(fp.leq (fp.abs {v}) {most})" for v in (x, y)))
-            self.script.fact(implied(small, f"(fp.leq (fp.abs {result}) {literal(0x7F7FFFFF)})"))
+            zero = "(_ +zero 8 24)"
+            for bound, result_bound in ((60, literal(0x7F7FFFFF)), (30, _power(60))):
+                small = every(*(f"(fp.leq (fp.abs {v}) {_power(bound)})" for v in (x, y)))
+                self.script.fact(implied(small, f"(fp.leq (fp.abs {result}) {result_bound})"))
+            small = every(*(f"(fp.leq (fp.abs {v}) {_power(60)})" for v in (x, y)))
             above, below = "fp.geq", "fp.leq"
         elif op == "*" and all(self._short(v) for v in (x, y)):
             # 32 bits by 32 to 64: nothing wraps.

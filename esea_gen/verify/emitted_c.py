@@ -137,8 +137,11 @@ class Reader(Arithmetic):
 
     def _binary(self, node: Any, names: Names, memory: Memory) -> Value:
         op = node.op
-        a, b = self._value(node.left, names, memory), self._value(node.right, names, memory)
-        if op in ("&&", "||"):
+        a = self._value(node.left, names, memory)
+        if op not in ("&&", "||"):
+            b = self._value(node.right, names, memory)
+        else:
+            (b,) = self._perhaps([node.right], names, memory)
             text = (every if op == "&&" else some)(self.truth(a), self.truth(b))
             return Value(INT, truth=self.script.define("Bool", text))
         if op in ("<<", ">>"):
@@ -220,14 +223,21 @@ class Reader(Arithmetic):
                 self._value(node.expr, names, memory), self._number(node.to_type), node
             )
         if isinstance(node, c_ast.TernaryOp):
-            parts = (node.cond, node.iftrue, node.iffalse)
-            when, a, b = (self._value(n, names, memory) for n in parts)
+            when = self._value(node.cond, names, memory)
+            a, b = self._perhaps([node.iftrue, node.iffalse], names, memory)
             return self.choose(self.truth(when), a, b, node)
         if isinstance(node, c_ast.FuncCall):
             return self._call(node, names, memory)
         if isinstance(node, c_ast.ID) and isinstance(names.get(node.name), Pointer):
             return names[node.name]
         return self._load(self._place(node, names, memory), node, memory)
+
+    def _perhaps(self, nodes: list[Any], names: Names, memory: Memory) -> list[Value]:
+        """Expressions that may be left out."""
+        before, self.certain = self.certain, False
+        found = [self._value(n, names, memory) for n in nodes]
+        self.certain = before
+        return found
 
     def _call(self, node: Any, names: Names, memory: Memory) -> Value | None:
         name = getattr(node.name, "name", "?")
@@ -277,7 +287,9 @@ class Reader(Arithmetic):
         if condition in (TRUE, FALSE):
             return self._execute(ways[condition == FALSE], names, memory)
         ends = [dict(memory), dict(memory)]
+        before, self.certain = self.certain, False
         values = [self._execute(w, dict(names), m) for w, m in zip(ways, ends, strict=True)]
+        self.certain = before
         for place in {**ends[0], **ends[1]}:
             if all(place in m or place.split(".")[0] in self.free for m in ends):
                 a, b = (self._load(place, node, m) for m in ends)

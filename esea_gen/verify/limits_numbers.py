@@ -122,6 +122,10 @@ class Number:
         assert self.fraction == other.fraction
         return Number(f"(ite {other < self} {other.term} {self.term})", self.fraction)
 
+    def next_unit(self) -> Number:
+        """A whole number one unit larger; a float as it is."""
+        return self if self.fraction is None else self.plus(Fraction(1, 2**self.fraction))
+
     def plus(self, value: Fraction) -> Number:
         """A constant more: rounded as the format does, a float's constant downwards."""
         return self + self.constant(value)

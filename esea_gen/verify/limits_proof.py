@@ -17,6 +17,8 @@ from fractions import Fraction
 from esea_gen.control.faults import Fault
 from esea_gen.control.latch import RELEASED_KEY
 from esea_gen.device import Device
+from esea_gen.language.ports import Port
+from esea_gen.verify.limits_numbers import Number
 from esea_gen.verify.limits_step import Change, LimitsC, Step
 from esea_gen.verify.smt import Answer, ask, every, implied, negated, some
 
@@ -90,7 +92,8 @@ def _ends(s: Step) -> str:
 
 @_holds("above the brake speed, of joint or drive, a push with the motion falls at the full rate")
 def _brake(s: Step) -> str:
-    brake = s.coef("brake_rad_s")
+    # Raw numbers are halved, half a unit upwards: the brake acts one unit later.
+    brake = s.coef("brake_rad_s").next_unit()
     speeds = [s.given(n) for n in ("omega_load_rad_s", "omega_motor_rad_s")]
     return every(
         implied(some(*(w >= brake for w in speeds)), _no_more(s, 1)),
@@ -244,9 +247,18 @@ def _latched_no_torque(s: Step) -> str:
     return implied(s.before("key").differs(KEY), s.out("u_Nm").equals(0))
 
 
+PAIRS = (("fault_stored", "fault_mirror"), ("rearm_last", "rearm_mirror"))
+PAIRS += (("u_last_Nm", "u_mirror_Nm"),)
+
+
+def _agree(of: Callable[[str], Number]) -> str:
+    """What is stored twice is the same."""
+    return every(*(of(one).equals(-of(other)) for one, other in PAIRS))
+
+
 @_holds("the first reason stays until the release")
 def _first_reason(s: Step) -> str:
-    whole = every(*(_agrees(s, s.before, n) for n in ("fault", "rearm", "u")))
+    whole = _agree(s.before)
     closed = every(s.before("key").equals(0), s.before("u_last_Nm").equals(0))
     inside = every(
         *(
@@ -313,47 +325,39 @@ def _request_spent(s: Step) -> str:
 # Numbers.
 
 
-def _inside(s: Step, outputs: bool) -> str:
-    claims = []
-    for p in s.block.outputs if outputs else s.block.state:
-        if p.name == "status":
-            continue
-        for i in range(p.size):
-            x = s.out(p.name) if outputs else s.after(p.name, i)
-            # An element of a vector need only be a number: all are checked by their sum.
-            one = x.finite() if p.size > 1 else x.inside(Fraction(p.low), Fraction(p.high))
-            claims.append(one)
-    return every(*claims)
+def _range(x: Number, port: Port) -> str:
+    return x.inside(Fraction(port.low), Fraction(port.high))
 
 
-@_holds("every output is a number inside its port's range: no NaN, no infinity")
+@_holds("every output but the energy is a number inside its port's range: no NaN, no infinity")
 def _outputs_in_range(s: Step) -> str:
-    return _inside(s, True)
+    ports = [p for p in s.block.outputs if p.name not in ("status", "energy_J")]
+    return every(*(_range(s.out(p.name), p) for p in ports))
+
+
+@_holds("energy_J is a number inside its port's range")
+def _energy_in_range(s: Step) -> str:
+    return _range(s.out("energy_J"), next(p for p in s.block.outputs if p.name == "energy_J"))
 
 
 @_holds("every state after the step is a number, inside its port's range unless of a vector")
 def _states_in_range(s: Step) -> str:
-    return _inside(s, False)
-
-
-def _agrees(s: Step, of: Callable[[str], object], name: str) -> str:
-    del s
-    pairs = {
-        "fault": ("fault_stored", "fault_mirror"),
-        "rearm": ("rearm_last", "rearm_mirror"),
-        "u": ("u_last_Nm", "u_mirror_Nm"),
-    }
-    one, other = (of(n) for n in pairs[name])
-    return str(one.equals(-other))  # type: ignore[attr-defined,operator]
+    # An element of a vector need only be a number: all are checked by their sum.
+    return every(
+        *(
+            s.after(p.name, i).finite() if p.size > 1 else _range(s.after(p.name), p)
+            for p in s.block.state
+            for i in range(p.size)
+        )
+    )
 
 
 @_holds("the memory that a step leaves agrees with itself")
 def _own_memory(s: Step) -> str:
-    agree = [_agrees(s, s.after, n) for n in ("fault", "rearm", "u")]
     key = s.after("key")
     released = every(key.equals(KEY), s.after("fault_stored").equals(0))
     closed = every(key.equals(0), s.after("fault_stored") >= 1, s.after("u_last_Nm").equals(0))
-    return every(*agree, some(released, closed))
+    return every(_agree(s.after), some(released, closed))
 
 
 @_holds("a counter never falls: it stays at its maximum")
