@@ -16,6 +16,7 @@
 #ifndef ESEA_Q31_H
 #define ESEA_Q31_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -23,6 +24,12 @@ extern "C" {
 #endif
 
 typedef char esea_q31_needs_a_shift_that_keeps_the_sign[((-3) >> 1) == -2 ? 1 : -1];
+
+/* Bit ``at`` of a status word, where it is set. */
+static inline uint32_t esea_bit(bool set, uint32_t at)
+{
+    return set ? ((uint32_t)1 << at) : (uint32_t)0;
+}
 
 /* x / 2^s rounded, 1 <= s <= 31. */
 static inline int32_t esea_q31_round(int32_t x, int s)
@@ -149,8 +156,9 @@ int32_t esea_q31_sqrt(int64_t x, int k);
 /* Hyperbolic tangent in units of 2^-30; x in units of 2^-xf, 2 <= xf <= 62.  Error: 2^-28. */
 int32_t esea_q31_tanh(int32_t x, int xf);
 
-/* For hosts with double; no emitted file uses them.  n is the number of fraction bits, 0 to 31.  A
- * number that does not fit, and NaN, becomes INT32_MIN, which no port takes as valid. */
+/* For hosts with double; of the emitted files only the example uses them.  n is the number of fraction
+ * bits, 0 to 31.  A number that does not fit, and NaN, becomes INT32_MIN, which no port takes as
+ * valid. */
 #define ESEA_Q31_UNITS(n)   ((double)(INT64_C(1) << (n)))
 #define ESEA_Q31_TO(raw, n) ((double)(raw) / ESEA_Q31_UNITS(n))
 #define ESEA_Q31_FROM(x, n)                                                                        \

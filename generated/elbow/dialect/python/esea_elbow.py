@@ -457,15 +457,15 @@ enums["ESEA_MODE"][4] = EnumEntry("ESEA_MODE_ENUM_END", """""")
 enums["ESEA_FAULT"] = Enum()
 enums["ESEA_FAULT"].bitmask = False
 ESEA_FAULT_NONE = 0
-enums["ESEA_FAULT"][0] = EnumEntry("ESEA_FAULT_NONE", """No fault.""")
-ESEA_FAULT_PREPARE_REFUSED = 1
-enums["ESEA_FAULT"][1] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range.""")
-ESEA_FAULT_STACK_EXHAUSTED = 2
-enums["ESEA_FAULT"][2] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word.""")
-ESEA_FAULT_PROCESSOR = 3
-enums["ESEA_FAULT"][3] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception.""")
-ESEA_FAULT_ENUM_END = 4
-enums["ESEA_FAULT"][4] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+enums["ESEA_FAULT"][0] = EnumEntry("ESEA_FAULT_NONE", """No fault. Cure: nothing to do.""")
+ESEA_FAULT_PREPARE_REFUSED = 101
+enums["ESEA_FAULT"][101] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts.""")
+ESEA_FAULT_STACK_EXHAUSTED = 102
+enums["ESEA_FAULT"][102] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script.""")
+ESEA_FAULT_PROCESSOR = 103
+enums["ESEA_FAULT"][103] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception. Cure: reset; if it comes again, service.""")
+ESEA_FAULT_ENUM_END = 104
+enums["ESEA_FAULT"][104] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
 
 # ESEA_ELBOW_SENSOR_STATUS
 enums["ESEA_ELBOW_SENSOR_STATUS"] = Enum()
@@ -495,7 +495,7 @@ enums["ESEA_ELBOW_VELOCITY_STATUS"][1] = EnumEntry("ESEA_ELBOW_VELOCITY_STATUS_I
 ESEA_ELBOW_VELOCITY_STATUS_STATE_REPAIRED = 2
 enums["ESEA_ELBOW_VELOCITY_STATUS"][2] = EnumEntry("ESEA_ELBOW_VELOCITY_STATUS_STATE_REPAIRED", """the state was corrupt; the observer was started afresh""")
 ESEA_ELBOW_VELOCITY_STATUS_RATE_CLIPPED = 4
-enums["ESEA_ELBOW_VELOCITY_STATUS"][4] = EnumEntry("ESEA_ELBOW_VELOCITY_STATUS_RATE_CLIPPED", """the estimate was clipped at the rate's physical range""")
+enums["ESEA_ELBOW_VELOCITY_STATUS"][4] = EnumEntry("ESEA_ELBOW_VELOCITY_STATUS_RATE_CLIPPED", """the estimate was clipped at the rate's physical range, or its memory at its own""")
 ESEA_ELBOW_VELOCITY_STATUS_ENUM_END = 5
 enums["ESEA_ELBOW_VELOCITY_STATUS"][5] = EnumEntry("ESEA_ELBOW_VELOCITY_STATUS_ENUM_END", """""")
 

@@ -457,15 +457,45 @@ enums["ESEA_MODE"][4] = EnumEntry("ESEA_MODE_ENUM_END", """""")
 enums["ESEA_FAULT"] = Enum()
 enums["ESEA_FAULT"].bitmask = False
 ESEA_FAULT_NONE = 0
-enums["ESEA_FAULT"][0] = EnumEntry("ESEA_FAULT_NONE", """No fault.""")
-ESEA_FAULT_PREPARE_REFUSED = 1
-enums["ESEA_FAULT"][1] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range.""")
-ESEA_FAULT_STACK_EXHAUSTED = 2
-enums["ESEA_FAULT"][2] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word.""")
-ESEA_FAULT_PROCESSOR = 3
-enums["ESEA_FAULT"][3] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception.""")
-ESEA_FAULT_ENUM_END = 4
-enums["ESEA_FAULT"][4] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+enums["ESEA_FAULT"][0] = EnumEntry("ESEA_FAULT_NONE", """No fault. Cure: nothing to do.""")
+ESEA_FAULT_NOT_ARMED = 1
+enums["ESEA_FAULT"][1] = EnumEntry("ESEA_FAULT_NOT_ARMED", """not armed since power-up or reset Cure: rearm.""")
+ESEA_FAULT_STATE_CORRUPT = 2
+enums["ESEA_FAULT"][2] = EnumEntry("ESEA_FAULT_STATE_CORRUPT", """the memory of the limits was corrupt Cure: rearm; if it comes again, memory or stack is at fault: service.""")
+ESEA_FAULT_TUNABLE_INVALID = 3
+enums["ESEA_FAULT"][3] = EnumEntry("ESEA_FAULT_TUNABLE_INVALID", """a limit was not within its compiled bounds, or the range of motion was turned round Cure: prepare the coefficients again from params that are in range.""")
+ESEA_FAULT_STOP = 4
+enums["ESEA_FAULT"][4] = EnumEntry("ESEA_FAULT_STOP", """stop was requested Cure: take back every stop, then rearm.""")
+ESEA_FAULT_INPUT_INVALID = 5
+enums["ESEA_FAULT"][5] = EnumEntry("ESEA_FAULT_INPUT_INVALID", """an input was NaN, outside its physical range or not a whole number, or what was wanted was Cure: give finite inputs within their ranges; look at the status words of the Blocks before.""")
+ESEA_FAULT_SENSING = 6
+enums["ESEA_FAULT"][6] = EnumEntry("ESEA_FAULT_SENSING", """the sensing task could not vouch for its measurements Cure: look at the encoders' status words: wiring, magnet, zero.""")
+ESEA_FAULT_CONTROL_STALE = 7
+enums["ESEA_FAULT"][7] = EnumEntry("ESEA_FAULT_CONTROL_STALE", """the control task delivered no new command Cure: see that the control task runs and gives finite commands.""")
+ESEA_FAULT_DEFLECTION = 8
+enums["ESEA_FAULT"][8] = EnumEntry("ESEA_FAULT_DEFLECTION", """the coupling was deflected too far Cure: unload the coupling; look for a blocked joint or a slipped encoder.""")
+ESEA_FAULT_TORQUE = 9
+enums["ESEA_FAULT"][9] = EnumEntry("ESEA_FAULT_TORQUE", """the interaction torque was too large Cure: unload the joint; a smaller wanted torque.""")
+ESEA_FAULT_SPEED = 10
+enums["ESEA_FAULT"][10] = EnumEntry("ESEA_FAULT_SPEED", """joint or drive were too fast Cure: let the joint come to rest; a slower movement or smaller gains.""")
+ESEA_FAULT_RANGE_OF_MOTION = 11
+enums["ESEA_FAULT"][11] = EnumEntry("ESEA_FAULT_RANGE_OF_MOTION", """the joint was beyond its range of motion and the margin Cure: move the joint back by hand.""")
+ESEA_FAULT_ENERGY = 12
+enums["ESEA_FAULT"][12] = EnumEntry("ESEA_FAULT_ENERGY", """too much energy was given to the limb within the window Cure: wait until the window has forgotten; slower or weaker movement.""")
+ESEA_FAULT_CLOCK = 13
+enums["ESEA_FAULT"][13] = EnumEntry("ESEA_FAULT_CLOCK", """base ticks were lost, repeated or went backward, or an old state was put back Cure: call release once for every base tick, in order; resume a state that was put back.""")
+ESEA_FAULT_LATE = 14
+enums["ESEA_FAULT"][14] = EnumEntry("ESEA_FAULT_LATE", """too many runs of a task ended after the tick at which they are released Cure: free time for the late task: see the watch's counters.""")
+ESEA_FAULT_COEFFICIENTS = 15
+enums["ESEA_FAULT"][15] = EnumEntry("ESEA_FAULT_COEFFICIENTS", """the coefficients are not those that were prepared, or no control run has checked them yet Cure: run the control task; if it stays, prepare again: memory was overwritten.""")
+ESEA_FAULT_PREPARE_REFUSED = 101
+enums["ESEA_FAULT"][101] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts.""")
+ESEA_FAULT_STACK_EXHAUSTED = 102
+enums["ESEA_FAULT"][102] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script.""")
+ESEA_FAULT_PROCESSOR = 103
+enums["ESEA_FAULT"][103] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception. Cure: reset; if it comes again, service.""")
+ESEA_FAULT_ENUM_END = 104
+enums["ESEA_FAULT"][104] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS
 enums["ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS"] = Enum()
@@ -531,7 +561,7 @@ enums["ESEA_ELBOW_DRIVE_VELOCITY_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_VELOC
 ESEA_ELBOW_DRIVE_VELOCITY_STATUS_STATE_REPAIRED = 2
 enums["ESEA_ELBOW_DRIVE_VELOCITY_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_VELOCITY_STATUS_STATE_REPAIRED", """the state was corrupt; the observer was started afresh""")
 ESEA_ELBOW_DRIVE_VELOCITY_STATUS_RATE_CLIPPED = 4
-enums["ESEA_ELBOW_DRIVE_VELOCITY_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_VELOCITY_STATUS_RATE_CLIPPED", """the estimate was clipped at the rate's physical range""")
+enums["ESEA_ELBOW_DRIVE_VELOCITY_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_VELOCITY_STATUS_RATE_CLIPPED", """the estimate was clipped at the rate's physical range, or its memory at its own""")
 ESEA_ELBOW_DRIVE_VELOCITY_STATUS_ENUM_END = 5
 enums["ESEA_ELBOW_DRIVE_VELOCITY_STATUS"][5] = EnumEntry("ESEA_ELBOW_DRIVE_VELOCITY_STATUS_ENUM_END", """""")
 
@@ -613,7 +643,7 @@ enums["ESEA_ELBOW_DRIVE_INVERSE_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_INVER
 ESEA_ELBOW_DRIVE_INVERSE_STATUS_REQUEST_CLAMPED = 32
 enums["ESEA_ELBOW_DRIVE_INVERSE_STATUS"][32] = EnumEntry("ESEA_ELBOW_DRIVE_INVERSE_STATUS_REQUEST_CLAMPED", """the request cannot be reached; the set-point stands at its limit""")
 ESEA_ELBOW_DRIVE_INVERSE_STATUS_STEP_CLIPPED = 64
-enums["ESEA_ELBOW_DRIVE_INVERSE_STATUS"][64] = EnumEntry("ESEA_ELBOW_DRIVE_INVERSE_STATUS_STEP_CLIPPED", """the set-point jumps by more than its rate allows; the model's rate torque is clipped""")
+enums["ESEA_ELBOW_DRIVE_INVERSE_STATUS"][64] = EnumEntry("ESEA_ELBOW_DRIVE_INVERSE_STATUS_STEP_CLIPPED", """the set-point jumps by more than its rate allows, or the memory of its rate or of the model's rate torque is at its range; clipped""")
 ESEA_ELBOW_DRIVE_INVERSE_STATUS_NOT_CONVERGED = 128
 enums["ESEA_ELBOW_DRIVE_INVERSE_STATUS"][128] = EnumEntry("ESEA_ELBOW_DRIVE_INVERSE_STATUS_NOT_CONVERGED", """the model's torque at the set-point misses the request""")
 ESEA_ELBOW_DRIVE_INVERSE_STATUS_ENUM_END = 129
@@ -627,7 +657,7 @@ enums["ESEA_ELBOW_DRIVE_SETPOINT_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_SETPO
 ESEA_ELBOW_DRIVE_SETPOINT_STATUS_STATE_REPAIRED = 2
 enums["ESEA_ELBOW_DRIVE_SETPOINT_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_SETPOINT_STATUS_STATE_REPAIRED", """the state was corrupt; started afresh""")
 ESEA_ELBOW_DRIVE_SETPOINT_STATUS_RATE_CLIPPED = 4
-enums["ESEA_ELBOW_DRIVE_SETPOINT_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_SETPOINT_STATUS_RATE_CLIPPED", """the rate was clipped""")
+enums["ESEA_ELBOW_DRIVE_SETPOINT_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_SETPOINT_STATUS_RATE_CLIPPED", """the rate, or the memory of the set-point, was clipped""")
 ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ACCELERATION_CLIPPED = 8
 enums["ESEA_ELBOW_DRIVE_SETPOINT_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ACCELERATION_CLIPPED", """the acceleration was clipped""")
 ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ENUM_END = 9
@@ -672,8 +702,14 @@ ESEA_ELBOW_DRIVE_LIMITS_STATUS_REARM_REFUSED = 65536
 enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"][65536] = EnumEntry("ESEA_ELBOW_DRIVE_LIMITS_STATUS_REARM_REFUSED", """a rearm request came, but not all its conditions were met""")
 ESEA_ELBOW_DRIVE_LIMITS_STATUS_FAULT_LATCHED = 131072
 enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"][131072] = EnumEntry("ESEA_ELBOW_DRIVE_LIMITS_STATUS_FAULT_LATCHED", """the motor command is held at zero; fault tells the first reason""")
-ESEA_ELBOW_DRIVE_LIMITS_STATUS_ENUM_END = 131073
-enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"][131073] = EnumEntry("ESEA_ELBOW_DRIVE_LIMITS_STATUS_ENUM_END", """""")
+ESEA_ELBOW_DRIVE_LIMITS_STATUS_CLOCK = 262144
+enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"][262144] = EnumEntry("ESEA_ELBOW_DRIVE_LIMITS_STATUS_CLOCK", """base ticks were lost, repeated or went backward""")
+ESEA_ELBOW_DRIVE_LIMITS_STATUS_LATE = 524288
+enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"][524288] = EnumEntry("ESEA_ELBOW_DRIVE_LIMITS_STATUS_LATE", """too many runs of a task ended after the tick at which they are released""")
+ESEA_ELBOW_DRIVE_LIMITS_STATUS_COEFFICIENTS = 1048576
+enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"][1048576] = EnumEntry("ESEA_ELBOW_DRIVE_LIMITS_STATUS_COEFFICIENTS", """the coefficients are not those that were prepared, or no control run has checked them yet""")
+ESEA_ELBOW_DRIVE_LIMITS_STATUS_ENUM_END = 1048577
+enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"][1048577] = EnumEntry("ESEA_ELBOW_DRIVE_LIMITS_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_DRIVE_STATUS
 enums["ESEA_ELBOW_DRIVE_DRIVE_STATUS"] = Enum()
@@ -700,8 +736,10 @@ ESEA_ELBOW_DRIVE_HUMAN_STATUS_TORQUE_CLIPPED = 8
 enums["ESEA_ELBOW_DRIVE_HUMAN_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_HUMAN_STATUS_TORQUE_CLIPPED", """the torque of the person was clipped at its range""")
 ESEA_ELBOW_DRIVE_HUMAN_STATUS_TORQUE_RATE_CLIPPED = 16
 enums["ESEA_ELBOW_DRIVE_HUMAN_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_HUMAN_STATUS_TORQUE_RATE_CLIPPED", """the rate of that torque was clipped at its range""")
-ESEA_ELBOW_DRIVE_HUMAN_STATUS_ENUM_END = 17
-enums["ESEA_ELBOW_DRIVE_HUMAN_STATUS"][17] = EnumEntry("ESEA_ELBOW_DRIVE_HUMAN_STATUS_ENUM_END", """""")
+ESEA_ELBOW_DRIVE_HUMAN_STATUS_ANGLE_CLIPPED = 32
+enums["ESEA_ELBOW_DRIVE_HUMAN_STATUS"][32] = EnumEntry("ESEA_ELBOW_DRIVE_HUMAN_STATUS_ANGLE_CLIPPED", """the angle was predicted past its range, without a valid sample; it rests there""")
+ESEA_ELBOW_DRIVE_HUMAN_STATUS_ENUM_END = 33
+enums["ESEA_ELBOW_DRIVE_HUMAN_STATUS"][33] = EnumEntry("ESEA_ELBOW_DRIVE_HUMAN_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_SET_RATE_STATUS
 enums["ESEA_ELBOW_DRIVE_SET_RATE_STATUS"] = Enum()
@@ -729,7 +767,7 @@ enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS
 ESEA_ELBOW_DRIVE_SMC_STATUS_LAYER_LEFT = 8
 enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_LAYER_LEFT", """|s| is beyond the boundary layer""")
 ESEA_ELBOW_DRIVE_SMC_STATUS_INTEGRAL_RESTS = 16
-enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_INTEGRAL_RESTS", """the command is held back; the integral does not grow""")
+enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_INTEGRAL_RESTS", """the command is held back, or the integral is at its range: it does not grow""")
 ESEA_ELBOW_DRIVE_SMC_STATUS_ACTIVE = 32
 enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][32] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_ACTIVE", """the controller acts""")
 ESEA_ELBOW_DRIVE_SMC_STATUS_ENTERED = 64
@@ -1746,15 +1784,15 @@ class MAVLink(object):
         tau_Nm                    : interaction torque on the load; [Nm], range -20 to 20; eq. (3.1) (type:float)
         tau_set_Nm                : set torque, for the inverse; [Nm], range -4.46999979 to 4.46999979 (type:float)
         theta_rad                 : deflection: motor side minus load side; [rad], range -0.349999994 to 0.349999994 [rad] (type:float)
-        theta_motor_rad           : joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
-        theta_load_rad            : joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
+        theta_motor_rad           : joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
+        theta_load_rad            : joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
         omega_motor_rad_s         : filtered rate of the angle; [rad/s], range -12 to 12 [rad/s] (type:float)
         omega_load_rad_s          : filtered rate of the angle; [rad/s], range -12 to 12 [rad/s] (type:float)
         delta_set_rad             : deflection set-point; [rad], range -0.349999994 to 0.349999994 [rad] (type:float)
         tau_h_Nm                  : torque of the person; [Nm], range -20 to 20 (type:float)
         d4_rad_s2                 : disturbance of the drive; [rad/s^2], range -24.666666 to 24.666666; eq. (5.5) (type:float)
         energy_J                  : energy given to the limb within the window; [J], range 0 to 269.306396 (type:float)
-        fault                     : first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12 (type:float)
+        fault                     : first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15 (type:float)
         mode_held                 : mode that holds in this step; [dimensionless], range 0 to 2 (type:float)
         encoder_motor_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS)
         encoder_load_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS)
@@ -1784,15 +1822,15 @@ class MAVLink(object):
         tau_Nm                    : interaction torque on the load; [Nm], range -20 to 20; eq. (3.1) (type:float)
         tau_set_Nm                : set torque, for the inverse; [Nm], range -4.46999979 to 4.46999979 (type:float)
         theta_rad                 : deflection: motor side minus load side; [rad], range -0.349999994 to 0.349999994 [rad] (type:float)
-        theta_motor_rad           : joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
-        theta_load_rad            : joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
+        theta_motor_rad           : joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
+        theta_load_rad            : joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35 [rad] (type:float)
         omega_motor_rad_s         : filtered rate of the angle; [rad/s], range -12 to 12 [rad/s] (type:float)
         omega_load_rad_s          : filtered rate of the angle; [rad/s], range -12 to 12 [rad/s] (type:float)
         delta_set_rad             : deflection set-point; [rad], range -0.349999994 to 0.349999994 [rad] (type:float)
         tau_h_Nm                  : torque of the person; [Nm], range -20 to 20 (type:float)
         d4_rad_s2                 : disturbance of the drive; [rad/s^2], range -24.666666 to 24.666666; eq. (5.5) (type:float)
         energy_J                  : energy given to the limb within the window; [J], range 0 to 269.306396 (type:float)
-        fault                     : first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12 (type:float)
+        fault                     : first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15 (type:float)
         mode_held                 : mode that holds in this step; [dimensionless], range 0 to 2 (type:float)
         encoder_motor_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS)
         encoder_load_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS)

@@ -59,16 +59,7 @@ extern "C" {
 #define casadi_f33 CASADI_PREFIX(f33)
 #define casadi_f34 CASADI_PREFIX(f34)
 #define casadi_f35 CASADI_PREFIX(f35)
-#define casadi_f36 CASADI_PREFIX(f36)
-#define casadi_f37 CASADI_PREFIX(f37)
-#define casadi_f38 CASADI_PREFIX(f38)
-#define casadi_f39 CASADI_PREFIX(f39)
 #define casadi_f4 CASADI_PREFIX(f4)
-#define casadi_f40 CASADI_PREFIX(f40)
-#define casadi_f41 CASADI_PREFIX(f41)
-#define casadi_f42 CASADI_PREFIX(f42)
-#define casadi_f43 CASADI_PREFIX(f43)
-#define casadi_f44 CASADI_PREFIX(f44)
 #define casadi_f5 CASADI_PREFIX(f5)
 #define casadi_f6 CASADI_PREFIX(f6)
 #define casadi_f7 CASADI_PREFIX(f7)
@@ -144,7 +135,7 @@ static const casadi_int casadi_s1[3] = {10, 1, 1};
 static const casadi_int casadi_s2[3] = {3, 1, 1};
 static const casadi_int casadi_s3[3] = {2, 1, 1};
 
-/* esea_elbow_drive_casadi_encoder_motor_prepare:(zero_rad,zeroed)->(c_offset_rad,c_zeroed) */
+/* esea_elbow_drive_casadi_encoder_prepare:(zero_rad,zeroed)->(c_offset_rad,c_zeroed) */
 static int casadi_f0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
@@ -154,34 +145,34 @@ static int casadi_f0(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
   return casadi_f0(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_prepare_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_prepare_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_prepare_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_prepare_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_prepare_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_prepare_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_prepare_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_prepare_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_motor_prepare_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_prepare_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_motor_prepare_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_prepare_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_motor_prepare_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_prepare_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_prepare_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_prepare_name_in(casadi_int i) {
   switch (i) {
     case 0: return "zero_rad";
     case 1: return "zeroed";
@@ -189,7 +180,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_prepare_n
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_prepare_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_prepare_name_out(casadi_int i) {
   switch (i) {
     case 0: return "c_offset_rad";
     case 1: return "c_zeroed";
@@ -197,7 +188,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_prepare_n
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_prepare_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_prepare_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -205,7 +196,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_pre
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_prepare_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_prepare_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -213,7 +204,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_pre
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -221,7 +212,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_prepare_work(casa
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -229,7 +220,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_prepare_work_byte
   return 0;
 }
 
-/* esea_elbow_drive_casadi_encoder_motor_init:(offset_rad,zeroed)->(count_last_0,turn_0,held_0,settled_0,lost_0) */
+/* esea_elbow_drive_casadi_encoder_init:(offset_rad,zeroed)->(count_last_0,turn_0,held_0,settled_0,lost_0) */
 static int casadi_f1(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
@@ -241,34 +232,34 @@ static int casadi_f1(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
   return casadi_f1(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_init_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_init_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_init_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_init_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_init_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_init_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_init_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_init_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_motor_init_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_init_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_motor_init_n_out(void) { return 5;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_init_n_out(void) { return 5;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_motor_init_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_init_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_init_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_init_name_in(casadi_int i) {
   switch (i) {
     case 0: return "offset_rad";
     case 1: return "zeroed";
@@ -276,7 +267,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_init_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_init_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_init_name_out(casadi_int i) {
   switch (i) {
     case 0: return "count_last_0";
     case 1: return "turn_0";
@@ -287,7 +278,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_init_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_init_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_init_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -295,7 +286,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_ini
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_init_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_init_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -306,7 +297,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_ini
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 5;
   if (sz_iw) *sz_iw = 0;
@@ -314,7 +305,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_init_work(casadi_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 5*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -322,7 +313,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_init_work_bytes(c
   return 0;
 }
 
-/* esea_elbow_drive_casadi_encoder_motor_step:(c_offset_rad,c_zeroed,s_count_last,s_turn,s_held,s_settled,s_lost,u_count,u_frame_error)->(next_count_last,next_turn,next_held,next_settled,next_lost,y_theta_rad,y_usable,y_status) */
+/* esea_elbow_drive_casadi_encoder_step:(c_offset_rad,c_zeroed,s_count_last,s_turn,s_held,s_settled,s_lost,u_count,u_frame_error)->(next_count_last,next_turn,next_held,next_settled,next_lost,y_theta_rad,y_usable,y_status) */
 static int casadi_f2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
@@ -605,34 +596,34 @@ static int casadi_f2(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
   return casadi_f2(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_step_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_step_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_step_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_step_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_step_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_step_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_motor_step_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_motor_step_n_in(void) { return 9;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_step_n_in(void) { return 9;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_motor_step_n_out(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_step_n_out(void) { return 8;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_motor_step_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_step_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_step_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_step_name_in(casadi_int i) {
   switch (i) {
     case 0: return "c_offset_rad";
     case 1: return "c_zeroed";
@@ -647,7 +638,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_step_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_step_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_step_name_out(casadi_int i) {
   switch (i) {
     case 0: return "next_count_last";
     case 1: return "next_turn";
@@ -661,7 +652,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_motor_step_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_step_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_step_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -676,7 +667,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_ste
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_step_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_step_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -690,7 +681,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_motor_ste
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 9;
   if (sz_res) *sz_res = 8;
   if (sz_iw) *sz_iw = 0;
@@ -698,569 +689,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_step_work(casadi_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_motor_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_encoder_load_prepare:(zero_rad,zeroed)->(c_offset_rad,c_zeroed) */
-static int casadi_f3(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=arg[0]? arg[0][0] : 0;
-  if (res[0]!=0) res[0][0]=a0;
-  a0=arg[1]? arg[1][0] : 0;
-  if (res[1]!=0) res[1][0]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f3(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_prepare_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_prepare_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_prepare_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_prepare_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_load_prepare_n_in(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_load_prepare_n_out(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_load_prepare_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_load_prepare_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "zero_rad";
-    case 1: return "zeroed";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_load_prepare_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "c_offset_rad";
-    case 1: return "c_zeroed";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_load_prepare_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_load_prepare_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2;
-  if (sz_res) *sz_res = 2;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_encoder_load_init:(offset_rad,zeroed)->(count_last_0,turn_0,held_0,settled_0,lost_0) */
-static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=0.;
-  if (res[0]!=0) res[0][0]=a0;
-  if (res[1]!=0) res[1][0]=a0;
-  if (res[2]!=0) res[2][0]=a0;
-  if (res[3]!=0) res[3][0]=a0;
-  if (res[4]!=0) res[4][0]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f4(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_init_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_init_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_init_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_init_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_load_init_n_in(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_load_init_n_out(void) { return 5;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_load_init_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_load_init_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "offset_rad";
-    case 1: return "zeroed";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_load_init_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "count_last_0";
-    case 1: return "turn_0";
-    case 2: return "held_0";
-    case 3: return "settled_0";
-    case 4: return "lost_0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_load_init_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_load_init_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2;
-  if (sz_res) *sz_res = 5;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_encoder_load_step:(c_offset_rad,c_zeroed,s_count_last,s_turn,s_held,s_settled,s_lost,u_count,u_frame_error)->(next_count_last,next_turn,next_held,next_settled,next_lost,y_theta_rad,y_usable,y_status) */
-static int casadi_f5(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
-  casadi_real a36, a37, a38, a39, a40, a41, a42, a43;
-  a00=arg[7]? arg[7][0] : 0;
-  a01=4095.;
-  a02=(a00<=a01);
-  a03=0.;
-  a04=(a03<=a00);
-  a02=(a02&&a04);
-  a04=arg[8]? arg[8][0] : 0;
-  a05=127.;
-  a05=(a04<=a05);
-  a06=(a03<=a04);
-  a05=(a05&&a06);
-  a06=(a02&&a05);
-  a07=5.0000000000000000e-01;
-  a05=(a05?a04:0);
-  a05=(a07<a05);
-  a04=(!a05);
-  a04=(a06&&a04);
-  a08=arg[2]? arg[2][0] : 0;
-  a01=(a08<=a01);
-  a09=(a03<=a08);
-  a01=(a01&&a09);
-  a09=arg[3]? arg[3][0] : 0;
-  a10=4.;
-  a11=(a09<=a10);
-  a12=-4.;
-  a13=(a12<=a09);
-  a11=(a11&&a13);
-  a01=(a01&&a11);
-  a11=arg[4]? arg[4][0] : 0;
-  a13=(a11<=a10);
-  a14=(a03<=a11);
-  a13=(a13&&a14);
-  a01=(a01&&a13);
-  a13=arg[5]? arg[5][0] : 0;
-  a14=(a13<=a10);
-  a15=(a03<=a13);
-  a14=(a14&&a15);
-  a01=(a01&&a14);
-  a14=arg[6]? arg[6][0] : 0;
-  a15=1.;
-  a16=(a14<=a15);
-  a03=(a03<=a14);
-  a16=(a16&&a03);
-  a01=(a01&&a16);
-  a13=(a01?a13:0);
-  a16=(a07<a13);
-  a03=(!a16);
-  a17=(a02?a00:0);
-  a08=(a01?a08:0);
-  a18=(a17-a08);
-  a19=-2048.;
-  a19=(a18<a19);
-  a19=(a16&&a19);
-  a20=4096.;
-  a21=(a19?a20:0);
-  a22=(!a19);
-  a23=2048.;
-  a23=(a23<a18);
-  a23=(a16&&a23);
-  a24=-4096.;
-  a24=(a23?a24:0);
-  a24=(a22?a24:0);
-  a21=(a21+a24);
-  a18=(a18+a21);
-  a18=casadi_fabs(a18);
-  a21=2.5000000000000000e+00;
-  a11=(a01?a11:0);
-  a24=(a21<a11);
-  a25=6.0500000000000000e+01;
-  a25=(a24?a25:0);
-  a24=(!a24);
-  a26=1.5000000000000000e+00;
-  a27=(a26<a11);
-  a28=4.5500000000000000e+01;
-  a28=(a27?a28:0);
-  a27=(!a27);
-  a29=(a07<a11);
-  a30=3.0500000000000000e+01;
-  a30=(a29?a30:0);
-  a29=(!a29);
-  a31=1.5500000000000000e+01;
-  a29=(a29?a31:0);
-  a30=(a30+a29);
-  a27=(a27?a30:0);
-  a28=(a28+a27);
-  a24=(a24?a28:0);
-  a25=(a25+a24);
-  a18=(a18<=a25);
-  a25=(!a18);
-  a03=(a03||a25);
-  a03=(a04&&a03);
-  a24=3.5000000000000000e+00;
-  a28=(a24<a13);
-  a27=(!a28);
-  a03=(a03&&a27);
-  a18=(a03||a18);
-  a18=(a04&&a18);
-  a14=(a01?a14:0);
-  a14=(a07<a14);
-  a27=(!a14);
-  a18=(a18&&a27);
-  a17=(a18?a17:0);
-  a27=(!a18);
-  a08=(a27?a08:0);
-  a17=(a17+a08);
-  if (res[0]!=0) res[0][0]=a17;
-  a08=1.5915494309189535e-01;
-  a30=1.2000000000000000e+00;
-  a29=arg[0]? arg[0][0] : 0;
-  a30=(a30+a29);
-  a31=1.5339807878856412e-03;
-  a00=(a31*a00);
-  a02=(a02?a00:0);
-  a30=(a30-a02);
-  a08=(a08*a30);
-  a08=(a03?a08:0);
-  a30=(!a03);
-  a09=(a01?a09:0);
-  a19=(a19?a15:0);
-  a02=-1.;
-  a23=(a23?a02:0);
-  a22=(a22?a23:0);
-  a19=(a19+a22);
-  a19=(a09+a19);
-  a19=(a30?a19:0);
-  a08=(a08+a19);
-  a19=(a24<a08);
-  a22=(a19?a10:0);
-  a19=(!a19);
-  a23=(a21<a08);
-  a00=3.;
-  a32=(a23?a00:0);
-  a23=(!a23);
-  a33=(a26<a08);
-  a34=2.;
-  a35=(a33?a34:0);
-  a33=(!a33);
-  a36=(a07<a08);
-  a37=(a36?a15:0);
-  a36=(!a36);
-  a38=-5.0000000000000000e-01;
-  a38=(a38<a08);
-  a38=(!a38);
-  a39=-1.5000000000000000e+00;
-  a39=(a39<a08);
-  a02=(a39?a02:0);
-  a39=(!a39);
-  a40=-2.5000000000000000e+00;
-  a40=(a40<a08);
-  a41=-2.;
-  a41=(a40?a41:0);
-  a40=(!a40);
-  a42=-3.5000000000000000e+00;
-  a42=(a42<a08);
-  a43=-3.;
-  a43=(a42?a43:0);
-  a42=(!a42);
-  a42=(a42?a12:0);
-  a43=(a43+a42);
-  a40=(a40?a43:0);
-  a41=(a41+a40);
-  a39=(a39?a41:0);
-  a02=(a02+a39);
-  a38=(a38?a02:0);
-  a36=(a36?a38:0);
-  a37=(a37+a36);
-  a33=(a33?a37:0);
-  a35=(a35+a33);
-  a23=(a23?a35:0);
-  a32=(a32+a23);
-  a19=(a19?a32:0);
-  a22=(a22+a19);
-  a22=(a18?a22:0);
-  a09=(a27?a09:0);
-  a22=(a22+a09);
-  if (res[1]!=0) res[1][0]=a22;
-  a11=(a11+a15);
-  a09=(a24<a11);
-  a19=(a09?a10:0);
-  a09=(!a09);
-  a32=(a21<a11);
-  a23=(a32?a00:0);
-  a32=(!a32);
-  a35=(a26<a11);
-  a33=(a35?a34:0);
-  a35=(!a35);
-  a11=(a07<a11);
-  a11=(a11?a15:0);
-  a35=(a35?a11:0);
-  a33=(a33+a35);
-  a32=(a32?a33:0);
-  a23=(a23+a32);
-  a09=(a09?a23:0);
-  a19=(a19+a09);
-  a19=(a27?a19:0);
-  if (res[2]!=0) res[2][0]=a19;
-  a03=(a03?a15:0);
-  a09=(a13+a15);
-  a23=(a24<a09);
-  a32=(a23?a10:0);
-  a23=(!a23);
-  a21=(a21<a09);
-  a00=(a21?a00:0);
-  a21=(!a21);
-  a26=(a26<a09);
-  a09=(a26?a34:0);
-  a26=(!a26);
-  a26=(a26?a15:0);
-  a09=(a09+a26);
-  a21=(a21?a09:0);
-  a00=(a00+a21);
-  a23=(a23?a00:0);
-  a32=(a32+a23);
-  a30=(a30?a32:0);
-  a03=(a03+a30);
-  a03=(a18?a03:0);
-  a19=(a24<a19);
-  a30=(!a19);
-  a30=(a30?a13:0);
-  a27=(a27?a30:0);
-  a03=(a03+a27);
-  if (res[3]!=0) res[3][0]=a03;
-  a04=(a04&&a25);
-  a16=(a16&&a04);
-  a28=(a28&&a16);
-  a28=(a28&&a19);
-  a04=4.5000000000000000e+00;
-  a08=casadi_fabs(a08);
-  a04=(a04<a08);
-  a18=(a18&&a04);
-  a28=(a28||a18);
-  a14=(a14||a28);
-  if (res[4]!=0) res[4][0]=a14;
-  a20=(a20*a22);
-  a20=(a20+a17);
-  a31=(a31*a20);
-  a31=(a31-a29);
-  a29=35.;
-  a31=casadi_fmin(a31,a29);
-  a29=-35.;
-  a31=casadi_fmax(a31,a29);
-  if (res[5]!=0) res[5][0]=a31;
-  a03=(a03<a24);
-  a24=(a19||a03);
-  a31=arg[1]? arg[1][0] : 0;
-  a31=(a31<a07);
-  a07=(a31||a14);
-  a24=(a24||a07);
-  a24=(!a24);
-  if (res[6]!=0) res[6][0]=a24;
-  a24=(!a06);
-  a24=(a24?a15:0);
-  a01=(!a01);
-  a01=(a01?a34:0);
-  a24=(a24+a01);
-  a06=(a06&&a05);
-  a06=(a06?a10:0);
-  a24=(a24+a06);
-  a06=8.;
-  a16=(a16?a06:0);
-  a24=(a24+a16);
-  a16=16.;
-  a19=(a19?a16:0);
-  a24=(a24+a19);
-  a19=32.;
-  a03=(a03?a19:0);
-  a24=(a24+a03);
-  a03=64.;
-  a31=(a31?a03:0);
-  a24=(a24+a31);
-  a31=128.;
-  a14=(a14?a31:0);
-  a24=(a24+a14);
-  if (res[7]!=0) res[7][0]=a24;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f5(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_step_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_step_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_step_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_load_step_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_load_step_n_in(void) { return 9;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_load_step_n_out(void) { return 8;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_load_step_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_load_step_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "c_offset_rad";
-    case 1: return "c_zeroed";
-    case 2: return "s_count_last";
-    case 3: return "s_turn";
-    case 4: return "s_held";
-    case 5: return "s_settled";
-    case 6: return "s_lost";
-    case 7: return "u_count";
-    case 8: return "u_frame_error";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_load_step_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "next_count_last";
-    case 1: return "next_turn";
-    case 2: return "next_held";
-    case 3: return "next_settled";
-    case 4: return "next_lost";
-    case 5: return "y_theta_rad";
-    case 6: return "y_usable";
-    case 7: return "y_status";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_load_step_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    case 7: return casadi_s0;
-    case 8: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_load_step_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    case 7: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9;
-  if (sz_res) *sz_res = 8;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 8*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -1269,12 +698,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_load_step_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_joint_init:()->() */
-static int casadi_f6(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f3(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f6(arg, res, iw, w, mem);
+  return casadi_f3(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_init_checkout(void) {
@@ -1341,7 +770,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_init_work_bytes(casadi_in
 }
 
 /* esea_elbow_drive_casadi_joint_step:(u_theta_motor_rad,u_theta_load_rad,u_motor_usable,u_load_usable)->(y_theta_rad,y_sensing_ok,y_status) */
-static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=arg[0]? arg[0][0] : 0;
   a01=3.3499999046325684e+00;
@@ -1401,7 +830,7 @@ static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f7(arg, res, iw, w, mem);
+  return casadi_f4(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_step_checkout(void) {
@@ -1482,7 +911,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_step_work_bytes(casadi_in
 }
 
 /* esea_elbow_drive_casadi_velocity_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f5(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -1511,7 +940,7 @@ static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f8(arg, res, iw, w, mem);
+  return casadi_f5(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_prepare_checkout(void) {
@@ -1586,7 +1015,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_prepare_work_bytes(cas
 }
 
 /* esea_elbow_drive_casadi_velocity_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,theta_hat_rad_0,v_rad_s_0,a_rad_s2_0) */
-static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f6(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -1597,7 +1026,7 @@ static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f9(arg, res, iw, w, mem);
+  return casadi_f6(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_init_checkout(void) {
@@ -1678,7 +1107,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_init_work_bytes(casadi
 }
 
 /* esea_elbow_drive_casadi_velocity_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_theta_rad)->(next_primed,next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_omega_rad_s,y_omega_mid_rad_s,y_status) */
-static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16;
   a00=arg[3]? arg[3][0] : 0;
@@ -1737,9 +1166,9 @@ static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=(a11-a16);
   a00=(a00*a11);
   a16=(a16+a00);
-  a16=casadi_fmin(a16,a04);
-  a16=casadi_fmax(a16,a06);
-  if (res[1]!=0) res[1][0]=a16;
+  a00=casadi_fmin(a16,a04);
+  a00=casadi_fmax(a00,a06);
+  if (res[1]!=0) res[1][0]=a00;
   a14=(a14*a08);
   a05=(a05+a14);
   a05=(a02?a05:0);
@@ -1753,17 +1182,17 @@ static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a07=arg[2]? arg[2][0] : 0;
   a07=(a07*a11);
   a08=(a08+a07);
-  a08=casadi_fmin(a08,a10);
-  a08=casadi_fmax(a08,a12);
-  if (res[3]!=0) res[3][0]=a08;
-  a08=25.;
-  a12=casadi_fmin(a05,a08);
-  a10=-25.;
-  a12=casadi_fmax(a12,a10);
+  a07=casadi_fmin(a08,a10);
+  a07=casadi_fmax(a07,a12);
+  if (res[3]!=0) res[3][0]=a07;
+  a07=25.;
+  a12=casadi_fmin(a05,a07);
+  a11=-25.;
+  a12=casadi_fmax(a12,a11);
   if (res[4]!=0) res[4][0]=a12;
   a15=(a02?a15:0);
-  a12=casadi_fmin(a15,a08);
-  a12=casadi_fmax(a12,a10);
+  a12=casadi_fmin(a15,a07);
+  a12=casadi_fmax(a12,a11);
   if (res[5]!=0) res[5][0]=a12;
   a13=(a13?a01:0);
   a02=(!a02);
@@ -1771,19 +1200,25 @@ static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a02=(a02?a01:0);
   a13=(a13+a02);
   a05=casadi_fabs(a05);
-  a05=(a08<a05);
+  a05=(a07<a05);
   a15=casadi_fabs(a15);
-  a08=(a08<a15);
-  a05=(a05||a08);
-  a08=4.;
-  a05=(a05?a08:0);
+  a07=(a07<a15);
+  a05=(a05||a07);
+  a16=casadi_fabs(a16);
+  a04=(a04<a16);
+  a08=casadi_fabs(a08);
+  a10=(a10<a08);
+  a04=(a04||a10);
+  a05=(a05||a04);
+  a04=4.;
+  a05=(a05?a04:0);
   a13=(a13+a05);
   if (res[6]!=0) res[6][0]=a13;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f10(arg, res, iw, w, mem);
+  return casadi_f7(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_step_checkout(void) {
@@ -1880,7 +1315,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_velocity_step_work_bytes(casadi
 }
 
 /* esea_elbow_drive_casadi_sensor_init:()->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10]) */
-static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -1900,7 +1335,7 @@ static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sensor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f11(arg, res, iw, w, mem);
+  return casadi_f8(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sensor_init_checkout(void) {
@@ -1975,7 +1410,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sensor_init_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_sensor_step:(s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],u_theta_rad,u_omega_rad_s)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],y_tau_Nm,y_tau_spring_Nm,y_tau_rate_Nm,y_tau_hysteresis_Nm,y_status) */
-static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26;
@@ -2276,7 +1711,7 @@ static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sensor_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f12(arg, res, iw, w, mem);
+  return casadi_f9(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sensor_step_checkout(void) {
@@ -2372,8 +1807,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sensor_step_work_bytes(casadi_i
   return 0;
 }
 
-/* esea_elbow_drive_casadi_motor_rate_prepare:(cutoff_Hz)->(c_gain_1[3],c_gain_2[3]) */
-static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_rate_prepare:(cutoff_Hz)->(c_gain_1[3],c_gain_2[3]) */
+static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
   a0=1.;
   a1=3.1415926535897933e-03;
@@ -2427,41 +1862,41 @@ static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f13(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f10(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_prepare_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_prepare_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_prepare_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_prepare_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_prepare_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_prepare_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_prepare_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_prepare_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_motor_rate_prepare_n_in(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_rate_prepare_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_motor_rate_prepare_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_rate_prepare_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_motor_rate_prepare_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_rate_prepare_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_prepare_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_rate_prepare_name_in(casadi_int i) {
   switch (i) {
     case 0: return "cutoff_Hz";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_prepare_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_rate_prepare_name_out(casadi_int i) {
   switch (i) {
     case 0: return "c_gain_1";
     case 1: return "c_gain_2";
@@ -2469,14 +1904,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_prepare_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_prepare_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_rate_prepare_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_prepare_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_rate_prepare_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s2;
     case 1: return casadi_s2;
@@ -2484,7 +1919,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_prepar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -2492,7 +1927,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_prepare_work(casadi_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -2500,8 +1935,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_prepare_work_bytes(c
   return 0;
 }
 
-/* esea_elbow_drive_casadi_motor_rate_init:(gain_1[3],gain_2[3])->(primed_0,theta_last_rad_0,omega_held_rad_s_0,first_rad_s_0[2],second_rad_s_0[2]) */
-static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_rate_init:(gain_1[3],gain_2[3])->(primed_0,theta_last_rad_0,omega_held_rad_s_0,first_rad_s_0[2],second_rad_s_0[2]) */
+static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -2514,34 +1949,34 @@ static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f14(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f11(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_init_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_init_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_init_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_init_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_init_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_init_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_init_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_init_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_motor_rate_init_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_rate_init_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_motor_rate_init_n_out(void) { return 5;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_rate_init_n_out(void) { return 5;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_motor_rate_init_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_rate_init_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_init_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_rate_init_name_in(casadi_int i) {
   switch (i) {
     case 0: return "gain_1";
     case 1: return "gain_2";
@@ -2549,7 +1984,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_init_name_in
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_init_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_rate_init_name_out(casadi_int i) {
   switch (i) {
     case 0: return "primed_0";
     case 1: return "theta_last_rad_0";
@@ -2560,7 +1995,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_init_name_ou
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_init_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_rate_init_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s2;
     case 1: return casadi_s2;
@@ -2568,7 +2003,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_init_s
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_init_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_rate_init_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -2579,7 +2014,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_init_s
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 5;
   if (sz_iw) *sz_iw = 0;
@@ -2587,7 +2022,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_init_work(casadi_int
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 5*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -2595,8 +2030,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_init_work_bytes(casa
   return 0;
 }
 
-/* esea_elbow_drive_casadi_motor_rate_step:(c_gain_1[3],c_gain_2[3],s_primed,s_theta_last_rad,s_omega_held_rad_s,s_first_rad_s[2],s_second_rad_s[2],u_theta_rad)->(next_primed,next_theta_last_rad,next_omega_held_rad_s,next_first_rad_s[2],next_second_rad_s[2],y_omega_rad_s,y_status) */
-static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_rate_step:(c_gain_1[3],c_gain_2[3],s_primed,s_theta_last_rad,s_omega_held_rad_s,s_first_rad_s[2],s_second_rad_s[2],u_theta_rad)->(next_primed,next_theta_last_rad,next_omega_held_rad_s,next_first_rad_s[2],next_second_rad_s[2],y_omega_rad_s,y_status) */
+static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[7]? arg[7][0] : 0;
@@ -2741,34 +2176,34 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f15(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f12(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_step_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_step_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_step_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_step_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_step_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_step_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_motor_rate_step_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_rate_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_motor_rate_step_n_in(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_rate_step_n_in(void) { return 8;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_motor_rate_step_n_out(void) { return 7;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_rate_step_n_out(void) { return 7;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_motor_rate_step_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_rate_step_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_step_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_rate_step_name_in(casadi_int i) {
   switch (i) {
     case 0: return "c_gain_1";
     case 1: return "c_gain_2";
@@ -2782,7 +2217,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_step_name_in
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_step_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_rate_step_name_out(casadi_int i) {
   switch (i) {
     case 0: return "next_primed";
     case 1: return "next_theta_last_rad";
@@ -2795,7 +2230,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_motor_rate_step_name_ou
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_step_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_rate_step_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s2;
     case 1: return casadi_s2;
@@ -2809,7 +2244,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_step_s
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_step_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_rate_step_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -2822,7 +2257,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_motor_rate_step_s
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 8;
   if (sz_res) *sz_res = 7;
   if (sz_iw) *sz_iw = 0;
@@ -2830,473 +2265,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_step_work(casadi_int
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_motor_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_load_rate_prepare:(cutoff_Hz)->(c_gain_1[3],c_gain_2[3]) */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
-  a0=1.;
-  a1=3.1415926535897933e-03;
-  a2=arg[0]? arg[0][0] : 0;
-  a1=(a1*a2);
-  a2=casadi_sq(a1);
-  a3=3.;
-  a4=5.;
-  a5=7.;
-  a6=9.;
-  a7=11.;
-  a8=13.;
-  a9=15.;
-  a9=(a2/a9);
-  a8=(a8-a9);
-  a8=(a2/a8);
-  a7=(a7-a8);
-  a7=(a2/a7);
-  a6=(a6-a7);
-  a6=(a2/a6);
-  a5=(a5-a6);
-  a5=(a2/a5);
-  a4=(a4-a5);
-  a4=(a2/a4);
-  a3=(a3-a4);
-  a2=(a2/a3);
-  a2=(a0-a2);
-  a1=(a1/a2);
-  a2=1.8477590650225735e+00;
-  a2=(a1+a2);
-  a2=(a1*a2);
-  a2=(a0+a2);
-  a3=(1./a2);
-  if (res[0]!=0) res[0][0]=a3;
-  a3=(a1/a2);
-  if (res[0]!=0) res[0][1]=a3;
-  a3=casadi_sq(a1);
-  a3=(a3/a2);
-  if (res[0]!=0) res[0][2]=a3;
-  a3=7.6536686473017967e-01;
-  a3=(a1+a3);
-  a3=(a1*a3);
-  a0=(a0+a3);
-  a3=(1./a0);
-  if (res[1]!=0) res[1][0]=a3;
-  a3=(a1/a0);
-  if (res[1]!=0) res[1][1]=a3;
-  a1=casadi_sq(a1);
-  a1=(a1/a0);
-  if (res[1]!=0) res[1][2]=a1;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f16(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_prepare_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_prepare_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_prepare_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_prepare_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_load_rate_prepare_n_in(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_load_rate_prepare_n_out(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_load_rate_prepare_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_load_rate_prepare_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "cutoff_Hz";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_load_rate_prepare_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "c_gain_1";
-    case 1: return "c_gain_2";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_load_rate_prepare_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_load_rate_prepare_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1;
-  if (sz_res) *sz_res = 2;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_load_rate_init:(gain_1[3],gain_2[3])->(primed_0,theta_last_rad_0,omega_held_rad_s_0,first_rad_s_0[2],second_rad_s_0[2]) */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=0.;
-  if (res[0]!=0) res[0][0]=a0;
-  if (res[1]!=0) res[1][0]=a0;
-  if (res[2]!=0) res[2][0]=a0;
-  if (res[3]!=0) res[3][0]=a0;
-  if (res[3]!=0) res[3][1]=a0;
-  if (res[4]!=0) res[4][0]=a0;
-  if (res[4]!=0) res[4][1]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f17(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_init_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_init_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_init_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_init_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_load_rate_init_n_in(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_load_rate_init_n_out(void) { return 5;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_load_rate_init_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_load_rate_init_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "gain_1";
-    case 1: return "gain_2";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_load_rate_init_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "primed_0";
-    case 1: return "theta_last_rad_0";
-    case 2: return "omega_held_rad_s_0";
-    case 3: return "first_rad_s_0";
-    case 4: return "second_rad_s_0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_load_rate_init_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_load_rate_init_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s3;
-    case 4: return casadi_s3;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2;
-  if (sz_res) *sz_res = 5;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_load_rate_step:(c_gain_1[3],c_gain_2[3],s_primed,s_theta_last_rad,s_omega_held_rad_s,s_first_rad_s[2],s_second_rad_s[2],u_theta_rad)->(next_primed,next_theta_last_rad,next_omega_held_rad_s,next_first_rad_s[2],next_second_rad_s[2],y_omega_rad_s,y_status) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
-  a00=arg[7]? arg[7][0] : 0;
-  a01=3.3499999046325684e+00;
-  a02=(a00<=a01);
-  a03=-9.4999998807907104e-01;
-  a04=(a03<=a00);
-  a02=(a02&&a04);
-  if (res[0]!=0) res[0][0]=a02;
-  a00=(a02?a00:0);
-  a04=(!a02);
-  a05=arg[2]? arg[2][0] : 0;
-  a06=1.;
-  a07=(a05<=a06);
-  a08=0.;
-  a08=(a08<=a05);
-  a07=(a07&&a08);
-  a08=arg[3]? arg[3][0] : 0;
-  a01=(a08<=a01);
-  a03=(a03<=a08);
-  a01=(a01&&a03);
-  a07=(a07&&a01);
-  a01=arg[4]? arg[4][0] : 0;
-  a03=1.0749998779296875e+03;
-  a03=(a01<=a03);
-  a09=-1.0749998779296875e+03;
-  a09=(a09<=a01);
-  a03=(a03&&a09);
-  a07=(a07&&a03);
-  a03=arg[5]? arg[5][0] : 0;
-  a09=casadi_fabs(a03);
-  a10=arg[5]? arg[5][1] : 0;
-  a11=casadi_fabs(a10);
-  a09=(a09+a11);
-  a11=2.1521496582031250e+03;
-  a09=(a09<=a11);
-  a07=(a07&&a09);
-  a09=arg[6]? arg[6][0] : 0;
-  a12=casadi_fabs(a09);
-  a13=arg[6]? arg[6][1] : 0;
-  a14=casadi_fabs(a13);
-  a12=(a12+a14);
-  a12=(a12<=a11);
-  a07=(a07&&a12);
-  a08=(a07?a08:0);
-  a12=(a04?a08:0);
-  a00=(a00+a12);
-  if (res[1]!=0) res[1][0]=a00;
-  a12=arg[1]? arg[1][1] : 0;
-  a11=(a12*a09);
-  a11=(a13+a11);
-  a11=(a07?a11:0);
-  a14=arg[1]? arg[1][2] : 0;
-  a15=arg[0]? arg[0][1] : 0;
-  a16=(a15*a03);
-  a16=(a10+a16);
-  a16=(a07?a16:0);
-  a17=arg[0]? arg[0][2] : 0;
-  a05=(a07?a05:0);
-  a18=1000.;
-  a00=(a00-a08);
-  a18=(a18*a00);
-  a18=(a05?a18:0);
-  a05=(!a05);
-  a01=(a07?a01:0);
-  a05=(a05?a01:0);
-  a18=(a18+a05);
-  a05=2.1499998474121094e+02;
-  a00=casadi_fmin(a18,a05);
-  a08=-2.1499998474121094e+02;
-  a00=casadi_fmax(a00,a08);
-  a10=(a07?a10:0);
-  a00=(a00-a10);
-  a17=(a17*a00);
-  a16=(a16+a17);
-  a13=(a07?a13:0);
-  a17=(a16-a13);
-  a14=(a14*a17);
-  a11=(a11+a14);
-  a14=(a02?a11:0);
-  a01=(a04?a01:0);
-  a14=(a14+a01);
-  if (res[2]!=0) res[2][0]=a14;
-  a01=arg[0]? arg[0][0] : 0;
-  a01=(a01*a03);
-  a01=(a07?a01:0);
-  a15=(a15*a00);
-  a01=(a01+a15);
-  a01=(2.*a01);
-  a03=(a07?a03:0);
-  a01=(a01-a03);
-  a01=(a02?a01:0);
-  a03=(a04?a03:0);
-  a01=(a01+a03);
-  if (res[3]!=0) res[3][0]=a01;
-  a16=(2.*a16);
-  a16=(a16-a10);
-  a16=(a02?a16:0);
-  a10=(a04?a10:0);
-  a16=(a16+a10);
-  if (res[3]!=0) res[3][1]=a16;
-  a16=arg[1]? arg[1][0] : 0;
-  a16=(a16*a09);
-  a16=(a07?a16:0);
-  a12=(a12*a17);
-  a16=(a16+a12);
-  a16=(2.*a16);
-  a09=(a07?a09:0);
-  a16=(a16-a09);
-  a16=(a02?a16:0);
-  a09=(a04?a09:0);
-  a16=(a16+a09);
-  if (res[4]!=0) res[4][0]=a16;
-  a11=(2.*a11);
-  a11=(a11-a13);
-  a11=(a02?a11:0);
-  a13=(a04?a13:0);
-  a11=(a11+a13);
-  if (res[4]!=0) res[4][1]=a11;
-  a11=12.;
-  a13=casadi_fmin(a14,a11);
-  a16=-12.;
-  a13=casadi_fmax(a13,a16);
-  if (res[5]!=0) res[5][0]=a13;
-  a04=(a04?a06:0);
-  a07=(!a07);
-  a06=2.;
-  a07=(a07?a06:0);
-  a04=(a04+a07);
-  a18=casadi_fabs(a18);
-  a05=(a05<a18);
-  a02=(a02&&a05);
-  a05=4.;
-  a02=(a02?a05:0);
-  a04=(a04+a02);
-  a14=casadi_fabs(a14);
-  a11=(a11<a14);
-  a14=8.;
-  a11=(a11?a14:0);
-  a04=(a04+a11);
-  if (res[6]!=0) res[6][0]=a04;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_step_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_step_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_step_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_load_rate_step_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_load_rate_step_n_in(void) { return 8;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_load_rate_step_n_out(void) { return 7;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_load_rate_step_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_load_rate_step_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "c_gain_1";
-    case 1: return "c_gain_2";
-    case 2: return "s_primed";
-    case 3: return "s_theta_last_rad";
-    case 4: return "s_omega_held_rad_s";
-    case 5: return "s_first_rad_s";
-    case 6: return "s_second_rad_s";
-    case 7: return "u_theta_rad";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_load_rate_step_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "next_primed";
-    case 1: return "next_theta_last_rad";
-    case 2: return "next_omega_held_rad_s";
-    case 3: return "next_first_rad_s";
-    case 4: return "next_second_rad_s";
-    case 5: return "y_omega_rad_s";
-    case 6: return "y_status";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_load_rate_step_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s3;
-    case 6: return casadi_s3;
-    case 7: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_load_rate_step_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s3;
-    case 4: return casadi_s3;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8;
-  if (sz_res) *sz_res = 7;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 7*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -3305,7 +2274,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_load_rate_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3322,7 +2291,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f13(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare_checkout(void) {
@@ -3405,7 +2374,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_reference_init:(Kp_Nm_rad,Kd_Nms_rad,keep,tau_range_Nm)->(mode_last_0,offset_Nm_0,tau_set_Nm_0) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3415,7 +2384,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f14(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init_checkout(void) {
@@ -3496,7 +2465,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24;
@@ -3647,7 +2616,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f15(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_checkout(void) {
@@ -3756,7 +2725,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_inverse_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -3785,7 +2754,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f16(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_checkout(void) {
@@ -3860,7 +2829,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_inverse_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10],theta_hat_rad_0,v_rad_s_0,a_rad_s2_0) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3883,7 +2852,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f17(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_checkout(void) {
@@ -3970,7 +2939,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_inverse_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_tau_Nm)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_theta_rad,y_omega_mid_rad_s,y_tau_model_Nm,y_residual_Nm,y_step_rad,y_status) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -4635,13 +3604,13 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a40=(a40*a41);
   a40=(a40*a43);
   a05=(a05+a40);
-  a05=casadi_fmin(a05,a08);
-  a05=casadi_fmax(a05,a10);
-  if (res[2]!=0) res[2][0]=a05;
+  a40=casadi_fmin(a05,a08);
+  a40=casadi_fmax(a40,a10);
+  if (res[2]!=0) res[2][0]=a40;
   a09=(a11?a09:0);
   a09=(a09+a37);
-  a40=(a44+a64);
-  a09=casadi_fmin(a09,a40);
+  a43=(a44+a64);
+  a09=casadi_fmin(a09,a43);
   a64=(a44-a64);
   a09=casadi_fmax(a09,a64);
   if (res[3]!=0) res[3][0]=a09;
@@ -4724,32 +3693,32 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a06=(a06-a27);
   a81=(a81*a06);
   a27=(a27+a81);
-  a27=casadi_fmin(a27,a22);
-  a27=casadi_fmax(a27,a24);
-  if (res[4]!=0) res[4][0]=a27;
+  a81=casadi_fmin(a27,a22);
+  a81=casadi_fmax(a81,a24);
+  if (res[4]!=0) res[4][0]=a81;
   a37=(a37*a29);
   a25=(a25+a37);
   a25=(a36?a25:0);
   a37=arg[1]? arg[1][0] : 0;
   a37=(a37*a06);
   a25=(a25+a37);
-  a25=casadi_fmin(a25,a26);
-  a25=casadi_fmax(a25,a28);
-  if (res[5]!=0) res[5][0]=a25;
+  a37=casadi_fmin(a25,a26);
+  a37=casadi_fmax(a37,a28);
+  if (res[5]!=0) res[5][0]=a37;
   a36=(a36?a29:0);
   a29=arg[2]? arg[2][0] : 0;
   a29=(a29*a06);
   a36=(a36+a29);
-  a36=casadi_fmin(a36,a30);
-  a36=casadi_fmax(a36,a32);
-  if (res[6]!=0) res[6][0]=a36;
+  a29=casadi_fmin(a36,a30);
+  a29=casadi_fmax(a29,a32);
+  if (res[6]!=0) res[6][0]=a29;
   if (res[7]!=0) res[7][0]=a92;
   if (res[8]!=0) res[8][0]=a23;
-  a36=casadi_sq(a44);
-  a39=(a39*a36);
+  a29=casadi_sq(a44);
+  a39=(a39*a29);
   a38=(a38+a39);
   a38=(a44*a38);
-  a38=(a38+a05);
+  a38=(a38+a40);
   a09=(a44-a09);
   a46=(a46*a09);
   a12=(a44-a12);
@@ -4816,24 +3785,36 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a23=16.;
   a02=(a02?a23:0);
   a45=(a45+a02);
-  a08=(a08<a34);
+  a34=(a08<a34);
   a47=casadi_fabs(a47);
   a04=(a04<a47);
-  a08=(a08||a04);
-  a04=(a35&&a08);
+  a34=(a34||a04);
+  a04=(a35&&a34);
   a47=32.;
   a04=(a04?a47:0);
   a45=(a45+a04);
   a00=casadi_fabs(a00);
   a58=(a58<a00);
-  a00=64.;
-  a58=(a58?a00:0);
+  a25=casadi_fabs(a25);
+  a26=(a26<a25);
+  a27=casadi_fabs(a27);
+  a22=(a22<a27);
+  a36=casadi_fabs(a36);
+  a30=(a30<a36);
+  a22=(a22||a30);
+  a26=(a26||a22);
+  a05=casadi_fabs(a05);
+  a08=(a08<a05);
+  a26=(a26||a08);
+  a58=(a58||a26);
+  a26=64.;
+  a58=(a58?a26:0);
   a45=(a45+a58);
   a58=9.9999997473787516e-05;
   a38=casadi_fabs(a38);
   a58=(a58<a38);
-  a08=(!a08);
-  a58=(a58&&a08);
+  a34=(!a34);
+  a58=(a58&&a34);
   a35=(a35&&a58);
   a58=128.;
   a35=(a35?a58:0);
@@ -4843,7 +3824,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f18(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_checkout(void) {
@@ -4958,7 +3939,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -4987,7 +3968,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f19(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_checkout(void) {
@@ -5062,7 +4043,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,held_rad_0,delta_rad_0,rate_rad_s_0,acc_rad_s2_0) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5074,7 +4055,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f20(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_checkout(void) {
@@ -5157,7 +4138,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_held_rad,s_delta_rad,s_rate_rad_s,s_acc_rad_s2,u_theta_set_rad)->(next_primed,next_held_rad,next_delta_rad,next_rate_rad_s,next_acc_rad_s2,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_status) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19;
   a00=arg[3]? arg[3][0] : 0;
@@ -5224,9 +4205,9 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a05=(a05+a00);
   a05=(a16?a05:0);
   a05=(a05+a03);
-  a07=casadi_fmin(a05,a07);
-  a07=casadi_fmax(a07,a09);
-  if (res[2]!=0) res[2][0]=a07;
+  a03=casadi_fmin(a05,a07);
+  a03=casadi_fmax(a03,a09);
+  if (res[2]!=0) res[2][0]=a03;
   a18=(a18*a11);
   a08=(a08+a18);
   a08=(a02?a08:0);
@@ -5245,29 +4226,32 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a13=casadi_fmin(a16,a13);
   a13=casadi_fmax(a13,a15);
   if (res[4]!=0) res[4][0]=a13;
-  a05=casadi_fmin(a05,a04);
-  a05=casadi_fmax(a05,a06);
-  if (res[5]!=0) res[5][0]=a05;
-  a05=25.;
-  a06=casadi_fmin(a08,a05);
-  a04=-25.;
-  a06=casadi_fmax(a06,a04);
+  a04=casadi_fmin(a05,a04);
+  a04=casadi_fmax(a04,a06);
+  if (res[5]!=0) res[5][0]=a04;
+  a04=25.;
+  a06=casadi_fmin(a08,a04);
+  a13=-25.;
+  a06=casadi_fmax(a06,a13);
   if (res[6]!=0) res[6][0]=a06;
   a06=7.3999992370605469e+01;
-  a04=casadi_fmin(a16,a06);
-  a13=-7.3999992370605469e+01;
-  a04=casadi_fmax(a04,a13);
-  if (res[7]!=0) res[7][0]=a04;
+  a13=casadi_fmin(a16,a06);
+  a15=-7.3999992370605469e+01;
+  a13=casadi_fmax(a13,a15);
+  if (res[7]!=0) res[7][0]=a13;
   a17=(a17?a01:0);
   a02=(!a02);
   a01=2.;
   a02=(a02?a01:0);
   a17=(a17+a02);
   a08=casadi_fabs(a08);
-  a05=(a05<a08);
-  a08=4.;
-  a05=(a05?a08:0);
-  a17=(a17+a05);
+  a04=(a04<a08);
+  a05=casadi_fabs(a05);
+  a07=(a07<a05);
+  a04=(a04||a07);
+  a07=4.;
+  a04=(a04?a07:0);
+  a17=(a17+a04);
   a16=casadi_fabs(a16);
   a06=(a06<a16);
   a16=8.;
@@ -5278,7 +4262,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_checkout(void) {
@@ -5381,7 +4365,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -5419,7 +4403,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_checkout(void) {
@@ -5528,7 +4512,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5559,7 +4543,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_checkout(void) {
@@ -5675,15 +4659,16 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_work_bytes(casadi_i
   return 0;
 }
 
-/* esea_elbow_drive_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
   casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46, a47;
   casadi_real a48, a49, a50, a51, a52, a53, a54, a55, a56, a57, a58, a59;
   casadi_real a60, a61, a62, a63, a64, a65, a66, a67, a68, a69, a70, a71;
-  casadi_real a72, a73, a74, a75, a76, a77, a78, a79, a80;
+  casadi_real a72, a73, a74, a75, a76, a77, a78, a79, a80, a81, a82, a83;
+  casadi_real a84, a85, a86, a87, a88;
   a00=arg[13]? arg[13][0] : 0;
   a01=5.5924055000000000e+06;
   a02=(a00<=a01);
@@ -5691,262 +4676,261 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a04=(a03<=a00);
   a02=(a02&&a04);
   a04=arg[14]? arg[14][0] : 0;
-  a05=12.;
+  a05=15.;
   a06=(a04<=a05);
   a07=(a03<=a04);
   a06=(a06&&a07);
   a02=(a02&&a06);
   a06=arg[15]? arg[15][0] : 0;
   a07=(a06<=a03);
-  a08=-12.;
-  a09=(a08<=a06);
-  a07=(a07&&a09);
+  a08=-15.;
+  a08=(a08<=a06);
+  a07=(a07&&a08);
   a02=(a02&&a07);
   a07=arg[16]? arg[16][0] : 0;
-  a09=7.;
-  a10=(a07<=a09);
-  a11=-1.;
-  a12=(a11<=a07);
-  a10=(a10&&a12);
-  a02=(a02&&a10);
-  a10=arg[17]? arg[17][0] : 0;
-  a12=1.;
-  a13=(a10<=a12);
-  a14=-7.;
-  a14=(a14<=a10);
-  a13=(a13&&a14);
-  a02=(a02&&a13);
-  a13=arg[18]? arg[18][0] : 0;
-  a14=2.2099998593330383e-01;
-  a15=(a13<=a14);
-  a16=-2.2099998593330383e-01;
-  a17=(a16<=a13);
-  a15=(a15&&a17);
-  a02=(a02&&a15);
-  a15=arg[19]? arg[19][0] : 0;
-  a17=(a15<=a14);
-  a16=(a16<=a15);
-  a17=(a17&&a16);
+  a08=7.;
+  a09=(a07<=a08);
+  a10=-1.;
+  a11=(a10<=a07);
+  a09=(a09&&a11);
+  a02=(a02&&a09);
+  a09=arg[17]? arg[17][0] : 0;
+  a11=1.;
+  a12=(a09<=a11);
+  a13=-7.;
+  a13=(a13<=a09);
+  a12=(a12&&a13);
+  a02=(a02&&a12);
+  a12=arg[18]? arg[18][0] : 0;
+  a13=2.2099998593330383e-01;
+  a14=(a12<=a13);
+  a15=-2.2099998593330383e-01;
+  a16=(a15<=a12);
+  a14=(a14&&a16);
+  a02=(a02&&a14);
+  a14=arg[19]? arg[19][0] : 0;
+  a16=(a14<=a13);
+  a15=(a15<=a14);
+  a16=(a16&&a15);
+  a02=(a02&&a16);
+  a16=arg[20]? arg[20][0] : 0;
+  a15=255.;
+  a17=(a16<=a15);
+  a18=(a03<=a16);
+  a17=(a17&&a18);
   a02=(a02&&a17);
-  a17=arg[20]? arg[20][0] : 0;
-  a16=255.;
-  a18=(a17<=a16);
-  a19=(a03<=a17);
-  a18=(a18&&a19);
-  a02=(a02&&a18);
-  a18=arg[21]? arg[21][0] : 0;
-  a19=10.;
-  a20=(a18<=a19);
-  a21=(a03<=a18);
+  a17=arg[21]? arg[21][0] : 0;
+  a18=10.;
+  a19=(a17<=a18);
+  a20=(a03<=a17);
+  a19=(a19&&a20);
+  a02=(a02&&a19);
+  a19=arg[22]? arg[22][0] : 0;
+  a20=100.;
+  a20=(a19<=a20);
+  a21=(a03<=a19);
   a20=(a20&&a21);
   a02=(a02&&a20);
-  a20=arg[22]? arg[22][0] : 0;
-  a21=100.;
-  a21=(a20<=a21);
-  a22=(a03<=a20);
-  a21=(a21&&a22);
-  a02=(a02&&a21);
-  a21=arg[23]? arg[23][0] : 0;
-  a22=2.4239999771118164e+01;
-  a23=(a21<=a22);
-  a24=(a03<=a21);
-  a23=(a23&&a24);
-  a02=(a02&&a23);
-  a23=arg[24]? arg[24][0] : 0;
-  a24=casadi_fabs(a23);
-  a25=arg[24]? arg[24][1] : 0;
+  a20=arg[23]? arg[23][0] : 0;
+  a21=2.4239999771118164e+01;
+  a22=(a20<=a21);
+  a23=(a03<=a20);
+  a22=(a22&&a23);
+  a02=(a02&&a22);
+  a22=arg[24]? arg[24][0] : 0;
+  a23=casadi_fabs(a22);
+  a24=arg[24]? arg[24][1] : 0;
+  a25=casadi_fabs(a24);
+  a23=(a23+a25);
+  a25=arg[24]? arg[24][2] : 0;
   a26=casadi_fabs(a25);
-  a24=(a24+a26);
-  a26=arg[24]? arg[24][2] : 0;
+  a23=(a23+a26);
+  a26=arg[24]? arg[24][3] : 0;
   a27=casadi_fabs(a26);
-  a24=(a24+a27);
-  a27=arg[24]? arg[24][3] : 0;
+  a23=(a23+a27);
+  a27=arg[24]? arg[24][4] : 0;
   a28=casadi_fabs(a27);
-  a24=(a24+a28);
-  a28=arg[24]? arg[24][4] : 0;
+  a23=(a23+a28);
+  a28=arg[24]? arg[24][5] : 0;
   a29=casadi_fabs(a28);
-  a24=(a24+a29);
-  a29=arg[24]? arg[24][5] : 0;
+  a23=(a23+a29);
+  a29=arg[24]? arg[24][6] : 0;
   a30=casadi_fabs(a29);
-  a24=(a24+a30);
-  a30=arg[24]? arg[24][6] : 0;
+  a23=(a23+a30);
+  a30=arg[24]? arg[24][7] : 0;
   a31=casadi_fabs(a30);
-  a24=(a24+a31);
-  a31=arg[24]? arg[24][7] : 0;
+  a23=(a23+a31);
+  a31=arg[24]? arg[24][8] : 0;
   a32=casadi_fabs(a31);
-  a24=(a24+a32);
-  a32=arg[24]? arg[24][8] : 0;
+  a23=(a23+a32);
+  a32=arg[24]? arg[24][9] : 0;
   a33=casadi_fabs(a32);
-  a24=(a24+a33);
-  a33=arg[24]? arg[24][9] : 0;
-  a34=casadi_fabs(a33);
-  a24=(a24+a34);
-  a34=2.4264239501953125e+02;
-  a24=(a24<=a34);
-  a02=(a02&&a24);
+  a23=(a23+a33);
+  a33=2.4264239501953125e+02;
+  a23=(a23<=a33);
+  a02=(a02&&a23);
   a04=(a02?a04:0);
-  a24=(!a02);
-  a34=(a24?a12:0);
-  a04=(a04+a34);
+  a23=(!a02);
+  a33=(a23?a11:0);
+  a04=(a04+a33);
   a06=(a02?a06:0);
-  a35=(a24?a11:0);
-  a06=(a06+a35);
+  a34=(a23?a10:0);
+  a06=(a06+a34);
   a06=(a04+a06);
   a06=(a06==a03);
   a06=(a02&&a06);
   a07=(a02?a07:0);
-  a07=(a07+a35);
-  a10=(a02?a10:0);
-  a10=(a10+a34);
-  a10=(a07+a10);
-  a10=(a10==a03);
-  a06=(a06&&a10);
-  a15=(a13+a15);
-  a15=(a02?a15:0);
-  a15=(a15==a03);
-  a06=(a06&&a15);
+  a07=(a07+a34);
+  a09=(a02?a09:0);
+  a09=(a09+a33);
+  a09=(a07+a09);
+  a09=(a09==a03);
+  a06=(a06&&a09);
+  a14=(a12+a14);
+  a14=(a02?a14:0);
+  a14=(a14==a03);
+  a06=(a06&&a14);
   a00=(a02?a00:0);
-  a15=(a00==a01);
-  a10=(a04==a03);
-  a10=(a15&&a10);
+  a14=(a00==a01);
+  a09=(a04==a03);
+  a09=(a14&&a09);
   a00=(a00==a03);
-  a34=(a12<=a04);
-  a13=(a02?a13:0);
-  a35=(a13==a03);
-  a34=(a34&&a35);
-  a34=(a00&&a34);
-  a10=(a10||a34);
-  a06=(a06&&a10);
-  a10=(!a06);
-  a34=arg[0]? arg[0][0] : 0;
-  a14=(a34<=a14);
-  a35=2.2100000642240047e-03;
-  a35=(a35<=a34);
-  a14=(a14&&a35);
-  a35=arg[1]? arg[1][0] : 0;
-  a36=8.;
-  a37=(a35<=a36);
-  a38=4.0000000596046448e-01;
-  a38=(a38<=a35);
+  a33=(a11<=a04);
+  a12=(a02?a12:0);
+  a34=(a12==a03);
+  a33=(a33&&a34);
+  a33=(a00&&a33);
+  a09=(a09||a33);
+  a06=(a06&&a09);
+  a09=(!a06);
+  a33=arg[0]? arg[0][0] : 0;
+  a13=(a33<=a13);
+  a34=2.2100000642240047e-03;
+  a34=(a34<=a33);
+  a13=(a13&&a34);
+  a34=arg[1]? arg[1][0] : 0;
+  a35=8.;
+  a36=(a34<=a35);
+  a37=4.0000000596046448e-01;
+  a37=(a37<=a34);
+  a36=(a36&&a37);
+  a13=(a13&&a36);
+  a36=arg[2]? arg[2][0] : 0;
+  a37=2.9999998211860657e-01;
+  a37=(a36<=a37);
+  a38=1.4999999664723873e-02;
+  a38=(a38<=a36);
   a37=(a37&&a38);
-  a14=(a14&&a37);
-  a37=arg[2]? arg[2][0] : 0;
-  a38=2.9999998211860657e-01;
-  a38=(a37<=a38);
-  a39=1.4999999664723873e-02;
-  a39=(a39<=a37);
-  a38=(a38&&a39);
-  a14=(a14&&a38);
-  a38=arg[3]? arg[3][0] : 0;
-  a39=2.5000000000000000e+00;
-  a40=(a38<=a39);
-  a41=-1.4999999105930328e-01;
-  a42=(a41<=a38);
-  a40=(a40&&a42);
-  a14=(a14&&a40);
-  a40=arg[4]? arg[4][0] : 0;
+  a13=(a13&&a37);
+  a37=arg[3]? arg[3][0] : 0;
+  a38=2.5000000000000000e+00;
+  a39=(a37<=a38);
+  a40=-1.4999999105930328e-01;
+  a41=(a40<=a37);
+  a39=(a39&&a41);
+  a13=(a13&&a39);
+  a39=arg[4]? arg[4][0] : 0;
+  a41=(a39<=a38);
   a42=(a40<=a39);
-  a43=(a41<=a40);
+  a41=(a41&&a42);
+  a13=(a13&&a41);
+  a41=arg[5]? arg[5][0] : 0;
+  a42=(a41<=a18);
+  a43=5.0000000000000000e-01;
+  a43=(a43<=a41);
   a42=(a42&&a43);
-  a14=(a14&&a42);
-  a42=arg[5]? arg[5][0] : 0;
-  a43=(a42<=a19);
-  a44=5.0000000000000000e-01;
+  a13=(a13&&a42);
+  a42=arg[6]? arg[6][0] : 0;
+  a43=(a42<=a05);
+  a44=1.5000000596046448e-01;
   a44=(a44<=a42);
   a43=(a43&&a44);
-  a14=(a14&&a43);
-  a43=arg[6]? arg[6][0] : 0;
-  a44=15.;
+  a13=(a13&&a43);
+  a43=arg[7]? arg[7][0] : 0;
+  a44=5.0499994307756424e-02;
   a44=(a43<=a44);
-  a45=1.5000000596046448e-01;
+  a45=4.9499998567625880e-04;
   a45=(a45<=a43);
   a44=(a44&&a45);
-  a14=(a14&&a44);
-  a44=arg[7]? arg[7][0] : 0;
-  a45=5.0499994307756424e-02;
-  a45=(a44<=a45);
-  a46=4.9499998567625880e-04;
-  a46=(a46<=a44);
-  a45=(a45&&a46);
-  a14=(a14&&a45);
-  a45=arg[8]? arg[8][0] : 0;
-  a39=(a45<=a39);
-  a46=-3.5000994801521301e-01;
+  a13=(a13&&a44);
+  a44=arg[8]? arg[8][0] : 0;
+  a38=(a44<=a38);
+  a45=-3.5000994801521301e-01;
+  a45=(a45<=a44);
+  a38=(a38&&a45);
+  a13=(a13&&a38);
+  a38=arg[9]? arg[9][0] : 0;
+  a45=2.7000095844268799e+00;
+  a45=(a38<=a45);
+  a40=(a40<=a38);
+  a45=(a45&&a40);
+  a13=(a13&&a45);
+  a45=arg[10]? arg[10][0] : 0;
+  a40=1.1160498857498169e+00;
+  a40=(a45<=a40);
+  a46=1.0939500294625759e-02;
   a46=(a46<=a45);
-  a39=(a39&&a46);
-  a14=(a14&&a39);
-  a39=arg[9]? arg[9][0] : 0;
-  a46=2.7000095844268799e+00;
-  a46=(a39<=a46);
-  a41=(a41<=a39);
-  a46=(a46&&a41);
-  a14=(a14&&a46);
-  a46=arg[10]? arg[10][0] : 0;
-  a41=1.1160498857498169e+00;
-  a41=(a46<=a41);
-  a47=1.0939500294625759e-02;
-  a47=(a47<=a46);
-  a41=(a41&&a47);
-  a14=(a14&&a41);
-  a41=arg[11]? arg[11][0] : 0;
-  a47=9.0899991989135742e+00;
-  a47=(a41<=a47);
-  a48=4.4550001621246338e-01;
-  a48=(a48<=a41);
+  a40=(a40&&a46);
+  a13=(a13&&a40);
+  a40=arg[11]? arg[11][0] : 0;
+  a46=9.0899991989135742e+00;
+  a46=(a40<=a46);
+  a47=4.4550001621246338e-01;
+  a47=(a47<=a40);
+  a46=(a46&&a47);
+  a13=(a13&&a46);
+  a46=arg[12]? arg[12][0] : 0;
+  a47=4.4641995429992676e+00;
+  a47=(a46<=a47);
+  a48=2.1879000123590231e-03;
+  a48=(a48<=a46);
   a47=(a47&&a48);
-  a14=(a14&&a47);
-  a47=arg[12]? arg[12][0] : 0;
-  a48=4.4641995429992676e+00;
-  a48=(a47<=a48);
-  a49=2.1879000123590231e-03;
-  a49=(a49<=a47);
-  a48=(a48&&a49);
-  a14=(a14&&a48);
-  a48=(a38<a40);
-  a14=(a14&&a48);
-  a48=(!a14);
-  a49=(a10||a48);
-  a50=arg[28]? arg[28][0] : 0;
-  a51=(a50<=a12);
-  a52=(a03<=a50);
-  a51=(a51&&a52);
-  a50=(a51?a50:0);
-  a52=(!a51);
-  a52=(a52?a12:0);
-  a50=(a50+a52);
-  a50=(a50==a03);
-  a52=(!a50);
-  a49=(a49||a52);
-  a53=arg[25]? arg[25][0] : 0;
-  a54=8.8399994373321533e-01;
-  a54=(a53<=a54);
-  a55=-8.8399994373321533e-01;
-  a55=(a55<=a53);
-  a54=(a54&&a55);
-  a55=arg[26]? arg[26][0] : 0;
-  a16=(a55<=a16);
-  a56=(a03<=a55);
-  a16=(a16&&a56);
-  a56=(a54&&a16);
+  a13=(a13&&a47);
+  a47=(a37<a39);
+  a13=(a13&&a47);
+  a47=(!a13);
+  a48=(a09||a47);
+  a49=arg[28]? arg[28][0] : 0;
+  a50=(a49<=a11);
+  a51=(a03<=a49);
+  a50=(a50&&a51);
+  a49=(a50?a49:0);
+  a51=(!a50);
+  a51=(a51?a11:0);
+  a49=(a49+a51);
+  a49=(a49==a03);
+  a51=(!a49);
+  a48=(a48||a51);
+  a52=arg[25]? arg[25][0] : 0;
+  a53=8.8399994373321533e-01;
+  a53=(a52<=a53);
+  a54=-8.8399994373321533e-01;
+  a54=(a54<=a52);
+  a53=(a53&&a54);
+  a54=arg[26]? arg[26][0] : 0;
+  a55=(a54<=a15);
+  a56=(a03<=a54);
+  a55=(a55&&a56);
+  a56=(a53&&a55);
   a57=arg[27]? arg[27][0] : 0;
   a58=2.;
   a59=(a57<=a58);
   a60=(a03<=a57);
   a59=(a59&&a60);
   a56=(a56&&a59);
-  a56=(a56&&a51);
-  a51=arg[29]? arg[29][0] : 0;
-  a60=(a51<=a09);
-  a61=(a03<=a51);
+  a56=(a56&&a50);
+  a50=arg[29]? arg[29][0] : 0;
+  a60=(a50<=a08);
+  a61=(a03<=a50);
   a60=(a60&&a61);
   a56=(a56&&a60);
   a61=arg[30]? arg[30][0] : 0;
-  a62=(a61<=a12);
+  a62=(a61<=a11);
   a63=(a03<=a61);
   a62=(a62&&a63);
   a56=(a56&&a62);
   a63=arg[31]? arg[31][0] : 0;
-  a64=(a63<=a12);
+  a64=(a63<=a11);
   a65=(a03<=a63);
   a64=(a64&&a65);
   a56=(a56&&a64);
@@ -5965,414 +4949,467 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a68=(a68&&a69);
   a56=(a56&&a68);
   a69=arg[34]? arg[34][0] : 0;
-  a70=(a69<=a05);
-  a71=(a08<=a69);
-  a70=(a70&&a71);
-  a56=(a56&&a70);
-  a71=arg[35]? arg[35][0] : 0;
-  a72=3.;
-  a73=(a71<=a72);
-  a74=-5.9999996423721313e-01;
-  a74=(a74<=a71);
-  a73=(a73&&a74);
-  a56=(a56&&a73);
-  a74=arg[36]? arg[36][0] : 0;
-  a75=(a74<=a05);
-  a08=(a08<=a74);
-  a75=(a75&&a08);
+  a70=12.;
+  a71=(a69<=a70);
+  a72=-12.;
+  a73=(a72<=a69);
+  a71=(a71&&a73);
+  a56=(a56&&a71);
+  a73=arg[35]? arg[35][0] : 0;
+  a74=3.;
+  a75=(a73<=a74);
+  a76=-5.9999996423721313e-01;
+  a76=(a76<=a73);
+  a75=(a75&&a76);
   a56=(a56&&a75);
-  a08=arg[37]? arg[37][0] : 0;
-  a76=20.;
-  a76=(a08<=a76);
-  a77=-20.;
-  a77=(a77<=a08);
-  a76=(a76&&a77);
-  a56=(a56&&a76);
+  a76=arg[36]? arg[36][0] : 0;
+  a77=(a76<=a70);
+  a72=(a72<=a76);
+  a77=(a77&&a72);
+  a56=(a56&&a77);
+  a72=arg[37]? arg[37][0] : 0;
+  a78=20.;
+  a78=(a72<=a78);
+  a79=-20.;
+  a79=(a79<=a72);
+  a78=(a78&&a79);
+  a56=(a56&&a78);
+  a79=arg[38]? arg[38][0] : 0;
+  a80=(a79<=a11);
+  a81=(a03<=a79);
+  a80=(a80&&a81);
+  a56=(a56&&a80);
+  a81=arg[39]? arg[39][0] : 0;
+  a82=(a81<=a15);
+  a83=(a03<=a81);
+  a82=(a82&&a83);
+  a56=(a56&&a82);
+  a83=arg[40]? arg[40][0] : 0;
+  a84=(a83<=a11);
+  a85=(a03<=a83);
+  a84=(a84&&a85);
+  a56=(a56&&a84);
   a59=(a59?a57:0);
   a57=(a59==a03);
-  a77=(a59==a12);
-  a77=(a57||a77);
+  a85=(a59==a11);
+  a85=(a57||a85);
   a59=(a59==a58);
-  a77=(a77||a59);
-  a77=(a56&&a77);
-  a51=(a60?a51:0);
+  a85=(a85||a59);
+  a85=(a56&&a85);
+  a50=(a60?a50:0);
   a60=(!a60);
   a60=(a60?a07:0);
-  a51=(a51+a60);
-  a60=(a51==a03);
-  a59=(a51==a12);
+  a50=(a50+a60);
+  a60=(a50==a03);
+  a59=(a50==a11);
   a60=(a60||a59);
-  a59=(a51==a58);
+  a59=(a50==a58);
   a60=(a60||a59);
-  a59=(a51==a72);
+  a59=(a50==a74);
   a60=(a60||a59);
   a59=4.;
-  a78=(a51==a59);
-  a60=(a60||a78);
-  a78=5.;
-  a79=(a51==a78);
-  a60=(a60||a79);
-  a79=6.;
-  a80=(a51==a79);
-  a60=(a60||a80);
-  a80=(a51==a09);
-  a60=(a60||a80);
-  a77=(a77&&a60);
+  a86=(a50==a59);
+  a60=(a60||a86);
+  a86=5.;
+  a87=(a50==a86);
+  a60=(a60||a87);
+  a87=6.;
+  a88=(a50==a87);
+  a60=(a60||a88);
+  a88=(a50==a08);
+  a60=(a60||a88);
+  a85=(a85&&a60);
   a62=(a62?a61:0);
-  a62=(a62==a12);
-  a77=(a77&&a62);
-  a62=(!a77);
-  a49=(a49||a62);
+  a62=(a62==a11);
+  a85=(a85&&a62);
+  a62=(!a85);
+  a48=(a48||a62);
   a64=(a64?a63:0);
-  a64=(a64==a12);
+  a64=(a64==a11);
   a63=(!a64);
-  a49=(a49||a63);
-  a55=(a16?a55:0);
+  a48=(a48||a63);
+  a54=(a55?a54:0);
+  a55=(!a55);
+  a16=(a02?a16:0);
+  a55=(a55?a16:0);
+  a54=(a54+a55);
+  a55=(a11<=a54);
+  a16=(a54==a16);
+  a16=(!a16);
+  a16=(a55&&a16);
   a16=(!a16);
   a17=(a02?a17:0);
+  a23=(a23?a18:0);
+  a17=(a17+a23);
+  a17=(a17+a11);
+  a17=casadi_fmin(a17,a18);
   a16=(a16?a17:0);
-  a55=(a55+a16);
-  a16=(a12<=a55);
-  a17=(a55==a17);
-  a17=(!a17);
-  a17=(a16&&a17);
-  a17=(!a17);
-  a18=(a02?a18:0);
-  a24=(a24?a19:0);
-  a18=(a18+a24);
-  a18=(a18+a12);
-  a18=casadi_fmin(a18,a19);
-  a17=(a17?a18:0);
-  a17=(a16?a17:0);
-  a16=(!a16);
-  a16=(a16?a19:0);
-  a17=(a17+a16);
-  a16=(a19<=a17);
-  a49=(a49||a16);
+  a16=(a55?a16:0);
+  a55=(!a55);
+  a55=(a55?a18:0);
+  a16=(a16+a55);
+  a55=(a18<=a16);
+  a48=(a48||a55);
   a66=(a66?a65:0);
   a66=casadi_fabs(a66);
-  a66=(a37<a66);
+  a66=(a36<a66);
   a68=(a68?a67:0);
-  a73=(a73?a71:0);
-  a68=(a68-a73);
+  a75=(a75?a73:0);
+  a68=(a68-a75);
   a68=casadi_fabs(a68);
-  a37=(a37<a68);
-  a66=(a66||a37);
+  a36=(a36<a68);
+  a66=(a66||a36);
   a66=(a56&&a66);
-  a49=(a49||a66);
-  a37=(a76?a08:0);
-  a37=casadi_fabs(a37);
-  a35=(a35<a37);
-  a35=(a56&&a35);
-  a49=(a49||a35);
-  a37=(a75?a74:0);
-  a68=casadi_fabs(a37);
-  a70=(a70?a69:0);
-  a69=casadi_fabs(a70);
+  a48=(a48||a66);
+  a36=(a78?a72:0);
+  a36=casadi_fabs(a36);
+  a34=(a34<a36);
+  a34=(a56&&a34);
+  a48=(a48||a34);
+  a36=(a77?a76:0);
+  a68=casadi_fabs(a36);
+  a71=(a71?a69:0);
+  a69=casadi_fabs(a71);
   a68=casadi_fmax(a68,a69);
-  a42=(a42<a68);
-  a42=(a56&&a42);
-  a49=(a49||a42);
+  a41=(a41<a68);
+  a41=(a56&&a41);
+  a48=(a48||a41);
   a68=2.6999998092651367e+00;
-  a39=casadi_fmin(a39,a68);
-  a39=(a39<a73);
+  a38=casadi_fmin(a38,a68);
+  a38=(a38<a75);
   a68=-3.4999996423721313e-01;
-  a45=casadi_fmax(a45,a68);
-  a45=(a73<a45);
-  a39=(a39||a45);
-  a56=(a56&&a39);
-  a49=(a49||a56);
-  a21=(a02?a21:0);
-  a39=1.0000000000000000e-03;
-  a08=(a08*a74);
-  a76=(a76?a08:0);
-  a75=(a75?a76:0);
-  a75=casadi_fmax(a75,a03);
-  a39=(a39*a75);
-  a21=(a21+a39);
-  a21=casadi_fmin(a21,a22);
-  a23=(a02?a23:0);
-  a22=casadi_fabs(a23);
-  a22=(a21+a22);
+  a44=casadi_fmax(a44,a68);
+  a44=(a75<a44);
+  a38=(a38||a44);
+  a56=(a56&&a38);
+  a48=(a48||a56);
+  a20=(a02?a20:0);
+  a38=1.0000000000000000e-03;
+  a72=(a72*a76);
+  a78=(a78?a72:0);
+  a77=(a77?a78:0);
+  a77=casadi_fmax(a77,a03);
+  a38=(a38*a77);
+  a20=(a20+a38);
+  a20=casadi_fmin(a20,a21);
+  a22=(a02?a22:0);
+  a21=casadi_fabs(a22);
+  a21=(a20+a21);
+  a24=(a02?a24:0);
+  a38=casadi_fabs(a24);
+  a21=(a21+a38);
   a25=(a02?a25:0);
-  a39=casadi_fabs(a25);
-  a22=(a22+a39);
+  a38=casadi_fabs(a25);
+  a21=(a21+a38);
   a26=(a02?a26:0);
-  a39=casadi_fabs(a26);
-  a22=(a22+a39);
+  a38=casadi_fabs(a26);
+  a21=(a21+a38);
   a27=(a02?a27:0);
-  a39=casadi_fabs(a27);
-  a22=(a22+a39);
+  a38=casadi_fabs(a27);
+  a21=(a21+a38);
   a28=(a02?a28:0);
-  a39=casadi_fabs(a28);
-  a22=(a22+a39);
+  a38=casadi_fabs(a28);
+  a21=(a21+a38);
   a29=(a02?a29:0);
-  a39=casadi_fabs(a29);
-  a22=(a22+a39);
+  a38=casadi_fabs(a29);
+  a21=(a21+a38);
   a30=(a02?a30:0);
-  a39=casadi_fabs(a30);
-  a22=(a22+a39);
+  a38=casadi_fabs(a30);
+  a21=(a21+a38);
   a31=(a02?a31:0);
-  a39=casadi_fabs(a31);
-  a22=(a22+a39);
+  a38=casadi_fabs(a31);
+  a21=(a21+a38);
   a32=(a02?a32:0);
-  a39=casadi_fabs(a32);
-  a22=(a22+a39);
-  a33=(a02?a33:0);
-  a39=casadi_fabs(a33);
-  a22=(a22+a39);
-  a43=(a43<a22);
-  a49=(a49||a43);
-  a49=(!a49);
-  a15=(a06&&a15);
-  a39=(a03<=a07);
-  a39=(a06&&a39);
-  a75=(a09<=a07);
-  a75=(!a75);
-  a76=(a07+a12);
-  a75=(a75?a76:0);
-  a75=(a51==a75);
-  a75=(a39&&a75);
-  a75=(a75&&a00);
-  a75=(a75&&a49);
-  a75=(a75&&a57);
-  a54=(a54?a53:0);
-  a53=(a54==a03);
-  a75=(a75&&a53);
-  a15=(a15||a75);
-  a49=(a49&&a15);
-  a01=(a49?a01:0);
+  a38=casadi_fabs(a32);
+  a21=(a21+a38);
+  a42=(a42<a21);
+  a48=(a48||a42);
+  a80=(a80?a79:0);
+  a80=(a80==a11);
+  a79=(!a80);
+  a48=(a48||a79);
+  a38=128.;
+  a81=(a82?a81:0);
+  a82=(!a82);
+  a82=(a82?a15:0);
+  a81=(a81+a82);
+  a81=(a38<a81);
+  a48=(a48||a81);
+  a84=(a84?a83:0);
+  a84=(a84==a11);
+  a84=(!a84);
+  a48=(a48||a84);
+  a48=(!a48);
+  a14=(a06&&a14);
+  a83=(a03<=a07);
+  a83=(a06&&a83);
+  a82=(a08<=a07);
+  a82=(!a82);
+  a15=(a07+a11);
+  a82=(a82?a15:0);
+  a82=(a50==a82);
+  a82=(a83&&a82);
+  a82=(a82&&a00);
+  a82=(a82&&a48);
+  a82=(a82&&a57);
+  a53=(a53?a52:0);
+  a52=(a53==a03);
+  a82=(a82&&a52);
+  a14=(a14||a82);
+  a48=(a48&&a14);
+  a01=(a48?a01:0);
   if (res[0]!=0) res[0][0]=a01;
-  a01=(!a49);
-  a15=(a06&&a00);
-  a04=(a15?a04:0);
-  a15=(!a15);
-  a58=(a10?a58:0);
-  a72=(a48?a72:0);
-  a53=(a52?a59:0);
-  a78=(a62?a78:0);
-  a79=(a63?a79:0);
-  a09=(a16?a09:0);
-  a76=(!a16);
-  a08=(a66?a36:0);
-  a74=(!a66);
-  a45=9.;
-  a45=(a35?a45:0);
-  a68=(!a35);
-  a19=(a42?a19:0);
-  a69=(!a42);
-  a71=11.;
-  a71=(a56?a71:0);
-  a67=(!a56);
-  a05=(a43?a05:0);
-  a67=(a67?a05:0);
-  a71=(a71+a67);
-  a69=(a69?a71:0);
-  a19=(a19+a69);
-  a68=(a68?a19:0);
-  a45=(a45+a68);
-  a74=(a74?a45:0);
-  a08=(a08+a74);
-  a76=(a76?a08:0);
-  a09=(a09+a76);
-  a64=(a64?a09:0);
-  a79=(a79+a64);
-  a77=(a77?a79:0);
-  a78=(a78+a77);
-  a50=(a50?a78:0);
-  a53=(a53+a50);
-  a14=(a14?a53:0);
-  a72=(a72+a14);
-  a72=(a06?a72:0);
-  a72=(a58+a72);
-  a15=(a15?a72:0);
-  a04=(a04+a15);
+  a01=(!a48);
+  a14=(a06&&a00);
+  a04=(a14?a04:0);
+  a14=(!a14);
+  a58=(a09?a58:0);
+  a74=(a47?a74:0);
+  a52=(a51?a59:0);
+  a86=(a62?a86:0);
+  a87=(a63?a87:0);
+  a08=(a55?a08:0);
+  a15=(!a55);
+  a77=(a66?a35:0);
+  a78=(!a66);
+  a72=9.;
+  a72=(a34?a72:0);
+  a76=(!a34);
+  a18=(a41?a18:0);
+  a44=(!a41);
+  a68=11.;
+  a68=(a56?a68:0);
+  a69=(!a56);
+  a70=(a42?a70:0);
+  a73=(!a42);
+  a67=13.;
+  a67=(a79?a67:0);
+  a65=14.;
+  a65=(a81?a65:0);
+  a17=(!a81);
+  a05=(a84?a05:0);
+  a17=(a17?a05:0);
+  a65=(a65+a17);
+  a80=(a80?a65:0);
+  a67=(a67+a80);
+  a73=(a73?a67:0);
+  a70=(a70+a73);
+  a69=(a69?a70:0);
+  a68=(a68+a69);
+  a44=(a44?a68:0);
+  a18=(a18+a44);
+  a76=(a76?a18:0);
+  a72=(a72+a76);
+  a78=(a78?a72:0);
+  a77=(a77+a78);
+  a15=(a15?a77:0);
+  a08=(a08+a15);
+  a64=(a64?a08:0);
+  a87=(a87+a64);
+  a85=(a85?a87:0);
+  a86=(a86+a85);
+  a49=(a49?a86:0);
+  a52=(a52+a49);
+  a13=(a13?a52:0);
+  a74=(a74+a13);
+  a74=(a06?a74:0);
+  a74=(a58+a74);
+  a14=(a14?a74:0);
+  a04=(a04+a14);
   a04=(a01?a04:0);
   if (res[1]!=0) res[1][0]=a04;
-  a15=(-a04);
-  if (res[2]!=0) res[2][0]=a15;
-  a15=(a60?a51:0);
-  a72=(!a60);
-  a72=(a72?a07:0);
-  a15=(a15+a72);
-  a06=(a06?a15:0);
-  a10=(a10?a11:0);
-  a06=(a06+a10);
+  a14=(-a04);
+  if (res[2]!=0) res[2][0]=a14;
+  a14=(a60?a50:0);
+  a74=(!a60);
+  a74=(a74?a07:0);
+  a14=(a14+a74);
+  a06=(a06?a14:0);
+  a09=(a09?a10:0);
+  a06=(a06+a09);
   if (res[3]!=0) res[3][0]=a06;
   a06=(-a06);
   if (res[4]!=0) res[4][0]=a06;
   a57=(!a57);
-  a06=(a57?a54:0);
-  a06=casadi_fmin(a06,a34);
-  a10=(-a34);
-  a06=casadi_fmax(a06,a10);
-  a40=(a40-a73);
-  a40=(a46*a40);
-  a40=casadi_fmax(a40,a03);
-  a10=casadi_fmax(a37,a70);
-  a10=(a41-a10);
-  a10=(a47*a10);
-  a10=casadi_fmax(a10,a03);
-  a11=casadi_fmin(a40,a10);
-  a11=casadi_fmin(a06,a11);
-  a73=(a73-a38);
-  a46=(a46*a73);
+  a06=(a57?a53:0);
+  a06=casadi_fmin(a06,a33);
+  a09=(-a33);
+  a06=casadi_fmax(a06,a09);
+  a39=(a39-a75);
+  a39=(a45*a39);
+  a39=casadi_fmax(a39,a03);
+  a09=casadi_fmax(a36,a71);
+  a09=(a40-a09);
+  a09=(a46*a09);
+  a09=casadi_fmax(a09,a03);
+  a10=casadi_fmin(a39,a09);
+  a10=casadi_fmin(a06,a10);
+  a75=(a75-a37);
+  a45=(a45*a75);
+  a45=casadi_fmax(a45,a03);
+  a36=casadi_fmin(a36,a71);
+  a40=(a40+a36);
+  a46=(a46*a40);
   a46=casadi_fmax(a46,a03);
-  a37=casadi_fmin(a37,a70);
-  a41=(a41+a37);
-  a47=(a47*a41);
-  a47=casadi_fmax(a47,a03);
-  a03=casadi_fmin(a46,a47);
+  a03=casadi_fmin(a45,a46);
   a03=(-a03);
-  a11=casadi_fmax(a11,a03);
+  a10=casadi_fmax(a10,a03);
   a03=4.9999997019767761e-02;
-  a44=casadi_fmin(a44,a03);
-  a03=(a13+a44);
-  a03=casadi_fmin(a11,a03);
-  a13=(a13-a44);
-  a03=casadi_fmax(a03,a13);
-  a13=(a49?a03:0);
-  if (res[5]!=0) res[5][0]=a13;
-  a44=(-a13);
-  if (res[6]!=0) res[6][0]=a44;
-  if (res[7]!=0) res[7][0]=a55;
-  if (res[8]!=0) res[8][0]=a17;
-  a17=99.;
-  a02=(a02?a20:0);
-  a17=(a17<=a02);
-  a20=(!a17);
-  a02=(a02+a12);
-  a02=(a20?a02:0);
+  a43=casadi_fmin(a43,a03);
+  a03=(a12+a43);
+  a03=casadi_fmin(a10,a03);
+  a12=(a12-a43);
+  a03=casadi_fmax(a03,a12);
+  a12=(a48?a03:0);
+  if (res[5]!=0) res[5][0]=a12;
+  a43=(-a12);
+  if (res[6]!=0) res[6][0]=a43;
+  if (res[7]!=0) res[7][0]=a54;
+  if (res[8]!=0) res[8][0]=a16;
+  a16=99.;
+  a02=(a02?a19:0);
+  a16=(a16<=a02);
+  a19=(!a16);
+  a02=(a02+a11);
+  a02=(a19?a02:0);
   if (res[9]!=0) res[9][0]=a02;
-  a02=(a20?a21:0);
+  a02=(a19?a20:0);
   if (res[10]!=0) res[10][0]=a02;
-  a21=(a17?a21:0);
-  a02=(a20?a23:0);
-  a21=(a21+a02);
-  if (res[11]!=0) res[11][0]=a21;
-  a23=(a17?a23:0);
-  a21=(a20?a25:0);
-  a23=(a23+a21);
-  if (res[11]!=0) res[11][1]=a23;
-  a25=(a17?a25:0);
-  a23=(a20?a26:0);
-  a25=(a25+a23);
-  if (res[11]!=0) res[11][2]=a25;
-  a26=(a17?a26:0);
-  a25=(a20?a27:0);
+  a20=(a16?a20:0);
+  a02=(a19?a22:0);
+  a20=(a20+a02);
+  if (res[11]!=0) res[11][0]=a20;
+  a22=(a16?a22:0);
+  a20=(a19?a24:0);
+  a22=(a22+a20);
+  if (res[11]!=0) res[11][1]=a22;
+  a24=(a16?a24:0);
+  a22=(a19?a25:0);
+  a24=(a24+a22);
+  if (res[11]!=0) res[11][2]=a24;
+  a25=(a16?a25:0);
+  a24=(a19?a26:0);
+  a25=(a25+a24);
+  if (res[11]!=0) res[11][3]=a25;
+  a26=(a16?a26:0);
+  a25=(a19?a27:0);
   a26=(a26+a25);
-  if (res[11]!=0) res[11][3]=a26;
-  a27=(a17?a27:0);
-  a26=(a20?a28:0);
+  if (res[11]!=0) res[11][4]=a26;
+  a27=(a16?a27:0);
+  a26=(a19?a28:0);
   a27=(a27+a26);
-  if (res[11]!=0) res[11][4]=a27;
-  a28=(a17?a28:0);
-  a27=(a20?a29:0);
+  if (res[11]!=0) res[11][5]=a27;
+  a28=(a16?a28:0);
+  a27=(a19?a29:0);
   a28=(a28+a27);
-  if (res[11]!=0) res[11][5]=a28;
-  a29=(a17?a29:0);
-  a28=(a20?a30:0);
+  if (res[11]!=0) res[11][6]=a28;
+  a29=(a16?a29:0);
+  a28=(a19?a30:0);
   a29=(a29+a28);
-  if (res[11]!=0) res[11][6]=a29;
-  a30=(a17?a30:0);
-  a29=(a20?a31:0);
+  if (res[11]!=0) res[11][7]=a29;
+  a30=(a16?a30:0);
+  a29=(a19?a31:0);
   a30=(a30+a29);
-  if (res[11]!=0) res[11][7]=a30;
-  a31=(a17?a31:0);
-  a30=(a20?a32:0);
-  a31=(a31+a30);
-  if (res[11]!=0) res[11][8]=a31;
-  a17=(a17?a32:0);
-  a20=(a20?a33:0);
-  a17=(a17+a20);
-  if (res[11]!=0) res[11][9]=a17;
-  if (res[12]!=0) res[12][0]=a13;
-  a17=(a06-a11);
-  a17=(a49?a17:0);
-  if (res[13]!=0) res[13][0]=a17;
-  a13=(a11-a13);
-  a13=(a49?a13:0);
-  if (res[14]!=0) res[14][0]=a13;
-  if (res[15]!=0) res[15][0]=a22;
+  if (res[11]!=0) res[11][8]=a30;
+  a16=(a16?a31:0);
+  a19=(a19?a32:0);
+  a16=(a16+a19);
+  if (res[11]!=0) res[11][9]=a16;
+  if (res[12]!=0) res[12][0]=a12;
+  a16=(a06-a10);
+  a16=(a48?a16:0);
+  if (res[13]!=0) res[13][0]=a16;
+  a12=(a10-a12);
+  a12=(a48?a12:0);
+  if (res[14]!=0) res[14][0]=a12;
+  if (res[15]!=0) res[15][0]=a21;
   if (res[16]!=0) res[16][0]=a04;
-  a62=(a62?a12:0);
+  a62=(a62?a11:0);
   a62=(a62+a58);
-  a48=(a48?a59:0);
-  a62=(a62+a48);
-  a52=(a52?a36:0);
-  a62=(a62+a52);
-  a52=16.;
-  a63=(a63?a52:0);
+  a47=(a47?a59:0);
+  a62=(a62+a47);
+  a51=(a51?a35:0);
+  a62=(a62+a51);
+  a51=16.;
+  a63=(a63?a51:0);
   a62=(a62+a63);
   a63=32.;
-  a16=(a16?a63:0);
-  a62=(a62+a16);
-  a16=64.;
-  a66=(a66?a16:0);
+  a55=(a55?a63:0);
+  a62=(a62+a55);
+  a55=64.;
+  a66=(a66?a55:0);
   a62=(a62+a66);
-  a66=128.;
-  a35=(a35?a66:0);
-  a62=(a62+a35);
-  a35=256.;
-  a42=(a42?a35:0);
-  a62=(a62+a42);
-  a42=512.;
-  a56=(a56?a42:0);
+  a34=(a34?a38:0);
+  a62=(a62+a34);
+  a34=256.;
+  a41=(a41?a34:0);
+  a62=(a62+a41);
+  a41=512.;
+  a56=(a56?a41:0);
   a62=(a62+a56);
   a56=1024.;
-  a43=(a43?a56:0);
-  a62=(a62+a43);
-  a57=(a49&&a57);
-  a54=casadi_fabs(a54);
-  a34=(a34<a54);
-  a34=(a57&&a34);
-  a54=2048.;
-  a34=(a34?a54:0);
-  a62=(a62+a34);
-  a03=(a03==a11);
+  a42=(a42?a56:0);
+  a62=(a62+a42);
+  a57=(a48&&a57);
+  a53=casadi_fabs(a53);
+  a33=(a33<a53);
+  a33=(a57&&a33);
+  a53=2048.;
+  a33=(a33?a53:0);
+  a62=(a62+a33);
+  a03=(a03==a10);
   a03=(!a03);
-  a49=(a49&&a03);
+  a48=(a48&&a03);
   a03=4096.;
-  a49=(a49?a03:0);
-  a62=(a62+a49);
+  a48=(a48?a03:0);
+  a62=(a62+a48);
+  a45=(-a45);
+  a45=(a06<a45);
+  a45=(a57&&a45);
+  a48=8192.;
+  a45=(a45?a48:0);
+  a62=(a62+a45);
+  a39=(a39<a06);
+  a39=(a57&&a39);
+  a45=16384.;
+  a39=(a39?a45:0);
+  a62=(a62+a39);
   a46=(-a46);
   a46=(a06<a46);
-  a46=(a57&&a46);
-  a49=8192.;
-  a46=(a46?a49:0);
-  a62=(a62+a46);
-  a40=(a40<a06);
-  a40=(a57&&a40);
-  a46=16384.;
-  a40=(a40?a46:0);
-  a62=(a62+a40);
-  a47=(-a47);
-  a47=(a06<a47);
-  a10=(a10<a06);
-  a47=(a47||a10);
-  a57=(a57&&a47);
-  a47=32768.;
-  a57=(a57?a47:0);
+  a09=(a09<a06);
+  a46=(a46||a09);
+  a57=(a57&&a46);
+  a46=32768.;
+  a57=(a57?a46:0);
   a62=(a62+a57);
-  a39=(a39&&a60);
-  a51=(a51==a07);
-  a51=(!a51);
-  a39=(a39&&a51);
-  a75=(!a75);
-  a00=(a00&&a75);
-  a39=(a39&&a00);
+  a83=(a83&&a60);
+  a50=(a50==a07);
+  a50=(!a50);
+  a83=(a83&&a50);
+  a82=(!a82);
+  a00=(a00&&a82);
+  a83=(a83&&a00);
   a00=65536.;
-  a39=(a39?a00:0);
-  a62=(a62+a39);
-  a39=131072.;
-  a01=(a01?a39:0);
+  a83=(a83?a00:0);
+  a62=(a62+a83);
+  a83=131072.;
+  a01=(a01?a83:0);
   a62=(a62+a01);
+  a01=262144.;
+  a79=(a79?a01:0);
+  a62=(a62+a79);
+  a79=524288.;
+  a81=(a81?a79:0);
+  a62=(a62+a81);
+  a81=1048576.;
+  a84=(a84?a81:0);
+  a62=(a62+a84);
   if (res[17]!=0) res[17][0]=a62;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_checkout(void) {
@@ -6388,7 +5425,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_limits_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_limits_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_limits_step_n_in(void) { return 38;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_limits_step_n_in(void) { return 41;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_limits_step_n_out(void) { return 18;}
 
@@ -6438,6 +5475,9 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_limits_step_name_in(cas
     case 35: return "u_theta_load_rad";
     case 36: return "u_omega_load_rad_s";
     case 37: return "u_tau_Nm";
+    case 38: return "u_clock_ok";
+    case 39: return "u_late_level";
+    case 40: return "u_coeffs_ok";
     default: return 0;
   }
 }
@@ -6506,6 +5546,9 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_limits_step_spars
     case 35: return casadi_s0;
     case 36: return casadi_s0;
     case 37: return casadi_s0;
+    case 38: return casadi_s0;
+    case 39: return casadi_s0;
+    case 40: return casadi_s0;
     default: return 0;
   }
 }
@@ -6535,7 +5578,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_limits_step_spars
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 38;
+  if (sz_arg) *sz_arg = 41;
   if (sz_res) *sz_res = 18;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -6543,7 +5586,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work(casadi_int *sz
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 38*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 41*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 18*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -6551,7 +5594,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -6566,7 +5609,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_checkout(void) {
@@ -6639,7 +5682,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6652,7 +5695,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_checkout(void) {
@@ -6735,7 +5778,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -6871,7 +5914,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_checkout(void) {
@@ -6978,7 +6021,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -6993,7 +6036,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_checkout(void) {
@@ -7066,7 +6109,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7079,7 +6122,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_checkout(void) {
@@ -7162,167 +6205,178 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24, a25;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
   a01=1.;
   a02=(a00<=a01);
   a03=0.;
-  a03=(a03<=a00);
-  a02=(a02&&a03);
-  a03=arg[3]? arg[3][0] : 0;
-  a04=3.3499999046325684e+00;
-  a05=(a03<=a04);
-  a06=-9.4999998807907104e-01;
-  a07=(a06<=a03);
-  a05=(a05&&a07);
-  a02=(a02&&a05);
-  a05=arg[4]? arg[4][0] : 0;
-  a07=1.2119999885559082e+01;
-  a08=(a05<=a07);
-  a09=-1.2119999885559082e+01;
-  a10=(a09<=a05);
-  a08=(a08&&a10);
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[3]? arg[3][0] : 0;
+  a05=3.4182221889495850e+00;
+  a06=(a04<=a05);
+  a07=-1.0182223320007324e+00;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a02=(a02&&a06);
+  a06=arg[4]? arg[4][0] : 0;
+  a08=1.2193999290466309e+01;
+  a08=(a06<=a08);
+  a09=-1.2193999290466309e+01;
+  a09=(a09<=a06);
+  a08=(a08&&a09);
   a02=(a02&&a08);
   a08=arg[5]? arg[5][0] : 0;
-  a10=2.0199998855590820e+01;
-  a11=(a08<=a10);
-  a12=-2.0199998855590820e+01;
-  a13=(a12<=a08);
+  a09=2.0687332153320312e+01;
+  a09=(a08<=a09);
+  a10=-2.0687332153320312e+01;
+  a10=(a10<=a08);
+  a09=(a09&&a10);
+  a02=(a02&&a09);
+  a09=arg[6]? arg[6][0] : 0;
+  a10=6.6666662597656250e+02;
+  a11=(a09<=a10);
+  a12=-6.6666662597656250e+02;
+  a13=(a12<=a09);
   a11=(a11&&a13);
   a02=(a02&&a11);
-  a11=arg[6]? arg[6][0] : 0;
-  a13=6.6666662597656250e+02;
+  a11=arg[7]? arg[7][0] : 0;
+  a13=20.;
   a14=(a11<=a13);
-  a15=-6.6666662597656250e+02;
+  a15=-20.;
   a16=(a15<=a11);
   a14=(a14&&a16);
   a02=(a02&&a14);
-  a14=arg[7]? arg[7][0] : 0;
-  a16=20.;
-  a17=(a14<=a16);
-  a18=-20.;
-  a19=(a18<=a14);
-  a17=(a17&&a19);
-  a02=(a02&&a17);
   a00=(a02?a00:0);
-  a17=arg[8]? arg[8][0] : 0;
-  a19=(a17<=a04);
-  a20=(a06<=a17);
-  a19=(a19&&a20);
-  a20=arg[9]? arg[9][0] : 0;
-  a21=(a20<=a16);
-  a22=(a18<=a20);
-  a21=(a21&&a22);
-  a22=(a19&&a21);
-  a23=(a00||a22);
-  if (res[0]!=0) res[0][0]=a23;
-  a03=(a02?a03:0);
-  a24=(a00?a03:0);
+  a14=arg[8]? arg[8][0] : 0;
+  a16=3.3499999046325684e+00;
+  a16=(a14<=a16);
+  a17=-9.4999998807907104e-01;
+  a17=(a17<=a14);
+  a16=(a16&&a17);
+  a17=arg[9]? arg[9][0] : 0;
+  a18=(a17<=a13);
+  a19=(a15<=a17);
+  a18=(a18&&a19);
+  a19=(a16&&a18);
+  a20=(a00||a19);
+  if (res[0]!=0) res[0][0]=a20;
+  a04=(a02?a04:0);
+  a21=(a00?a04:0);
   a00=(!a00);
-  a17=(a19?a17:0);
-  a19=(!a19);
-  a19=(a19?a03:0);
-  a17=(a17+a19);
-  a00=(a00?a17:0);
-  a24=(a24+a00);
+  a14=(a16?a14:0);
+  a16=(!a16);
+  a16=(a16?a04:0);
+  a14=(a14+a16);
+  a00=(a00?a14:0);
+  a21=(a21+a00);
   a00=1.7899999999999999e-01;
-  a17=(a17-a24);
-  a00=(a00*a17);
-  a00=(a22?a00:0);
-  a24=(a24+a00);
-  a24=casadi_fmin(a24,a04);
-  a24=casadi_fmax(a24,a06);
+  a14=(a14-a21);
+  a00=(a00*a14);
+  a00=(a19?a00:0);
+  a21=(a21+a00);
   a00=1.0000000000000000e-03;
-  a05=(a02?a05:0);
-  a19=1.7699999999999999e+01;
-  a19=(a19*a17);
-  a19=(a22?a19:0);
-  a05=(a05+a19);
-  a19=12.;
-  a03=casadi_fmin(a05,a19);
-  a25=-12.;
-  a03=casadi_fmax(a03,a25);
-  a25=2.2727272727272731e-03;
-  a20=(a21?a20:0);
-  a21=(!a21);
-  a14=(a02?a14:0);
-  a21=(a21?a14:0);
-  a20=(a20+a21);
-  a08=(a02?a08:0);
-  a21=209.;
-  a21=(a21*a17);
-  a21=(a22?a21:0);
-  a08=(a08+a21);
-  a21=casadi_fmin(a08,a16);
-  a21=casadi_fmax(a21,a18);
-  a18=(a20+a21);
-  a25=(a25*a18);
-  a25=(a03+a25);
-  a00=(a00*a25);
-  a00=(a24+a00);
-  a00=casadi_fmin(a00,a04);
-  a00=casadi_fmax(a00,a06);
-  if (res[1]!=0) res[1][0]=a00;
-  a00=4.5454545454545461e-03;
-  a00=(a00*a18);
-  a00=(a03+a00);
-  a00=casadi_fmin(a00,a07);
-  a00=casadi_fmax(a00,a09);
-  a00=(a23?a00:0);
-  if (res[2]!=0) res[2][0]=a00;
-  a00=arg[1]? arg[1][0] : 0;
+  a06=(a02?a06:0);
+  a16=1.7699999999999999e+01;
+  a16=(a16*a14);
+  a16=(a19?a16:0);
+  a06=(a06+a16);
+  a16=12.;
+  a04=casadi_fmin(a06,a16);
+  a22=-12.;
+  a04=casadi_fmax(a04,a22);
+  a22=2.2727272727272731e-03;
+  a17=(a18?a17:0);
+  a18=(!a18);
   a11=(a02?a11:0);
-  a09=3234.;
-  a09=(a09*a17);
-  a09=(a22?a09:0);
-  a11=(a11+a09);
-  a09=casadi_fmin(a11,a13);
-  a09=casadi_fmax(a09,a15);
-  a00=(a00*a09);
+  a18=(a18?a11:0);
+  a17=(a17+a18);
+  a08=(a02?a08:0);
+  a18=209.;
+  a18=(a18*a14);
+  a18=(a19?a18:0);
+  a08=(a08+a18);
+  a18=casadi_fmin(a08,a13);
+  a18=casadi_fmax(a18,a15);
+  a15=(a17+a18);
+  a22=(a22*a15);
+  a22=(a04+a22);
+  a00=(a00*a22);
   a00=(a21+a00);
-  a00=casadi_fmin(a00,a10);
-  a00=casadi_fmax(a00,a12);
-  a00=(a23?a00:0);
-  if (res[3]!=0) res[3][0]=a00;
-  a00=arg[0]? arg[0][0] : 0;
-  a00=(a00*a09);
-  a23=(a23?a00:0);
-  if (res[4]!=0) res[4][0]=a23;
-  if (res[5]!=0) res[5][0]=a20;
-  if (res[6]!=0) res[6][0]=a21;
-  if (res[7]!=0) res[7][0]=a09;
-  if (res[8]!=0) res[8][0]=a03;
-  if (res[9]!=0) res[9][0]=a24;
-  a22=(!a22);
-  a22=(a22?a01:0);
+  a22=casadi_fmin(a00,a05);
+  a22=casadi_fmax(a22,a07);
+  if (res[1]!=0) res[1][0]=a22;
+  a07=(a00<a07);
+  a05=(a05<a00);
+  a00=4.5454545454545461e-03;
+  a00=(a00*a15);
+  a00=(a04+a00);
+  a15=casadi_fmin(a00,a03);
+  a15=(a05?a15:0);
+  a22=(!a05);
+  a22=(a22?a00:0);
+  a15=(a15+a22);
+  a03=casadi_fmax(a15,a03);
+  a03=(a07?a03:0);
+  a22=(!a07);
+  a22=(a22?a15:0);
+  a03=(a03+a22);
+  a03=(a20?a03:0);
+  if (res[2]!=0) res[2][0]=a03;
+  a03=arg[1]? arg[1][0] : 0;
+  a09=(a02?a09:0);
+  a22=3234.;
+  a22=(a22*a14);
+  a22=(a19?a22:0);
+  a09=(a09+a22);
+  a22=casadi_fmin(a09,a10);
+  a22=casadi_fmax(a22,a12);
+  a03=(a03*a22);
+  a03=(a18+a03);
+  a03=(a20?a03:0);
+  if (res[3]!=0) res[3][0]=a03;
+  a03=arg[0]? arg[0][0] : 0;
+  a03=(a03*a22);
+  a20=(a20?a03:0);
+  if (res[4]!=0) res[4][0]=a20;
+  if (res[5]!=0) res[5][0]=a17;
+  if (res[6]!=0) res[6][0]=a18;
+  if (res[7]!=0) res[7][0]=a22;
+  if (res[8]!=0) res[8][0]=a04;
+  if (res[9]!=0) res[9][0]=a21;
+  a19=(!a19);
+  a19=(a19?a01:0);
   a02=(!a02);
   a01=2.;
   a02=(a02?a01:0);
-  a22=(a22+a02);
-  a05=casadi_fabs(a05);
-  a19=(a19<a05);
-  a05=4.;
-  a19=(a19?a05:0);
-  a22=(a22+a19);
+  a19=(a19+a02);
+  a06=casadi_fabs(a06);
+  a16=(a16<a06);
+  a06=4.;
+  a16=(a16?a06:0);
+  a19=(a19+a16);
   a08=casadi_fabs(a08);
-  a16=(a16<a08);
+  a13=(a13<a08);
   a08=8.;
-  a16=(a16?a08:0);
-  a22=(a22+a16);
-  a11=casadi_fabs(a11);
-  a13=(a13<a11);
-  a11=16.;
-  a13=(a13?a11:0);
-  a22=(a22+a13);
-  if (res[10]!=0) res[10][0]=a22;
+  a13=(a13?a08:0);
+  a19=(a19+a13);
+  a09=casadi_fabs(a09);
+  a10=(a10<a09);
+  a09=16.;
+  a10=(a10?a09:0);
+  a19=(a19+a10);
+  a05=(a05||a07);
+  a07=32.;
+  a05=(a05?a07:0);
+  a19=(a19+a05);
+  if (res[10]!=0) res[10][0]=a19;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_checkout(void) {
@@ -7430,474 +6484,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_work_bytes(casad
   return 0;
 }
 
-/* esea_elbow_drive_casadi_set_rate_prepare:(cutoff_Hz)->(c_gain_1[3],c_gain_2[3]) */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
-  a0=1.;
-  a1=3.1415926535897933e-03;
-  a2=arg[0]? arg[0][0] : 0;
-  a1=(a1*a2);
-  a2=casadi_sq(a1);
-  a3=3.;
-  a4=5.;
-  a5=7.;
-  a6=9.;
-  a7=11.;
-  a8=13.;
-  a9=15.;
-  a9=(a2/a9);
-  a8=(a8-a9);
-  a8=(a2/a8);
-  a7=(a7-a8);
-  a7=(a2/a7);
-  a6=(a6-a7);
-  a6=(a2/a6);
-  a5=(a5-a6);
-  a5=(a2/a5);
-  a4=(a4-a5);
-  a4=(a2/a4);
-  a3=(a3-a4);
-  a2=(a2/a3);
-  a2=(a0-a2);
-  a1=(a1/a2);
-  a2=1.8477590650225735e+00;
-  a2=(a1+a2);
-  a2=(a1*a2);
-  a2=(a0+a2);
-  a3=(1./a2);
-  if (res[0]!=0) res[0][0]=a3;
-  a3=(a1/a2);
-  if (res[0]!=0) res[0][1]=a3;
-  a3=casadi_sq(a1);
-  a3=(a3/a2);
-  if (res[0]!=0) res[0][2]=a3;
-  a3=7.6536686473017967e-01;
-  a3=(a1+a3);
-  a3=(a1*a3);
-  a0=(a0+a3);
-  a3=(1./a0);
-  if (res[1]!=0) res[1][0]=a3;
-  a3=(a1/a0);
-  if (res[1]!=0) res[1][1]=a3;
-  a1=casadi_sq(a1);
-  a1=(a1/a0);
-  if (res[1]!=0) res[1][2]=a1;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_prepare_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_prepare_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_prepare_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_prepare_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_rate_prepare_n_in(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_rate_prepare_n_out(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_set_rate_prepare_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_rate_prepare_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "cutoff_Hz";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_rate_prepare_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "c_gain_1";
-    case 1: return "c_gain_2";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_rate_prepare_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_rate_prepare_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1;
-  if (sz_res) *sz_res = 2;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_set_rate_init:(gain_1[3],gain_2[3])->(primed_0,theta_last_rad_0,omega_held_rad_s_0,first_rad_s_0[2],second_rad_s_0[2]) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=0.;
-  if (res[0]!=0) res[0][0]=a0;
-  if (res[1]!=0) res[1][0]=a0;
-  if (res[2]!=0) res[2][0]=a0;
-  if (res[3]!=0) res[3][0]=a0;
-  if (res[3]!=0) res[3][1]=a0;
-  if (res[4]!=0) res[4][0]=a0;
-  if (res[4]!=0) res[4][1]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_init_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_init_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_init_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_init_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_rate_init_n_in(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_rate_init_n_out(void) { return 5;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_set_rate_init_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_rate_init_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "gain_1";
-    case 1: return "gain_2";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_rate_init_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "primed_0";
-    case 1: return "theta_last_rad_0";
-    case 2: return "omega_held_rad_s_0";
-    case 3: return "first_rad_s_0";
-    case 4: return "second_rad_s_0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_rate_init_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_rate_init_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s3;
-    case 4: return casadi_s3;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2;
-  if (sz_res) *sz_res = 5;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_drive_casadi_set_rate_step:(c_gain_1[3],c_gain_2[3],s_primed,s_theta_last_rad,s_omega_held_rad_s,s_first_rad_s[2],s_second_rad_s[2],u_theta_rad)->(next_primed,next_theta_last_rad,next_omega_held_rad_s,next_first_rad_s[2],next_second_rad_s[2],y_omega_rad_s,y_status) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
-  a00=arg[7]? arg[7][0] : 0;
-  a01=3.3499999046325684e+00;
-  a02=(a00<=a01);
-  a03=-9.4999998807907104e-01;
-  a04=(a03<=a00);
-  a02=(a02&&a04);
-  if (res[0]!=0) res[0][0]=a02;
-  a00=(a02?a00:0);
-  a04=(!a02);
-  a05=arg[2]? arg[2][0] : 0;
-  a06=1.;
-  a07=(a05<=a06);
-  a08=0.;
-  a08=(a08<=a05);
-  a07=(a07&&a08);
-  a08=arg[3]? arg[3][0] : 0;
-  a01=(a08<=a01);
-  a03=(a03<=a08);
-  a01=(a01&&a03);
-  a07=(a07&&a01);
-  a01=arg[4]? arg[4][0] : 0;
-  a03=1.0749998779296875e+03;
-  a03=(a01<=a03);
-  a09=-1.0749998779296875e+03;
-  a09=(a09<=a01);
-  a03=(a03&&a09);
-  a07=(a07&&a03);
-  a03=arg[5]? arg[5][0] : 0;
-  a09=casadi_fabs(a03);
-  a10=arg[5]? arg[5][1] : 0;
-  a11=casadi_fabs(a10);
-  a09=(a09+a11);
-  a11=2.1521496582031250e+03;
-  a09=(a09<=a11);
-  a07=(a07&&a09);
-  a09=arg[6]? arg[6][0] : 0;
-  a12=casadi_fabs(a09);
-  a13=arg[6]? arg[6][1] : 0;
-  a14=casadi_fabs(a13);
-  a12=(a12+a14);
-  a12=(a12<=a11);
-  a07=(a07&&a12);
-  a08=(a07?a08:0);
-  a12=(a04?a08:0);
-  a00=(a00+a12);
-  if (res[1]!=0) res[1][0]=a00;
-  a12=arg[1]? arg[1][1] : 0;
-  a11=(a12*a09);
-  a11=(a13+a11);
-  a11=(a07?a11:0);
-  a14=arg[1]? arg[1][2] : 0;
-  a15=arg[0]? arg[0][1] : 0;
-  a16=(a15*a03);
-  a16=(a10+a16);
-  a16=(a07?a16:0);
-  a17=arg[0]? arg[0][2] : 0;
-  a05=(a07?a05:0);
-  a18=1000.;
-  a00=(a00-a08);
-  a18=(a18*a00);
-  a18=(a05?a18:0);
-  a05=(!a05);
-  a01=(a07?a01:0);
-  a05=(a05?a01:0);
-  a18=(a18+a05);
-  a05=2.1499998474121094e+02;
-  a00=casadi_fmin(a18,a05);
-  a08=-2.1499998474121094e+02;
-  a00=casadi_fmax(a00,a08);
-  a10=(a07?a10:0);
-  a00=(a00-a10);
-  a17=(a17*a00);
-  a16=(a16+a17);
-  a13=(a07?a13:0);
-  a17=(a16-a13);
-  a14=(a14*a17);
-  a11=(a11+a14);
-  a14=(a02?a11:0);
-  a01=(a04?a01:0);
-  a14=(a14+a01);
-  if (res[2]!=0) res[2][0]=a14;
-  a01=arg[0]? arg[0][0] : 0;
-  a01=(a01*a03);
-  a01=(a07?a01:0);
-  a15=(a15*a00);
-  a01=(a01+a15);
-  a01=(2.*a01);
-  a03=(a07?a03:0);
-  a01=(a01-a03);
-  a01=(a02?a01:0);
-  a03=(a04?a03:0);
-  a01=(a01+a03);
-  if (res[3]!=0) res[3][0]=a01;
-  a16=(2.*a16);
-  a16=(a16-a10);
-  a16=(a02?a16:0);
-  a10=(a04?a10:0);
-  a16=(a16+a10);
-  if (res[3]!=0) res[3][1]=a16;
-  a16=arg[1]? arg[1][0] : 0;
-  a16=(a16*a09);
-  a16=(a07?a16:0);
-  a12=(a12*a17);
-  a16=(a16+a12);
-  a16=(2.*a16);
-  a09=(a07?a09:0);
-  a16=(a16-a09);
-  a16=(a02?a16:0);
-  a09=(a04?a09:0);
-  a16=(a16+a09);
-  if (res[4]!=0) res[4][0]=a16;
-  a11=(2.*a11);
-  a11=(a11-a13);
-  a11=(a02?a11:0);
-  a13=(a04?a13:0);
-  a11=(a11+a13);
-  if (res[4]!=0) res[4][1]=a11;
-  a11=12.;
-  a13=casadi_fmin(a14,a11);
-  a16=-12.;
-  a13=casadi_fmax(a13,a16);
-  if (res[5]!=0) res[5][0]=a13;
-  a04=(a04?a06:0);
-  a07=(!a07);
-  a06=2.;
-  a07=(a07?a06:0);
-  a04=(a04+a07);
-  a18=casadi_fabs(a18);
-  a05=(a05<a18);
-  a02=(a02&&a05);
-  a05=4.;
-  a02=(a02?a05:0);
-  a04=(a04+a02);
-  a14=casadi_fabs(a14);
-  a11=(a11<a14);
-  a14=8.;
-  a11=(a11?a14:0);
-  a04=(a04+a11);
-  if (res[6]!=0) res[6][0]=a04;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_step_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_step_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_step_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_rate_step_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_rate_step_n_in(void) { return 8;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_rate_step_n_out(void) { return 7;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_set_rate_step_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_rate_step_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "c_gain_1";
-    case 1: return "c_gain_2";
-    case 2: return "s_primed";
-    case 3: return "s_theta_last_rad";
-    case 4: return "s_omega_held_rad_s";
-    case 5: return "s_first_rad_s";
-    case 6: return "s_second_rad_s";
-    case 7: return "u_theta_rad";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_rate_step_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "next_primed";
-    case 1: return "next_theta_last_rad";
-    case 2: return "next_omega_held_rad_s";
-    case 3: return "next_first_rad_s";
-    case 4: return "next_second_rad_s";
-    case 5: return "y_omega_rad_s";
-    case 6: return "y_status";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_rate_step_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s3;
-    case 6: return casadi_s3;
-    case 7: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_rate_step_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s3;
-    case 4: return casadi_s3;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8;
-  if (sz_res) *sz_res = 7;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
 /* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -7922,7 +6510,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_checkout(void) {
@@ -8013,7 +6601,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8025,7 +6613,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_checkout(void) {
@@ -8116,7 +6704,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
-static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -8389,26 +6977,26 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a18=(a18*a02);
   a08=(a08?a18:0);
   a25=(a25+a08);
-  a25=casadi_fmin(a25,a33);
-  a25=casadi_fmax(a25,a35);
-  a25=(a38?a25:0);
-  if (res[1]!=0) res[1][0]=a25;
-  a25=8.6645195041811807e-01;
-  a25=(a25*a27);
-  a25=(a38?a25:0);
-  if (res[2]!=0) res[2][0]=a25;
-  a21=casadi_fmin(a21,a20);
-  a21=casadi_fmax(a21,a22);
-  a21=(a38?a21:0);
-  if (res[3]!=0) res[3][0]=a21;
+  a08=casadi_fmin(a25,a33);
+  a08=casadi_fmax(a08,a35);
+  a08=(a38?a08:0);
+  if (res[1]!=0) res[1][0]=a08;
+  a08=8.6645195041811807e-01;
+  a08=(a08*a27);
+  a08=(a38?a08:0);
+  if (res[2]!=0) res[2][0]=a08;
+  a08=casadi_fmin(a21,a20);
+  a08=casadi_fmax(a08,a22);
+  a08=(a38?a08:0);
+  if (res[3]!=0) res[3][0]=a08;
   a28=(a29?a28:0);
   a36=(a23?a36:0);
   a28=(a28+a36);
   a28=(a38?a28:0);
   if (res[4]!=0) res[4][0]=a28;
-  if (res[5]!=0) res[5][0]=a21;
-  a21=(a38?a15:0);
-  if (res[6]!=0) res[6][0]=a21;
+  if (res[5]!=0) res[5][0]=a08;
+  a08=(a38?a15:0);
+  if (res[6]!=0) res[6][0]=a08;
   a23=(a23?a39:0);
   a23=(a38?a23:0);
   if (res[7]!=0) res[7][0]=a23;
@@ -8422,20 +7010,26 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a31=(a31?a24:0);
   a06=(a06+a31);
   a15=casadi_fabs(a15);
-  a20=(a20<a15);
-  a20=(a38&&a20);
-  a15=4.;
-  a20=(a20?a15:0);
-  a06=(a06+a20);
+  a15=(a20<a15);
+  a21=casadi_fabs(a21);
+  a20=(a20<a21);
+  a15=(a15||a20);
+  a15=(a38&&a15);
+  a20=4.;
+  a15=(a15?a20:0);
+  a06=(a06+a15);
   a01=casadi_fabs(a01);
   a30=(a30<a01);
   a30=(a38&&a30);
   a01=8.;
   a30=(a30?a01:0);
   a06=(a06+a30);
+  a25=casadi_fabs(a25);
+  a33=(a33<a25);
+  a26=(a26||a33);
   a26=(a38&&a26);
-  a30=16.;
-  a26=(a26?a30:0);
+  a33=16.;
+  a26=(a26?a33:0);
   a06=(a06+a26);
   a26=32.;
   a38=(a38?a26:0);
@@ -8448,7 +7042,7 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f42(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_checkout(void) {
@@ -8585,7 +7179,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_stamp_init:()->(beats_0) */
-static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8593,7 +7187,7 @@ static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f43(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_checkout(void) {
@@ -8662,7 +7256,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_work_bytes(casadi_in
 }
 
 /* esea_elbow_drive_casadi_stamp_step:(s_beats,u_u_command_Nm)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -8700,7 +7294,7 @@ static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f44(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step_checkout(void) {

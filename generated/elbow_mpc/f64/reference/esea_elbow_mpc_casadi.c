@@ -68,12 +68,6 @@ extern "C" {
 #define casadi_f130 CASADI_PREFIX(f130)
 #define casadi_f131 CASADI_PREFIX(f131)
 #define casadi_f132 CASADI_PREFIX(f132)
-#define casadi_f133 CASADI_PREFIX(f133)
-#define casadi_f134 CASADI_PREFIX(f134)
-#define casadi_f135 CASADI_PREFIX(f135)
-#define casadi_f136 CASADI_PREFIX(f136)
-#define casadi_f137 CASADI_PREFIX(f137)
-#define casadi_f138 CASADI_PREFIX(f138)
 #define casadi_f14 CASADI_PREFIX(f14)
 #define casadi_f15 CASADI_PREFIX(f15)
 #define casadi_f16 CASADI_PREFIX(f16)
@@ -241,7 +235,7 @@ static const casadi_int casadi_s4[3] = {7, 1, 1};
 static const casadi_int casadi_s5[3] = {6, 1, 1};
 static const casadi_int casadi_s6[3] = {8, 1, 1};
 
-/* esea_elbow_mpc_casadi_encoder_motor_prepare:(zero_rad,zeroed)->(c_offset_rad,c_zeroed) */
+/* esea_elbow_mpc_casadi_encoder_prepare:(zero_rad,zeroed)->(c_offset_rad,c_zeroed) */
 static int casadi_f0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
@@ -251,34 +245,34 @@ static int casadi_f0(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
   return casadi_f0(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_prepare_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_prepare_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_prepare_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_prepare_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_prepare_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_prepare_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_prepare_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_prepare_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_motor_prepare_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_prepare_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_motor_prepare_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_prepare_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_motor_prepare_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_prepare_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_prepare_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_prepare_name_in(casadi_int i) {
   switch (i) {
     case 0: return "zero_rad";
     case 1: return "zeroed";
@@ -286,7 +280,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_prepare_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_prepare_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_prepare_name_out(casadi_int i) {
   switch (i) {
     case 0: return "c_offset_rad";
     case 1: return "c_zeroed";
@@ -294,7 +288,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_prepare_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_prepare_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_prepare_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -302,7 +296,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_prepa
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_prepare_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_prepare_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -310,7 +304,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_prepa
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -318,7 +312,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_prepare_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -326,7 +320,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_prepare_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_encoder_motor_init:(offset_rad,zeroed)->(count_last_0,turn_0,held_0,settled_0,lost_0) */
+/* esea_elbow_mpc_casadi_encoder_init:(offset_rad,zeroed)->(count_last_0,turn_0,held_0,settled_0,lost_0) */
 static int casadi_f1(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
@@ -338,34 +332,34 @@ static int casadi_f1(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
   return casadi_f1(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_init_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_init_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_init_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_init_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_init_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_init_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_init_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_init_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_motor_init_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_init_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_motor_init_n_out(void) { return 5;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_init_n_out(void) { return 5;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_motor_init_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_init_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_init_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_init_name_in(casadi_int i) {
   switch (i) {
     case 0: return "offset_rad";
     case 1: return "zeroed";
@@ -373,7 +367,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_init_name_i
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_init_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_init_name_out(casadi_int i) {
   switch (i) {
     case 0: return "count_last_0";
     case 1: return "turn_0";
@@ -384,7 +378,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_init_name_o
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_init_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_init_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -392,7 +386,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_init_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_init_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_init_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -403,7 +397,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_init_
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 5;
   if (sz_iw) *sz_iw = 0;
@@ -411,7 +405,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_init_work(casadi_in
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 5*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -419,7 +413,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_init_work_bytes(cas
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_encoder_motor_step:(c_offset_rad,c_zeroed,s_count_last,s_turn,s_held,s_settled,s_lost,u_count,u_frame_error)->(next_count_last,next_turn,next_held,next_settled,next_lost,y_theta_rad,y_usable,y_status) */
+/* esea_elbow_mpc_casadi_encoder_step:(c_offset_rad,c_zeroed,s_count_last,s_turn,s_held,s_settled,s_lost,u_count,u_frame_error)->(next_count_last,next_turn,next_held,next_settled,next_lost,y_theta_rad,y_usable,y_status) */
 static int casadi_f2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
@@ -702,34 +696,34 @@ static int casadi_f2(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
   return casadi_f2(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_step_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_step_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_step_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_step_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_step_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_step_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_motor_step_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_motor_step_n_in(void) { return 9;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_step_n_in(void) { return 9;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_motor_step_n_out(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_step_n_out(void) { return 8;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_motor_step_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_step_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_step_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_step_name_in(casadi_int i) {
   switch (i) {
     case 0: return "c_offset_rad";
     case 1: return "c_zeroed";
@@ -744,7 +738,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_step_name_i
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_step_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_step_name_out(casadi_int i) {
   switch (i) {
     case 0: return "next_count_last";
     case 1: return "next_turn";
@@ -758,7 +752,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_motor_step_name_o
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_step_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_step_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -773,7 +767,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_step_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_step_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_step_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -787,7 +781,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_motor_step_
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 9;
   if (sz_res) *sz_res = 8;
   if (sz_iw) *sz_iw = 0;
@@ -795,569 +789,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_step_work(casadi_in
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_motor_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_encoder_load_prepare:(zero_rad,zeroed)->(c_offset_rad,c_zeroed) */
-static int casadi_f3(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=arg[0]? arg[0][0] : 0;
-  if (res[0]!=0) res[0][0]=a0;
-  a0=arg[1]? arg[1][0] : 0;
-  if (res[1]!=0) res[1][0]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f3(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_prepare_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_prepare_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_prepare_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_prepare_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_load_prepare_n_in(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_load_prepare_n_out(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_load_prepare_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_load_prepare_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "zero_rad";
-    case 1: return "zeroed";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_load_prepare_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "c_offset_rad";
-    case 1: return "c_zeroed";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_load_prepare_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_load_prepare_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2;
-  if (sz_res) *sz_res = 2;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_encoder_load_init:(offset_rad,zeroed)->(count_last_0,turn_0,held_0,settled_0,lost_0) */
-static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=0.;
-  if (res[0]!=0) res[0][0]=a0;
-  if (res[1]!=0) res[1][0]=a0;
-  if (res[2]!=0) res[2][0]=a0;
-  if (res[3]!=0) res[3][0]=a0;
-  if (res[4]!=0) res[4][0]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f4(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_init_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_init_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_init_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_init_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_load_init_n_in(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_load_init_n_out(void) { return 5;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_load_init_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_load_init_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "offset_rad";
-    case 1: return "zeroed";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_load_init_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "count_last_0";
-    case 1: return "turn_0";
-    case 2: return "held_0";
-    case 3: return "settled_0";
-    case 4: return "lost_0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_load_init_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_load_init_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2;
-  if (sz_res) *sz_res = 5;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_encoder_load_step:(c_offset_rad,c_zeroed,s_count_last,s_turn,s_held,s_settled,s_lost,u_count,u_frame_error)->(next_count_last,next_turn,next_held,next_settled,next_lost,y_theta_rad,y_usable,y_status) */
-static int casadi_f5(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
-  casadi_real a36, a37, a38, a39, a40, a41, a42, a43;
-  a00=arg[7]? arg[7][0] : 0;
-  a01=4095.;
-  a02=(a00<=a01);
-  a03=0.;
-  a04=(a03<=a00);
-  a02=(a02&&a04);
-  a04=arg[8]? arg[8][0] : 0;
-  a05=127.;
-  a05=(a04<=a05);
-  a06=(a03<=a04);
-  a05=(a05&&a06);
-  a06=(a02&&a05);
-  a07=5.0000000000000000e-01;
-  a05=(a05?a04:0);
-  a05=(a07<a05);
-  a04=(!a05);
-  a04=(a06&&a04);
-  a08=arg[2]? arg[2][0] : 0;
-  a01=(a08<=a01);
-  a09=(a03<=a08);
-  a01=(a01&&a09);
-  a09=arg[3]? arg[3][0] : 0;
-  a10=4.;
-  a11=(a09<=a10);
-  a12=-4.;
-  a13=(a12<=a09);
-  a11=(a11&&a13);
-  a01=(a01&&a11);
-  a11=arg[4]? arg[4][0] : 0;
-  a13=(a11<=a10);
-  a14=(a03<=a11);
-  a13=(a13&&a14);
-  a01=(a01&&a13);
-  a13=arg[5]? arg[5][0] : 0;
-  a14=(a13<=a10);
-  a15=(a03<=a13);
-  a14=(a14&&a15);
-  a01=(a01&&a14);
-  a14=arg[6]? arg[6][0] : 0;
-  a15=1.;
-  a16=(a14<=a15);
-  a03=(a03<=a14);
-  a16=(a16&&a03);
-  a01=(a01&&a16);
-  a13=(a01?a13:0);
-  a16=(a07<a13);
-  a03=(!a16);
-  a17=(a02?a00:0);
-  a08=(a01?a08:0);
-  a18=(a17-a08);
-  a19=-2048.;
-  a19=(a18<a19);
-  a19=(a16&&a19);
-  a20=4096.;
-  a21=(a19?a20:0);
-  a22=(!a19);
-  a23=2048.;
-  a23=(a23<a18);
-  a23=(a16&&a23);
-  a24=-4096.;
-  a24=(a23?a24:0);
-  a24=(a22?a24:0);
-  a21=(a21+a24);
-  a18=(a18+a21);
-  a18=casadi_fabs(a18);
-  a21=2.5000000000000000e+00;
-  a11=(a01?a11:0);
-  a24=(a21<a11);
-  a25=6.0500000000000000e+01;
-  a25=(a24?a25:0);
-  a24=(!a24);
-  a26=1.5000000000000000e+00;
-  a27=(a26<a11);
-  a28=4.5500000000000000e+01;
-  a28=(a27?a28:0);
-  a27=(!a27);
-  a29=(a07<a11);
-  a30=3.0500000000000000e+01;
-  a30=(a29?a30:0);
-  a29=(!a29);
-  a31=1.5500000000000000e+01;
-  a29=(a29?a31:0);
-  a30=(a30+a29);
-  a27=(a27?a30:0);
-  a28=(a28+a27);
-  a24=(a24?a28:0);
-  a25=(a25+a24);
-  a18=(a18<=a25);
-  a25=(!a18);
-  a03=(a03||a25);
-  a03=(a04&&a03);
-  a24=3.5000000000000000e+00;
-  a28=(a24<a13);
-  a27=(!a28);
-  a03=(a03&&a27);
-  a18=(a03||a18);
-  a18=(a04&&a18);
-  a14=(a01?a14:0);
-  a14=(a07<a14);
-  a27=(!a14);
-  a18=(a18&&a27);
-  a17=(a18?a17:0);
-  a27=(!a18);
-  a08=(a27?a08:0);
-  a17=(a17+a08);
-  if (res[0]!=0) res[0][0]=a17;
-  a08=1.5915494309189535e-01;
-  a30=1.2000000000000000e+00;
-  a29=arg[0]? arg[0][0] : 0;
-  a30=(a30+a29);
-  a31=1.5339807878856412e-03;
-  a00=(a31*a00);
-  a02=(a02?a00:0);
-  a30=(a30-a02);
-  a08=(a08*a30);
-  a08=(a03?a08:0);
-  a30=(!a03);
-  a09=(a01?a09:0);
-  a19=(a19?a15:0);
-  a02=-1.;
-  a23=(a23?a02:0);
-  a22=(a22?a23:0);
-  a19=(a19+a22);
-  a19=(a09+a19);
-  a19=(a30?a19:0);
-  a08=(a08+a19);
-  a19=(a24<a08);
-  a22=(a19?a10:0);
-  a19=(!a19);
-  a23=(a21<a08);
-  a00=3.;
-  a32=(a23?a00:0);
-  a23=(!a23);
-  a33=(a26<a08);
-  a34=2.;
-  a35=(a33?a34:0);
-  a33=(!a33);
-  a36=(a07<a08);
-  a37=(a36?a15:0);
-  a36=(!a36);
-  a38=-5.0000000000000000e-01;
-  a38=(a38<a08);
-  a38=(!a38);
-  a39=-1.5000000000000000e+00;
-  a39=(a39<a08);
-  a02=(a39?a02:0);
-  a39=(!a39);
-  a40=-2.5000000000000000e+00;
-  a40=(a40<a08);
-  a41=-2.;
-  a41=(a40?a41:0);
-  a40=(!a40);
-  a42=-3.5000000000000000e+00;
-  a42=(a42<a08);
-  a43=-3.;
-  a43=(a42?a43:0);
-  a42=(!a42);
-  a42=(a42?a12:0);
-  a43=(a43+a42);
-  a40=(a40?a43:0);
-  a41=(a41+a40);
-  a39=(a39?a41:0);
-  a02=(a02+a39);
-  a38=(a38?a02:0);
-  a36=(a36?a38:0);
-  a37=(a37+a36);
-  a33=(a33?a37:0);
-  a35=(a35+a33);
-  a23=(a23?a35:0);
-  a32=(a32+a23);
-  a19=(a19?a32:0);
-  a22=(a22+a19);
-  a22=(a18?a22:0);
-  a09=(a27?a09:0);
-  a22=(a22+a09);
-  if (res[1]!=0) res[1][0]=a22;
-  a11=(a11+a15);
-  a09=(a24<a11);
-  a19=(a09?a10:0);
-  a09=(!a09);
-  a32=(a21<a11);
-  a23=(a32?a00:0);
-  a32=(!a32);
-  a35=(a26<a11);
-  a33=(a35?a34:0);
-  a35=(!a35);
-  a11=(a07<a11);
-  a11=(a11?a15:0);
-  a35=(a35?a11:0);
-  a33=(a33+a35);
-  a32=(a32?a33:0);
-  a23=(a23+a32);
-  a09=(a09?a23:0);
-  a19=(a19+a09);
-  a19=(a27?a19:0);
-  if (res[2]!=0) res[2][0]=a19;
-  a03=(a03?a15:0);
-  a09=(a13+a15);
-  a23=(a24<a09);
-  a32=(a23?a10:0);
-  a23=(!a23);
-  a21=(a21<a09);
-  a00=(a21?a00:0);
-  a21=(!a21);
-  a26=(a26<a09);
-  a09=(a26?a34:0);
-  a26=(!a26);
-  a26=(a26?a15:0);
-  a09=(a09+a26);
-  a21=(a21?a09:0);
-  a00=(a00+a21);
-  a23=(a23?a00:0);
-  a32=(a32+a23);
-  a30=(a30?a32:0);
-  a03=(a03+a30);
-  a03=(a18?a03:0);
-  a19=(a24<a19);
-  a30=(!a19);
-  a30=(a30?a13:0);
-  a27=(a27?a30:0);
-  a03=(a03+a27);
-  if (res[3]!=0) res[3][0]=a03;
-  a04=(a04&&a25);
-  a16=(a16&&a04);
-  a28=(a28&&a16);
-  a28=(a28&&a19);
-  a04=4.5000000000000000e+00;
-  a08=casadi_fabs(a08);
-  a04=(a04<a08);
-  a18=(a18&&a04);
-  a28=(a28||a18);
-  a14=(a14||a28);
-  if (res[4]!=0) res[4][0]=a14;
-  a20=(a20*a22);
-  a20=(a20+a17);
-  a31=(a31*a20);
-  a31=(a31-a29);
-  a29=35.;
-  a31=casadi_fmin(a31,a29);
-  a29=-35.;
-  a31=casadi_fmax(a31,a29);
-  if (res[5]!=0) res[5][0]=a31;
-  a03=(a03<a24);
-  a24=(a19||a03);
-  a31=arg[1]? arg[1][0] : 0;
-  a31=(a31<a07);
-  a07=(a31||a14);
-  a24=(a24||a07);
-  a24=(!a24);
-  if (res[6]!=0) res[6][0]=a24;
-  a24=(!a06);
-  a24=(a24?a15:0);
-  a01=(!a01);
-  a01=(a01?a34:0);
-  a24=(a24+a01);
-  a06=(a06&&a05);
-  a06=(a06?a10:0);
-  a24=(a24+a06);
-  a06=8.;
-  a16=(a16?a06:0);
-  a24=(a24+a16);
-  a16=16.;
-  a19=(a19?a16:0);
-  a24=(a24+a19);
-  a19=32.;
-  a03=(a03?a19:0);
-  a24=(a24+a03);
-  a03=64.;
-  a31=(a31?a03:0);
-  a24=(a24+a31);
-  a31=128.;
-  a14=(a14?a31:0);
-  a24=(a24+a14);
-  if (res[7]!=0) res[7][0]=a24;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f5(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_step_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_step_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_step_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_load_step_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_load_step_n_in(void) { return 9;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_load_step_n_out(void) { return 8;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_load_step_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_load_step_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "c_offset_rad";
-    case 1: return "c_zeroed";
-    case 2: return "s_count_last";
-    case 3: return "s_turn";
-    case 4: return "s_held";
-    case 5: return "s_settled";
-    case 6: return "s_lost";
-    case 7: return "u_count";
-    case 8: return "u_frame_error";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_load_step_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "next_count_last";
-    case 1: return "next_turn";
-    case 2: return "next_held";
-    case 3: return "next_settled";
-    case 4: return "next_lost";
-    case 5: return "y_theta_rad";
-    case 6: return "y_usable";
-    case 7: return "y_status";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_load_step_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    case 7: return casadi_s0;
-    case 8: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_load_step_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    case 7: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9;
-  if (sz_res) *sz_res = 8;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 8*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -1366,12 +798,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_load_step_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_joint_init:()->() */
-static int casadi_f6(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f3(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f6(arg, res, iw, w, mem);
+  return casadi_f3(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_init_checkout(void) {
@@ -1438,7 +870,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_joint_step:(u_theta_motor_rad,u_theta_load_rad,u_motor_usable,u_load_usable)->(y_theta_rad,y_sensing_ok,y_status) */
-static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=arg[0]? arg[0][0] : 0;
   a01=3.3499999046325684e+00;
@@ -1498,7 +930,7 @@ static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f7(arg, res, iw, w, mem);
+  return casadi_f4(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_step_checkout(void) {
@@ -1579,7 +1011,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_step_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_velocity_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f5(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -1608,7 +1040,7 @@ static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f8(arg, res, iw, w, mem);
+  return casadi_f5(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_prepare_checkout(void) {
@@ -1683,7 +1115,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_prepare_work_bytes(casad
 }
 
 /* esea_elbow_mpc_casadi_velocity_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,theta_hat_rad_0,v_rad_s_0,a_rad_s2_0) */
-static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f6(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -1694,7 +1126,7 @@ static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f9(arg, res, iw, w, mem);
+  return casadi_f6(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_init_checkout(void) {
@@ -1775,7 +1207,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_init_work_bytes(casadi_i
 }
 
 /* esea_elbow_mpc_casadi_velocity_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_theta_rad)->(next_primed,next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_omega_rad_s,y_omega_mid_rad_s,y_status) */
-static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16;
   a00=arg[3]? arg[3][0] : 0;
@@ -1834,9 +1266,9 @@ static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=(a11-a16);
   a00=(a00*a11);
   a16=(a16+a00);
-  a16=casadi_fmin(a16,a04);
-  a16=casadi_fmax(a16,a06);
-  if (res[1]!=0) res[1][0]=a16;
+  a00=casadi_fmin(a16,a04);
+  a00=casadi_fmax(a00,a06);
+  if (res[1]!=0) res[1][0]=a00;
   a14=(a14*a08);
   a05=(a05+a14);
   a05=(a02?a05:0);
@@ -1850,17 +1282,17 @@ static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a07=arg[2]? arg[2][0] : 0;
   a07=(a07*a11);
   a08=(a08+a07);
-  a08=casadi_fmin(a08,a10);
-  a08=casadi_fmax(a08,a12);
-  if (res[3]!=0) res[3][0]=a08;
-  a08=25.;
-  a12=casadi_fmin(a05,a08);
-  a10=-25.;
-  a12=casadi_fmax(a12,a10);
+  a07=casadi_fmin(a08,a10);
+  a07=casadi_fmax(a07,a12);
+  if (res[3]!=0) res[3][0]=a07;
+  a07=25.;
+  a12=casadi_fmin(a05,a07);
+  a11=-25.;
+  a12=casadi_fmax(a12,a11);
   if (res[4]!=0) res[4][0]=a12;
   a15=(a02?a15:0);
-  a12=casadi_fmin(a15,a08);
-  a12=casadi_fmax(a12,a10);
+  a12=casadi_fmin(a15,a07);
+  a12=casadi_fmax(a12,a11);
   if (res[5]!=0) res[5][0]=a12;
   a13=(a13?a01:0);
   a02=(!a02);
@@ -1868,19 +1300,25 @@ static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a02=(a02?a01:0);
   a13=(a13+a02);
   a05=casadi_fabs(a05);
-  a05=(a08<a05);
+  a05=(a07<a05);
   a15=casadi_fabs(a15);
-  a08=(a08<a15);
-  a05=(a05||a08);
-  a08=4.;
-  a05=(a05?a08:0);
+  a07=(a07<a15);
+  a05=(a05||a07);
+  a16=casadi_fabs(a16);
+  a04=(a04<a16);
+  a08=casadi_fabs(a08);
+  a10=(a10<a08);
+  a04=(a04||a10);
+  a05=(a05||a04);
+  a04=4.;
+  a05=(a05?a04:0);
   a13=(a13+a05);
   if (res[6]!=0) res[6][0]=a13;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f10(arg, res, iw, w, mem);
+  return casadi_f7(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_step_checkout(void) {
@@ -1977,7 +1415,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_velocity_step_work_bytes(casadi_i
 }
 
 /* esea_elbow_mpc_casadi_sensor_init:()->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10]) */
-static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -1997,7 +1435,7 @@ static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_sensor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f11(arg, res, iw, w, mem);
+  return casadi_f8(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_sensor_init_checkout(void) {
@@ -2072,7 +1510,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_sensor_init_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_sensor_step:(s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],u_theta_rad,u_omega_rad_s)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],y_tau_Nm,y_tau_spring_Nm,y_tau_rate_Nm,y_tau_hysteresis_Nm,y_status,y_play_rad[10]) */
-static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26;
@@ -2383,7 +1821,7 @@ static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_sensor_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f12(arg, res, iw, w, mem);
+  return casadi_f9(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_sensor_step_checkout(void) {
@@ -2481,8 +1919,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_sensor_step_work_bytes(casadi_int
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_motor_rate_prepare:(cutoff_Hz)->(c_gain_1[3],c_gain_2[3]) */
-static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_rate_prepare:(cutoff_Hz)->(c_gain_1[3],c_gain_2[3]) */
+static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
   a0=1.;
   a1=3.1415926535897933e-03;
@@ -2536,41 +1974,41 @@ static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f13(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f10(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_prepare_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_prepare_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_prepare_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_prepare_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_prepare_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_prepare_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_prepare_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_prepare_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_motor_rate_prepare_n_in(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_rate_prepare_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_motor_rate_prepare_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_rate_prepare_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_motor_rate_prepare_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_rate_prepare_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_prepare_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_rate_prepare_name_in(casadi_int i) {
   switch (i) {
     case 0: return "cutoff_Hz";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_prepare_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_rate_prepare_name_out(casadi_int i) {
   switch (i) {
     case 0: return "c_gain_1";
     case 1: return "c_gain_2";
@@ -2578,14 +2016,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_prepare_name_o
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_prepare_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_rate_prepare_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_prepare_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_rate_prepare_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s2;
     case 1: return casadi_s2;
@@ -2593,7 +2031,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_prepare_
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -2601,7 +2039,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_prepare_work(casadi_in
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -2609,8 +2047,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_prepare_work_bytes(cas
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_motor_rate_init:(gain_1[3],gain_2[3])->(primed_0,theta_last_rad_0,omega_held_rad_s_0,first_rad_s_0[2],second_rad_s_0[2]) */
-static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_rate_init:(gain_1[3],gain_2[3])->(primed_0,theta_last_rad_0,omega_held_rad_s_0,first_rad_s_0[2],second_rad_s_0[2]) */
+static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -2623,34 +2061,34 @@ static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f14(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f11(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_init_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_init_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_init_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_init_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_init_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_init_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_init_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_init_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_motor_rate_init_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_rate_init_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_motor_rate_init_n_out(void) { return 5;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_rate_init_n_out(void) { return 5;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_motor_rate_init_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_rate_init_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_init_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_rate_init_name_in(casadi_int i) {
   switch (i) {
     case 0: return "gain_1";
     case 1: return "gain_2";
@@ -2658,7 +2096,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_init_name_in(c
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_init_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_rate_init_name_out(casadi_int i) {
   switch (i) {
     case 0: return "primed_0";
     case 1: return "theta_last_rad_0";
@@ -2669,7 +2107,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_init_name_out(
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_init_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_rate_init_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s2;
     case 1: return casadi_s2;
@@ -2677,7 +2115,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_init_spa
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_init_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_rate_init_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -2688,7 +2126,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_init_spa
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 5;
   if (sz_iw) *sz_iw = 0;
@@ -2696,7 +2134,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_init_work(casadi_int *
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 5*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -2704,8 +2142,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_init_work_bytes(casadi
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_motor_rate_step:(c_gain_1[3],c_gain_2[3],s_primed,s_theta_last_rad,s_omega_held_rad_s,s_first_rad_s[2],s_second_rad_s[2],u_theta_rad)->(next_primed,next_theta_last_rad,next_omega_held_rad_s,next_first_rad_s[2],next_second_rad_s[2],y_omega_rad_s,y_status) */
-static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_rate_step:(c_gain_1[3],c_gain_2[3],s_primed,s_theta_last_rad,s_omega_held_rad_s,s_first_rad_s[2],s_second_rad_s[2],u_theta_rad)->(next_primed,next_theta_last_rad,next_omega_held_rad_s,next_first_rad_s[2],next_second_rad_s[2],y_omega_rad_s,y_status) */
+static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[7]? arg[7][0] : 0;
@@ -2850,34 +2288,34 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f15(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f12(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_step_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_step_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_step_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_step_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_step_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_step_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_motor_rate_step_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_rate_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_motor_rate_step_n_in(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_rate_step_n_in(void) { return 8;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_motor_rate_step_n_out(void) { return 7;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_rate_step_n_out(void) { return 7;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_motor_rate_step_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_rate_step_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_step_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_rate_step_name_in(casadi_int i) {
   switch (i) {
     case 0: return "c_gain_1";
     case 1: return "c_gain_2";
@@ -2891,7 +2329,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_step_name_in(c
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_step_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_rate_step_name_out(casadi_int i) {
   switch (i) {
     case 0: return "next_primed";
     case 1: return "next_theta_last_rad";
@@ -2904,7 +2342,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_motor_rate_step_name_out(
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_step_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_rate_step_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s2;
     case 1: return casadi_s2;
@@ -2918,7 +2356,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_step_spa
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_step_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_rate_step_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -2931,7 +2369,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_motor_rate_step_spa
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 8;
   if (sz_res) *sz_res = 7;
   if (sz_iw) *sz_iw = 0;
@@ -2939,473 +2377,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_step_work(casadi_int *
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_motor_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_load_rate_prepare:(cutoff_Hz)->(c_gain_1[3],c_gain_2[3]) */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
-  a0=1.;
-  a1=3.1415926535897933e-03;
-  a2=arg[0]? arg[0][0] : 0;
-  a1=(a1*a2);
-  a2=casadi_sq(a1);
-  a3=3.;
-  a4=5.;
-  a5=7.;
-  a6=9.;
-  a7=11.;
-  a8=13.;
-  a9=15.;
-  a9=(a2/a9);
-  a8=(a8-a9);
-  a8=(a2/a8);
-  a7=(a7-a8);
-  a7=(a2/a7);
-  a6=(a6-a7);
-  a6=(a2/a6);
-  a5=(a5-a6);
-  a5=(a2/a5);
-  a4=(a4-a5);
-  a4=(a2/a4);
-  a3=(a3-a4);
-  a2=(a2/a3);
-  a2=(a0-a2);
-  a1=(a1/a2);
-  a2=1.8477590650225735e+00;
-  a2=(a1+a2);
-  a2=(a1*a2);
-  a2=(a0+a2);
-  a3=(1./a2);
-  if (res[0]!=0) res[0][0]=a3;
-  a3=(a1/a2);
-  if (res[0]!=0) res[0][1]=a3;
-  a3=casadi_sq(a1);
-  a3=(a3/a2);
-  if (res[0]!=0) res[0][2]=a3;
-  a3=7.6536686473017967e-01;
-  a3=(a1+a3);
-  a3=(a1*a3);
-  a0=(a0+a3);
-  a3=(1./a0);
-  if (res[1]!=0) res[1][0]=a3;
-  a3=(a1/a0);
-  if (res[1]!=0) res[1][1]=a3;
-  a1=casadi_sq(a1);
-  a1=(a1/a0);
-  if (res[1]!=0) res[1][2]=a1;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f16(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_prepare_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_prepare_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_prepare_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_prepare_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_load_rate_prepare_n_in(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_load_rate_prepare_n_out(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_load_rate_prepare_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_load_rate_prepare_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "cutoff_Hz";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_load_rate_prepare_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "c_gain_1";
-    case 1: return "c_gain_2";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_load_rate_prepare_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_load_rate_prepare_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1;
-  if (sz_res) *sz_res = 2;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_load_rate_init:(gain_1[3],gain_2[3])->(primed_0,theta_last_rad_0,omega_held_rad_s_0,first_rad_s_0[2],second_rad_s_0[2]) */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=0.;
-  if (res[0]!=0) res[0][0]=a0;
-  if (res[1]!=0) res[1][0]=a0;
-  if (res[2]!=0) res[2][0]=a0;
-  if (res[3]!=0) res[3][0]=a0;
-  if (res[3]!=0) res[3][1]=a0;
-  if (res[4]!=0) res[4][0]=a0;
-  if (res[4]!=0) res[4][1]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f17(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_init_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_init_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_init_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_init_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_load_rate_init_n_in(void) { return 2;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_load_rate_init_n_out(void) { return 5;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_load_rate_init_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_load_rate_init_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "gain_1";
-    case 1: return "gain_2";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_load_rate_init_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "primed_0";
-    case 1: return "theta_last_rad_0";
-    case 2: return "omega_held_rad_s_0";
-    case 3: return "first_rad_s_0";
-    case 4: return "second_rad_s_0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_load_rate_init_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_load_rate_init_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s3;
-    case 4: return casadi_s3;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2;
-  if (sz_res) *sz_res = 5;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_load_rate_step:(c_gain_1[3],c_gain_2[3],s_primed,s_theta_last_rad,s_omega_held_rad_s,s_first_rad_s[2],s_second_rad_s[2],u_theta_rad)->(next_primed,next_theta_last_rad,next_omega_held_rad_s,next_first_rad_s[2],next_second_rad_s[2],y_omega_rad_s,y_status) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
-  a00=arg[7]? arg[7][0] : 0;
-  a01=3.3499999046325684e+00;
-  a02=(a00<=a01);
-  a03=-9.4999998807907104e-01;
-  a04=(a03<=a00);
-  a02=(a02&&a04);
-  if (res[0]!=0) res[0][0]=a02;
-  a00=(a02?a00:0);
-  a04=(!a02);
-  a05=arg[2]? arg[2][0] : 0;
-  a06=1.;
-  a07=(a05<=a06);
-  a08=0.;
-  a08=(a08<=a05);
-  a07=(a07&&a08);
-  a08=arg[3]? arg[3][0] : 0;
-  a01=(a08<=a01);
-  a03=(a03<=a08);
-  a01=(a01&&a03);
-  a07=(a07&&a01);
-  a01=arg[4]? arg[4][0] : 0;
-  a03=1.0749998779296875e+03;
-  a03=(a01<=a03);
-  a09=-1.0749998779296875e+03;
-  a09=(a09<=a01);
-  a03=(a03&&a09);
-  a07=(a07&&a03);
-  a03=arg[5]? arg[5][0] : 0;
-  a09=casadi_fabs(a03);
-  a10=arg[5]? arg[5][1] : 0;
-  a11=casadi_fabs(a10);
-  a09=(a09+a11);
-  a11=2.1521496582031250e+03;
-  a09=(a09<=a11);
-  a07=(a07&&a09);
-  a09=arg[6]? arg[6][0] : 0;
-  a12=casadi_fabs(a09);
-  a13=arg[6]? arg[6][1] : 0;
-  a14=casadi_fabs(a13);
-  a12=(a12+a14);
-  a12=(a12<=a11);
-  a07=(a07&&a12);
-  a08=(a07?a08:0);
-  a12=(a04?a08:0);
-  a00=(a00+a12);
-  if (res[1]!=0) res[1][0]=a00;
-  a12=arg[1]? arg[1][1] : 0;
-  a11=(a12*a09);
-  a11=(a13+a11);
-  a11=(a07?a11:0);
-  a14=arg[1]? arg[1][2] : 0;
-  a15=arg[0]? arg[0][1] : 0;
-  a16=(a15*a03);
-  a16=(a10+a16);
-  a16=(a07?a16:0);
-  a17=arg[0]? arg[0][2] : 0;
-  a05=(a07?a05:0);
-  a18=1000.;
-  a00=(a00-a08);
-  a18=(a18*a00);
-  a18=(a05?a18:0);
-  a05=(!a05);
-  a01=(a07?a01:0);
-  a05=(a05?a01:0);
-  a18=(a18+a05);
-  a05=2.1499998474121094e+02;
-  a00=casadi_fmin(a18,a05);
-  a08=-2.1499998474121094e+02;
-  a00=casadi_fmax(a00,a08);
-  a10=(a07?a10:0);
-  a00=(a00-a10);
-  a17=(a17*a00);
-  a16=(a16+a17);
-  a13=(a07?a13:0);
-  a17=(a16-a13);
-  a14=(a14*a17);
-  a11=(a11+a14);
-  a14=(a02?a11:0);
-  a01=(a04?a01:0);
-  a14=(a14+a01);
-  if (res[2]!=0) res[2][0]=a14;
-  a01=arg[0]? arg[0][0] : 0;
-  a01=(a01*a03);
-  a01=(a07?a01:0);
-  a15=(a15*a00);
-  a01=(a01+a15);
-  a01=(2.*a01);
-  a03=(a07?a03:0);
-  a01=(a01-a03);
-  a01=(a02?a01:0);
-  a03=(a04?a03:0);
-  a01=(a01+a03);
-  if (res[3]!=0) res[3][0]=a01;
-  a16=(2.*a16);
-  a16=(a16-a10);
-  a16=(a02?a16:0);
-  a10=(a04?a10:0);
-  a16=(a16+a10);
-  if (res[3]!=0) res[3][1]=a16;
-  a16=arg[1]? arg[1][0] : 0;
-  a16=(a16*a09);
-  a16=(a07?a16:0);
-  a12=(a12*a17);
-  a16=(a16+a12);
-  a16=(2.*a16);
-  a09=(a07?a09:0);
-  a16=(a16-a09);
-  a16=(a02?a16:0);
-  a09=(a04?a09:0);
-  a16=(a16+a09);
-  if (res[4]!=0) res[4][0]=a16;
-  a11=(2.*a11);
-  a11=(a11-a13);
-  a11=(a02?a11:0);
-  a13=(a04?a13:0);
-  a11=(a11+a13);
-  if (res[4]!=0) res[4][1]=a11;
-  a11=12.;
-  a13=casadi_fmin(a14,a11);
-  a16=-12.;
-  a13=casadi_fmax(a13,a16);
-  if (res[5]!=0) res[5][0]=a13;
-  a04=(a04?a06:0);
-  a07=(!a07);
-  a06=2.;
-  a07=(a07?a06:0);
-  a04=(a04+a07);
-  a18=casadi_fabs(a18);
-  a05=(a05<a18);
-  a02=(a02&&a05);
-  a05=4.;
-  a02=(a02?a05:0);
-  a04=(a04+a02);
-  a14=casadi_fabs(a14);
-  a11=(a11<a14);
-  a14=8.;
-  a11=(a11?a14:0);
-  a04=(a04+a11);
-  if (res[6]!=0) res[6][0]=a04;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_step_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_step_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_step_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_load_rate_step_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_load_rate_step_n_in(void) { return 8;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_load_rate_step_n_out(void) { return 7;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_load_rate_step_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_load_rate_step_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "c_gain_1";
-    case 1: return "c_gain_2";
-    case 2: return "s_primed";
-    case 3: return "s_theta_last_rad";
-    case 4: return "s_omega_held_rad_s";
-    case 5: return "s_first_rad_s";
-    case 6: return "s_second_rad_s";
-    case 7: return "u_theta_rad";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_load_rate_step_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "next_primed";
-    case 1: return "next_theta_last_rad";
-    case 2: return "next_omega_held_rad_s";
-    case 3: return "next_first_rad_s";
-    case 4: return "next_second_rad_s";
-    case 5: return "y_omega_rad_s";
-    case 6: return "y_status";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_load_rate_step_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s2;
-    case 1: return casadi_s2;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s3;
-    case 6: return casadi_s3;
-    case 7: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_load_rate_step_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s3;
-    case 4: return casadi_s3;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8;
-  if (sz_res) *sz_res = 7;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 7*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -3414,7 +2386,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_load_rate_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3431,7 +2403,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f13(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare_checkout(void) {
@@ -3514,7 +2486,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_reference_init:(Kp_Nm_rad,Kd_Nms_rad,keep,tau_range_Nm)->(mode_last_0,offset_Nm_0,tau_set_Nm_0) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3524,7 +2496,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f14(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init_checkout(void) {
@@ -3605,7 +2577,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_offset_Nm,y_keep,y_tau_range_Nm,y_Kp_Nm_rad,y_Kd_Nms_rad,y_tau_wanted_Nm,y_theta_wanted_rad,y_omega_wanted_rad_s) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24;
@@ -3764,7 +2736,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f15(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_checkout(void) {
@@ -3889,7 +2861,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3927,7 +2899,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f16(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_checkout(void) {
@@ -4036,7 +3008,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4067,7 +3039,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f17(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_checkout(void) {
@@ -4183,15 +3155,16 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_work_bytes(casadi_int
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
   casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46, a47;
   casadi_real a48, a49, a50, a51, a52, a53, a54, a55, a56, a57, a58, a59;
   casadi_real a60, a61, a62, a63, a64, a65, a66, a67, a68, a69, a70, a71;
-  casadi_real a72, a73, a74, a75, a76, a77, a78, a79, a80;
+  casadi_real a72, a73, a74, a75, a76, a77, a78, a79, a80, a81, a82, a83;
+  casadi_real a84, a85, a86, a87, a88;
   a00=arg[13]? arg[13][0] : 0;
   a01=5.5924055000000000e+06;
   a02=(a00<=a01);
@@ -4199,262 +3172,261 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a04=(a03<=a00);
   a02=(a02&&a04);
   a04=arg[14]? arg[14][0] : 0;
-  a05=12.;
+  a05=15.;
   a06=(a04<=a05);
   a07=(a03<=a04);
   a06=(a06&&a07);
   a02=(a02&&a06);
   a06=arg[15]? arg[15][0] : 0;
   a07=(a06<=a03);
-  a08=-12.;
-  a09=(a08<=a06);
-  a07=(a07&&a09);
+  a08=-15.;
+  a08=(a08<=a06);
+  a07=(a07&&a08);
   a02=(a02&&a07);
   a07=arg[16]? arg[16][0] : 0;
-  a09=7.;
-  a10=(a07<=a09);
-  a11=-1.;
-  a12=(a11<=a07);
-  a10=(a10&&a12);
-  a02=(a02&&a10);
-  a10=arg[17]? arg[17][0] : 0;
-  a12=1.;
-  a13=(a10<=a12);
-  a14=-7.;
-  a14=(a14<=a10);
-  a13=(a13&&a14);
-  a02=(a02&&a13);
-  a13=arg[18]? arg[18][0] : 0;
-  a14=2.2099998593330383e-01;
-  a15=(a13<=a14);
-  a16=-2.2099998593330383e-01;
-  a17=(a16<=a13);
-  a15=(a15&&a17);
-  a02=(a02&&a15);
-  a15=arg[19]? arg[19][0] : 0;
-  a17=(a15<=a14);
-  a16=(a16<=a15);
-  a17=(a17&&a16);
+  a08=7.;
+  a09=(a07<=a08);
+  a10=-1.;
+  a11=(a10<=a07);
+  a09=(a09&&a11);
+  a02=(a02&&a09);
+  a09=arg[17]? arg[17][0] : 0;
+  a11=1.;
+  a12=(a09<=a11);
+  a13=-7.;
+  a13=(a13<=a09);
+  a12=(a12&&a13);
+  a02=(a02&&a12);
+  a12=arg[18]? arg[18][0] : 0;
+  a13=2.2099998593330383e-01;
+  a14=(a12<=a13);
+  a15=-2.2099998593330383e-01;
+  a16=(a15<=a12);
+  a14=(a14&&a16);
+  a02=(a02&&a14);
+  a14=arg[19]? arg[19][0] : 0;
+  a16=(a14<=a13);
+  a15=(a15<=a14);
+  a16=(a16&&a15);
+  a02=(a02&&a16);
+  a16=arg[20]? arg[20][0] : 0;
+  a15=255.;
+  a17=(a16<=a15);
+  a18=(a03<=a16);
+  a17=(a17&&a18);
   a02=(a02&&a17);
-  a17=arg[20]? arg[20][0] : 0;
-  a16=255.;
-  a18=(a17<=a16);
-  a19=(a03<=a17);
-  a18=(a18&&a19);
-  a02=(a02&&a18);
-  a18=arg[21]? arg[21][0] : 0;
-  a19=10.;
-  a20=(a18<=a19);
-  a21=(a03<=a18);
+  a17=arg[21]? arg[21][0] : 0;
+  a18=10.;
+  a19=(a17<=a18);
+  a20=(a03<=a17);
+  a19=(a19&&a20);
+  a02=(a02&&a19);
+  a19=arg[22]? arg[22][0] : 0;
+  a20=100.;
+  a20=(a19<=a20);
+  a21=(a03<=a19);
   a20=(a20&&a21);
   a02=(a02&&a20);
-  a20=arg[22]? arg[22][0] : 0;
-  a21=100.;
-  a21=(a20<=a21);
-  a22=(a03<=a20);
-  a21=(a21&&a22);
-  a02=(a02&&a21);
-  a21=arg[23]? arg[23][0] : 0;
-  a22=2.4239999771118164e+01;
-  a23=(a21<=a22);
-  a24=(a03<=a21);
-  a23=(a23&&a24);
-  a02=(a02&&a23);
-  a23=arg[24]? arg[24][0] : 0;
-  a24=casadi_fabs(a23);
-  a25=arg[24]? arg[24][1] : 0;
+  a20=arg[23]? arg[23][0] : 0;
+  a21=2.4239999771118164e+01;
+  a22=(a20<=a21);
+  a23=(a03<=a20);
+  a22=(a22&&a23);
+  a02=(a02&&a22);
+  a22=arg[24]? arg[24][0] : 0;
+  a23=casadi_fabs(a22);
+  a24=arg[24]? arg[24][1] : 0;
+  a25=casadi_fabs(a24);
+  a23=(a23+a25);
+  a25=arg[24]? arg[24][2] : 0;
   a26=casadi_fabs(a25);
-  a24=(a24+a26);
-  a26=arg[24]? arg[24][2] : 0;
+  a23=(a23+a26);
+  a26=arg[24]? arg[24][3] : 0;
   a27=casadi_fabs(a26);
-  a24=(a24+a27);
-  a27=arg[24]? arg[24][3] : 0;
+  a23=(a23+a27);
+  a27=arg[24]? arg[24][4] : 0;
   a28=casadi_fabs(a27);
-  a24=(a24+a28);
-  a28=arg[24]? arg[24][4] : 0;
+  a23=(a23+a28);
+  a28=arg[24]? arg[24][5] : 0;
   a29=casadi_fabs(a28);
-  a24=(a24+a29);
-  a29=arg[24]? arg[24][5] : 0;
+  a23=(a23+a29);
+  a29=arg[24]? arg[24][6] : 0;
   a30=casadi_fabs(a29);
-  a24=(a24+a30);
-  a30=arg[24]? arg[24][6] : 0;
+  a23=(a23+a30);
+  a30=arg[24]? arg[24][7] : 0;
   a31=casadi_fabs(a30);
-  a24=(a24+a31);
-  a31=arg[24]? arg[24][7] : 0;
+  a23=(a23+a31);
+  a31=arg[24]? arg[24][8] : 0;
   a32=casadi_fabs(a31);
-  a24=(a24+a32);
-  a32=arg[24]? arg[24][8] : 0;
+  a23=(a23+a32);
+  a32=arg[24]? arg[24][9] : 0;
   a33=casadi_fabs(a32);
-  a24=(a24+a33);
-  a33=arg[24]? arg[24][9] : 0;
-  a34=casadi_fabs(a33);
-  a24=(a24+a34);
-  a34=2.4264239501953125e+02;
-  a24=(a24<=a34);
-  a02=(a02&&a24);
+  a23=(a23+a33);
+  a33=2.4264239501953125e+02;
+  a23=(a23<=a33);
+  a02=(a02&&a23);
   a04=(a02?a04:0);
-  a24=(!a02);
-  a34=(a24?a12:0);
-  a04=(a04+a34);
+  a23=(!a02);
+  a33=(a23?a11:0);
+  a04=(a04+a33);
   a06=(a02?a06:0);
-  a35=(a24?a11:0);
-  a06=(a06+a35);
+  a34=(a23?a10:0);
+  a06=(a06+a34);
   a06=(a04+a06);
   a06=(a06==a03);
   a06=(a02&&a06);
   a07=(a02?a07:0);
-  a07=(a07+a35);
-  a10=(a02?a10:0);
-  a10=(a10+a34);
-  a10=(a07+a10);
-  a10=(a10==a03);
-  a06=(a06&&a10);
-  a15=(a13+a15);
-  a15=(a02?a15:0);
-  a15=(a15==a03);
-  a06=(a06&&a15);
+  a07=(a07+a34);
+  a09=(a02?a09:0);
+  a09=(a09+a33);
+  a09=(a07+a09);
+  a09=(a09==a03);
+  a06=(a06&&a09);
+  a14=(a12+a14);
+  a14=(a02?a14:0);
+  a14=(a14==a03);
+  a06=(a06&&a14);
   a00=(a02?a00:0);
-  a15=(a00==a01);
-  a10=(a04==a03);
-  a10=(a15&&a10);
+  a14=(a00==a01);
+  a09=(a04==a03);
+  a09=(a14&&a09);
   a00=(a00==a03);
-  a34=(a12<=a04);
-  a13=(a02?a13:0);
-  a35=(a13==a03);
-  a34=(a34&&a35);
-  a34=(a00&&a34);
-  a10=(a10||a34);
-  a06=(a06&&a10);
-  a10=(!a06);
-  a34=arg[0]? arg[0][0] : 0;
-  a14=(a34<=a14);
-  a35=2.2100000642240047e-03;
-  a35=(a35<=a34);
-  a14=(a14&&a35);
-  a35=arg[1]? arg[1][0] : 0;
-  a36=8.;
-  a37=(a35<=a36);
-  a38=4.0000000596046448e-01;
-  a38=(a38<=a35);
+  a33=(a11<=a04);
+  a12=(a02?a12:0);
+  a34=(a12==a03);
+  a33=(a33&&a34);
+  a33=(a00&&a33);
+  a09=(a09||a33);
+  a06=(a06&&a09);
+  a09=(!a06);
+  a33=arg[0]? arg[0][0] : 0;
+  a13=(a33<=a13);
+  a34=2.2100000642240047e-03;
+  a34=(a34<=a33);
+  a13=(a13&&a34);
+  a34=arg[1]? arg[1][0] : 0;
+  a35=8.;
+  a36=(a34<=a35);
+  a37=4.0000000596046448e-01;
+  a37=(a37<=a34);
+  a36=(a36&&a37);
+  a13=(a13&&a36);
+  a36=arg[2]? arg[2][0] : 0;
+  a37=2.9999998211860657e-01;
+  a37=(a36<=a37);
+  a38=1.4999999664723873e-02;
+  a38=(a38<=a36);
   a37=(a37&&a38);
-  a14=(a14&&a37);
-  a37=arg[2]? arg[2][0] : 0;
-  a38=2.9999998211860657e-01;
-  a38=(a37<=a38);
-  a39=1.4999999664723873e-02;
-  a39=(a39<=a37);
-  a38=(a38&&a39);
-  a14=(a14&&a38);
-  a38=arg[3]? arg[3][0] : 0;
-  a39=2.5000000000000000e+00;
-  a40=(a38<=a39);
-  a41=-1.4999999105930328e-01;
-  a42=(a41<=a38);
-  a40=(a40&&a42);
-  a14=(a14&&a40);
-  a40=arg[4]? arg[4][0] : 0;
+  a13=(a13&&a37);
+  a37=arg[3]? arg[3][0] : 0;
+  a38=2.5000000000000000e+00;
+  a39=(a37<=a38);
+  a40=-1.4999999105930328e-01;
+  a41=(a40<=a37);
+  a39=(a39&&a41);
+  a13=(a13&&a39);
+  a39=arg[4]? arg[4][0] : 0;
+  a41=(a39<=a38);
   a42=(a40<=a39);
-  a43=(a41<=a40);
+  a41=(a41&&a42);
+  a13=(a13&&a41);
+  a41=arg[5]? arg[5][0] : 0;
+  a42=(a41<=a18);
+  a43=5.0000000000000000e-01;
+  a43=(a43<=a41);
   a42=(a42&&a43);
-  a14=(a14&&a42);
-  a42=arg[5]? arg[5][0] : 0;
-  a43=(a42<=a19);
-  a44=5.0000000000000000e-01;
+  a13=(a13&&a42);
+  a42=arg[6]? arg[6][0] : 0;
+  a43=(a42<=a05);
+  a44=1.5000000596046448e-01;
   a44=(a44<=a42);
   a43=(a43&&a44);
-  a14=(a14&&a43);
-  a43=arg[6]? arg[6][0] : 0;
-  a44=15.;
+  a13=(a13&&a43);
+  a43=arg[7]? arg[7][0] : 0;
+  a44=5.0499994307756424e-02;
   a44=(a43<=a44);
-  a45=1.5000000596046448e-01;
+  a45=4.9499998567625880e-04;
   a45=(a45<=a43);
   a44=(a44&&a45);
-  a14=(a14&&a44);
-  a44=arg[7]? arg[7][0] : 0;
-  a45=5.0499994307756424e-02;
-  a45=(a44<=a45);
-  a46=4.9499998567625880e-04;
-  a46=(a46<=a44);
-  a45=(a45&&a46);
-  a14=(a14&&a45);
-  a45=arg[8]? arg[8][0] : 0;
-  a39=(a45<=a39);
-  a46=-3.5000994801521301e-01;
+  a13=(a13&&a44);
+  a44=arg[8]? arg[8][0] : 0;
+  a38=(a44<=a38);
+  a45=-3.5000994801521301e-01;
+  a45=(a45<=a44);
+  a38=(a38&&a45);
+  a13=(a13&&a38);
+  a38=arg[9]? arg[9][0] : 0;
+  a45=2.7000095844268799e+00;
+  a45=(a38<=a45);
+  a40=(a40<=a38);
+  a45=(a45&&a40);
+  a13=(a13&&a45);
+  a45=arg[10]? arg[10][0] : 0;
+  a40=1.1160498857498169e+00;
+  a40=(a45<=a40);
+  a46=1.0939500294625759e-02;
   a46=(a46<=a45);
-  a39=(a39&&a46);
-  a14=(a14&&a39);
-  a39=arg[9]? arg[9][0] : 0;
-  a46=2.7000095844268799e+00;
-  a46=(a39<=a46);
-  a41=(a41<=a39);
-  a46=(a46&&a41);
-  a14=(a14&&a46);
-  a46=arg[10]? arg[10][0] : 0;
-  a41=1.1160498857498169e+00;
-  a41=(a46<=a41);
-  a47=1.0939500294625759e-02;
-  a47=(a47<=a46);
-  a41=(a41&&a47);
-  a14=(a14&&a41);
-  a41=arg[11]? arg[11][0] : 0;
-  a47=9.0899991989135742e+00;
-  a47=(a41<=a47);
-  a48=4.4550001621246338e-01;
-  a48=(a48<=a41);
+  a40=(a40&&a46);
+  a13=(a13&&a40);
+  a40=arg[11]? arg[11][0] : 0;
+  a46=9.0899991989135742e+00;
+  a46=(a40<=a46);
+  a47=4.4550001621246338e-01;
+  a47=(a47<=a40);
+  a46=(a46&&a47);
+  a13=(a13&&a46);
+  a46=arg[12]? arg[12][0] : 0;
+  a47=4.4641995429992676e+00;
+  a47=(a46<=a47);
+  a48=2.1879000123590231e-03;
+  a48=(a48<=a46);
   a47=(a47&&a48);
-  a14=(a14&&a47);
-  a47=arg[12]? arg[12][0] : 0;
-  a48=4.4641995429992676e+00;
-  a48=(a47<=a48);
-  a49=2.1879000123590231e-03;
-  a49=(a49<=a47);
-  a48=(a48&&a49);
-  a14=(a14&&a48);
-  a48=(a38<a40);
-  a14=(a14&&a48);
-  a48=(!a14);
-  a49=(a10||a48);
-  a50=arg[28]? arg[28][0] : 0;
-  a51=(a50<=a12);
-  a52=(a03<=a50);
-  a51=(a51&&a52);
-  a50=(a51?a50:0);
-  a52=(!a51);
-  a52=(a52?a12:0);
-  a50=(a50+a52);
-  a50=(a50==a03);
-  a52=(!a50);
-  a49=(a49||a52);
-  a53=arg[25]? arg[25][0] : 0;
-  a54=8.8399994373321533e-01;
-  a54=(a53<=a54);
-  a55=-8.8399994373321533e-01;
-  a55=(a55<=a53);
-  a54=(a54&&a55);
-  a55=arg[26]? arg[26][0] : 0;
-  a16=(a55<=a16);
-  a56=(a03<=a55);
-  a16=(a16&&a56);
-  a56=(a54&&a16);
+  a13=(a13&&a47);
+  a47=(a37<a39);
+  a13=(a13&&a47);
+  a47=(!a13);
+  a48=(a09||a47);
+  a49=arg[28]? arg[28][0] : 0;
+  a50=(a49<=a11);
+  a51=(a03<=a49);
+  a50=(a50&&a51);
+  a49=(a50?a49:0);
+  a51=(!a50);
+  a51=(a51?a11:0);
+  a49=(a49+a51);
+  a49=(a49==a03);
+  a51=(!a49);
+  a48=(a48||a51);
+  a52=arg[25]? arg[25][0] : 0;
+  a53=8.8399994373321533e-01;
+  a53=(a52<=a53);
+  a54=-8.8399994373321533e-01;
+  a54=(a54<=a52);
+  a53=(a53&&a54);
+  a54=arg[26]? arg[26][0] : 0;
+  a55=(a54<=a15);
+  a56=(a03<=a54);
+  a55=(a55&&a56);
+  a56=(a53&&a55);
   a57=arg[27]? arg[27][0] : 0;
   a58=2.;
   a59=(a57<=a58);
   a60=(a03<=a57);
   a59=(a59&&a60);
   a56=(a56&&a59);
-  a56=(a56&&a51);
-  a51=arg[29]? arg[29][0] : 0;
-  a60=(a51<=a09);
-  a61=(a03<=a51);
+  a56=(a56&&a50);
+  a50=arg[29]? arg[29][0] : 0;
+  a60=(a50<=a08);
+  a61=(a03<=a50);
   a60=(a60&&a61);
   a56=(a56&&a60);
   a61=arg[30]? arg[30][0] : 0;
-  a62=(a61<=a12);
+  a62=(a61<=a11);
   a63=(a03<=a61);
   a62=(a62&&a63);
   a56=(a56&&a62);
   a63=arg[31]? arg[31][0] : 0;
-  a64=(a63<=a12);
+  a64=(a63<=a11);
   a65=(a03<=a63);
   a64=(a64&&a65);
   a56=(a56&&a64);
@@ -4473,414 +3445,467 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a68=(a68&&a69);
   a56=(a56&&a68);
   a69=arg[34]? arg[34][0] : 0;
-  a70=(a69<=a05);
-  a71=(a08<=a69);
-  a70=(a70&&a71);
-  a56=(a56&&a70);
-  a71=arg[35]? arg[35][0] : 0;
-  a72=3.;
-  a73=(a71<=a72);
-  a74=-5.9999996423721313e-01;
-  a74=(a74<=a71);
-  a73=(a73&&a74);
-  a56=(a56&&a73);
-  a74=arg[36]? arg[36][0] : 0;
-  a75=(a74<=a05);
-  a08=(a08<=a74);
-  a75=(a75&&a08);
+  a70=12.;
+  a71=(a69<=a70);
+  a72=-12.;
+  a73=(a72<=a69);
+  a71=(a71&&a73);
+  a56=(a56&&a71);
+  a73=arg[35]? arg[35][0] : 0;
+  a74=3.;
+  a75=(a73<=a74);
+  a76=-5.9999996423721313e-01;
+  a76=(a76<=a73);
+  a75=(a75&&a76);
   a56=(a56&&a75);
-  a08=arg[37]? arg[37][0] : 0;
-  a76=20.;
-  a76=(a08<=a76);
-  a77=-20.;
-  a77=(a77<=a08);
-  a76=(a76&&a77);
-  a56=(a56&&a76);
+  a76=arg[36]? arg[36][0] : 0;
+  a77=(a76<=a70);
+  a72=(a72<=a76);
+  a77=(a77&&a72);
+  a56=(a56&&a77);
+  a72=arg[37]? arg[37][0] : 0;
+  a78=20.;
+  a78=(a72<=a78);
+  a79=-20.;
+  a79=(a79<=a72);
+  a78=(a78&&a79);
+  a56=(a56&&a78);
+  a79=arg[38]? arg[38][0] : 0;
+  a80=(a79<=a11);
+  a81=(a03<=a79);
+  a80=(a80&&a81);
+  a56=(a56&&a80);
+  a81=arg[39]? arg[39][0] : 0;
+  a82=(a81<=a15);
+  a83=(a03<=a81);
+  a82=(a82&&a83);
+  a56=(a56&&a82);
+  a83=arg[40]? arg[40][0] : 0;
+  a84=(a83<=a11);
+  a85=(a03<=a83);
+  a84=(a84&&a85);
+  a56=(a56&&a84);
   a59=(a59?a57:0);
   a57=(a59==a03);
-  a77=(a59==a12);
-  a77=(a57||a77);
+  a85=(a59==a11);
+  a85=(a57||a85);
   a59=(a59==a58);
-  a77=(a77||a59);
-  a77=(a56&&a77);
-  a51=(a60?a51:0);
+  a85=(a85||a59);
+  a85=(a56&&a85);
+  a50=(a60?a50:0);
   a60=(!a60);
   a60=(a60?a07:0);
-  a51=(a51+a60);
-  a60=(a51==a03);
-  a59=(a51==a12);
+  a50=(a50+a60);
+  a60=(a50==a03);
+  a59=(a50==a11);
   a60=(a60||a59);
-  a59=(a51==a58);
+  a59=(a50==a58);
   a60=(a60||a59);
-  a59=(a51==a72);
+  a59=(a50==a74);
   a60=(a60||a59);
   a59=4.;
-  a78=(a51==a59);
-  a60=(a60||a78);
-  a78=5.;
-  a79=(a51==a78);
-  a60=(a60||a79);
-  a79=6.;
-  a80=(a51==a79);
-  a60=(a60||a80);
-  a80=(a51==a09);
-  a60=(a60||a80);
-  a77=(a77&&a60);
+  a86=(a50==a59);
+  a60=(a60||a86);
+  a86=5.;
+  a87=(a50==a86);
+  a60=(a60||a87);
+  a87=6.;
+  a88=(a50==a87);
+  a60=(a60||a88);
+  a88=(a50==a08);
+  a60=(a60||a88);
+  a85=(a85&&a60);
   a62=(a62?a61:0);
-  a62=(a62==a12);
-  a77=(a77&&a62);
-  a62=(!a77);
-  a49=(a49||a62);
+  a62=(a62==a11);
+  a85=(a85&&a62);
+  a62=(!a85);
+  a48=(a48||a62);
   a64=(a64?a63:0);
-  a64=(a64==a12);
+  a64=(a64==a11);
   a63=(!a64);
-  a49=(a49||a63);
-  a55=(a16?a55:0);
+  a48=(a48||a63);
+  a54=(a55?a54:0);
+  a55=(!a55);
+  a16=(a02?a16:0);
+  a55=(a55?a16:0);
+  a54=(a54+a55);
+  a55=(a11<=a54);
+  a16=(a54==a16);
+  a16=(!a16);
+  a16=(a55&&a16);
   a16=(!a16);
   a17=(a02?a17:0);
+  a23=(a23?a18:0);
+  a17=(a17+a23);
+  a17=(a17+a11);
+  a17=casadi_fmin(a17,a18);
   a16=(a16?a17:0);
-  a55=(a55+a16);
-  a16=(a12<=a55);
-  a17=(a55==a17);
-  a17=(!a17);
-  a17=(a16&&a17);
-  a17=(!a17);
-  a18=(a02?a18:0);
-  a24=(a24?a19:0);
-  a18=(a18+a24);
-  a18=(a18+a12);
-  a18=casadi_fmin(a18,a19);
-  a17=(a17?a18:0);
-  a17=(a16?a17:0);
-  a16=(!a16);
-  a16=(a16?a19:0);
-  a17=(a17+a16);
-  a16=(a19<=a17);
-  a49=(a49||a16);
+  a16=(a55?a16:0);
+  a55=(!a55);
+  a55=(a55?a18:0);
+  a16=(a16+a55);
+  a55=(a18<=a16);
+  a48=(a48||a55);
   a66=(a66?a65:0);
   a66=casadi_fabs(a66);
-  a66=(a37<a66);
+  a66=(a36<a66);
   a68=(a68?a67:0);
-  a73=(a73?a71:0);
-  a68=(a68-a73);
+  a75=(a75?a73:0);
+  a68=(a68-a75);
   a68=casadi_fabs(a68);
-  a37=(a37<a68);
-  a66=(a66||a37);
+  a36=(a36<a68);
+  a66=(a66||a36);
   a66=(a56&&a66);
-  a49=(a49||a66);
-  a37=(a76?a08:0);
-  a37=casadi_fabs(a37);
-  a35=(a35<a37);
-  a35=(a56&&a35);
-  a49=(a49||a35);
-  a37=(a75?a74:0);
-  a68=casadi_fabs(a37);
-  a70=(a70?a69:0);
-  a69=casadi_fabs(a70);
+  a48=(a48||a66);
+  a36=(a78?a72:0);
+  a36=casadi_fabs(a36);
+  a34=(a34<a36);
+  a34=(a56&&a34);
+  a48=(a48||a34);
+  a36=(a77?a76:0);
+  a68=casadi_fabs(a36);
+  a71=(a71?a69:0);
+  a69=casadi_fabs(a71);
   a68=casadi_fmax(a68,a69);
-  a42=(a42<a68);
-  a42=(a56&&a42);
-  a49=(a49||a42);
+  a41=(a41<a68);
+  a41=(a56&&a41);
+  a48=(a48||a41);
   a68=2.6999998092651367e+00;
-  a39=casadi_fmin(a39,a68);
-  a39=(a39<a73);
+  a38=casadi_fmin(a38,a68);
+  a38=(a38<a75);
   a68=-3.4999996423721313e-01;
-  a45=casadi_fmax(a45,a68);
-  a45=(a73<a45);
-  a39=(a39||a45);
-  a56=(a56&&a39);
-  a49=(a49||a56);
-  a21=(a02?a21:0);
-  a39=1.0000000000000000e-03;
-  a08=(a08*a74);
-  a76=(a76?a08:0);
-  a75=(a75?a76:0);
-  a75=casadi_fmax(a75,a03);
-  a39=(a39*a75);
-  a21=(a21+a39);
-  a21=casadi_fmin(a21,a22);
-  a23=(a02?a23:0);
-  a22=casadi_fabs(a23);
-  a22=(a21+a22);
+  a44=casadi_fmax(a44,a68);
+  a44=(a75<a44);
+  a38=(a38||a44);
+  a56=(a56&&a38);
+  a48=(a48||a56);
+  a20=(a02?a20:0);
+  a38=1.0000000000000000e-03;
+  a72=(a72*a76);
+  a78=(a78?a72:0);
+  a77=(a77?a78:0);
+  a77=casadi_fmax(a77,a03);
+  a38=(a38*a77);
+  a20=(a20+a38);
+  a20=casadi_fmin(a20,a21);
+  a22=(a02?a22:0);
+  a21=casadi_fabs(a22);
+  a21=(a20+a21);
+  a24=(a02?a24:0);
+  a38=casadi_fabs(a24);
+  a21=(a21+a38);
   a25=(a02?a25:0);
-  a39=casadi_fabs(a25);
-  a22=(a22+a39);
+  a38=casadi_fabs(a25);
+  a21=(a21+a38);
   a26=(a02?a26:0);
-  a39=casadi_fabs(a26);
-  a22=(a22+a39);
+  a38=casadi_fabs(a26);
+  a21=(a21+a38);
   a27=(a02?a27:0);
-  a39=casadi_fabs(a27);
-  a22=(a22+a39);
+  a38=casadi_fabs(a27);
+  a21=(a21+a38);
   a28=(a02?a28:0);
-  a39=casadi_fabs(a28);
-  a22=(a22+a39);
+  a38=casadi_fabs(a28);
+  a21=(a21+a38);
   a29=(a02?a29:0);
-  a39=casadi_fabs(a29);
-  a22=(a22+a39);
+  a38=casadi_fabs(a29);
+  a21=(a21+a38);
   a30=(a02?a30:0);
-  a39=casadi_fabs(a30);
-  a22=(a22+a39);
+  a38=casadi_fabs(a30);
+  a21=(a21+a38);
   a31=(a02?a31:0);
-  a39=casadi_fabs(a31);
-  a22=(a22+a39);
+  a38=casadi_fabs(a31);
+  a21=(a21+a38);
   a32=(a02?a32:0);
-  a39=casadi_fabs(a32);
-  a22=(a22+a39);
-  a33=(a02?a33:0);
-  a39=casadi_fabs(a33);
-  a22=(a22+a39);
-  a43=(a43<a22);
-  a49=(a49||a43);
-  a49=(!a49);
-  a15=(a06&&a15);
-  a39=(a03<=a07);
-  a39=(a06&&a39);
-  a75=(a09<=a07);
-  a75=(!a75);
-  a76=(a07+a12);
-  a75=(a75?a76:0);
-  a75=(a51==a75);
-  a75=(a39&&a75);
-  a75=(a75&&a00);
-  a75=(a75&&a49);
-  a75=(a75&&a57);
-  a54=(a54?a53:0);
-  a53=(a54==a03);
-  a75=(a75&&a53);
-  a15=(a15||a75);
-  a49=(a49&&a15);
-  a01=(a49?a01:0);
+  a38=casadi_fabs(a32);
+  a21=(a21+a38);
+  a42=(a42<a21);
+  a48=(a48||a42);
+  a80=(a80?a79:0);
+  a80=(a80==a11);
+  a79=(!a80);
+  a48=(a48||a79);
+  a38=128.;
+  a81=(a82?a81:0);
+  a82=(!a82);
+  a82=(a82?a15:0);
+  a81=(a81+a82);
+  a81=(a38<a81);
+  a48=(a48||a81);
+  a84=(a84?a83:0);
+  a84=(a84==a11);
+  a84=(!a84);
+  a48=(a48||a84);
+  a48=(!a48);
+  a14=(a06&&a14);
+  a83=(a03<=a07);
+  a83=(a06&&a83);
+  a82=(a08<=a07);
+  a82=(!a82);
+  a15=(a07+a11);
+  a82=(a82?a15:0);
+  a82=(a50==a82);
+  a82=(a83&&a82);
+  a82=(a82&&a00);
+  a82=(a82&&a48);
+  a82=(a82&&a57);
+  a53=(a53?a52:0);
+  a52=(a53==a03);
+  a82=(a82&&a52);
+  a14=(a14||a82);
+  a48=(a48&&a14);
+  a01=(a48?a01:0);
   if (res[0]!=0) res[0][0]=a01;
-  a01=(!a49);
-  a15=(a06&&a00);
-  a04=(a15?a04:0);
-  a15=(!a15);
-  a58=(a10?a58:0);
-  a72=(a48?a72:0);
-  a53=(a52?a59:0);
-  a78=(a62?a78:0);
-  a79=(a63?a79:0);
-  a09=(a16?a09:0);
-  a76=(!a16);
-  a08=(a66?a36:0);
-  a74=(!a66);
-  a45=9.;
-  a45=(a35?a45:0);
-  a68=(!a35);
-  a19=(a42?a19:0);
-  a69=(!a42);
-  a71=11.;
-  a71=(a56?a71:0);
-  a67=(!a56);
-  a05=(a43?a05:0);
-  a67=(a67?a05:0);
-  a71=(a71+a67);
-  a69=(a69?a71:0);
-  a19=(a19+a69);
-  a68=(a68?a19:0);
-  a45=(a45+a68);
-  a74=(a74?a45:0);
-  a08=(a08+a74);
-  a76=(a76?a08:0);
-  a09=(a09+a76);
-  a64=(a64?a09:0);
-  a79=(a79+a64);
-  a77=(a77?a79:0);
-  a78=(a78+a77);
-  a50=(a50?a78:0);
-  a53=(a53+a50);
-  a14=(a14?a53:0);
-  a72=(a72+a14);
-  a72=(a06?a72:0);
-  a72=(a58+a72);
-  a15=(a15?a72:0);
-  a04=(a04+a15);
+  a01=(!a48);
+  a14=(a06&&a00);
+  a04=(a14?a04:0);
+  a14=(!a14);
+  a58=(a09?a58:0);
+  a74=(a47?a74:0);
+  a52=(a51?a59:0);
+  a86=(a62?a86:0);
+  a87=(a63?a87:0);
+  a08=(a55?a08:0);
+  a15=(!a55);
+  a77=(a66?a35:0);
+  a78=(!a66);
+  a72=9.;
+  a72=(a34?a72:0);
+  a76=(!a34);
+  a18=(a41?a18:0);
+  a44=(!a41);
+  a68=11.;
+  a68=(a56?a68:0);
+  a69=(!a56);
+  a70=(a42?a70:0);
+  a73=(!a42);
+  a67=13.;
+  a67=(a79?a67:0);
+  a65=14.;
+  a65=(a81?a65:0);
+  a17=(!a81);
+  a05=(a84?a05:0);
+  a17=(a17?a05:0);
+  a65=(a65+a17);
+  a80=(a80?a65:0);
+  a67=(a67+a80);
+  a73=(a73?a67:0);
+  a70=(a70+a73);
+  a69=(a69?a70:0);
+  a68=(a68+a69);
+  a44=(a44?a68:0);
+  a18=(a18+a44);
+  a76=(a76?a18:0);
+  a72=(a72+a76);
+  a78=(a78?a72:0);
+  a77=(a77+a78);
+  a15=(a15?a77:0);
+  a08=(a08+a15);
+  a64=(a64?a08:0);
+  a87=(a87+a64);
+  a85=(a85?a87:0);
+  a86=(a86+a85);
+  a49=(a49?a86:0);
+  a52=(a52+a49);
+  a13=(a13?a52:0);
+  a74=(a74+a13);
+  a74=(a06?a74:0);
+  a74=(a58+a74);
+  a14=(a14?a74:0);
+  a04=(a04+a14);
   a04=(a01?a04:0);
   if (res[1]!=0) res[1][0]=a04;
-  a15=(-a04);
-  if (res[2]!=0) res[2][0]=a15;
-  a15=(a60?a51:0);
-  a72=(!a60);
-  a72=(a72?a07:0);
-  a15=(a15+a72);
-  a06=(a06?a15:0);
-  a10=(a10?a11:0);
-  a06=(a06+a10);
+  a14=(-a04);
+  if (res[2]!=0) res[2][0]=a14;
+  a14=(a60?a50:0);
+  a74=(!a60);
+  a74=(a74?a07:0);
+  a14=(a14+a74);
+  a06=(a06?a14:0);
+  a09=(a09?a10:0);
+  a06=(a06+a09);
   if (res[3]!=0) res[3][0]=a06;
   a06=(-a06);
   if (res[4]!=0) res[4][0]=a06;
   a57=(!a57);
-  a06=(a57?a54:0);
-  a06=casadi_fmin(a06,a34);
-  a10=(-a34);
-  a06=casadi_fmax(a06,a10);
-  a40=(a40-a73);
-  a40=(a46*a40);
-  a40=casadi_fmax(a40,a03);
-  a10=casadi_fmax(a37,a70);
-  a10=(a41-a10);
-  a10=(a47*a10);
-  a10=casadi_fmax(a10,a03);
-  a11=casadi_fmin(a40,a10);
-  a11=casadi_fmin(a06,a11);
-  a73=(a73-a38);
-  a46=(a46*a73);
+  a06=(a57?a53:0);
+  a06=casadi_fmin(a06,a33);
+  a09=(-a33);
+  a06=casadi_fmax(a06,a09);
+  a39=(a39-a75);
+  a39=(a45*a39);
+  a39=casadi_fmax(a39,a03);
+  a09=casadi_fmax(a36,a71);
+  a09=(a40-a09);
+  a09=(a46*a09);
+  a09=casadi_fmax(a09,a03);
+  a10=casadi_fmin(a39,a09);
+  a10=casadi_fmin(a06,a10);
+  a75=(a75-a37);
+  a45=(a45*a75);
+  a45=casadi_fmax(a45,a03);
+  a36=casadi_fmin(a36,a71);
+  a40=(a40+a36);
+  a46=(a46*a40);
   a46=casadi_fmax(a46,a03);
-  a37=casadi_fmin(a37,a70);
-  a41=(a41+a37);
-  a47=(a47*a41);
-  a47=casadi_fmax(a47,a03);
-  a03=casadi_fmin(a46,a47);
+  a03=casadi_fmin(a45,a46);
   a03=(-a03);
-  a11=casadi_fmax(a11,a03);
+  a10=casadi_fmax(a10,a03);
   a03=4.9999997019767761e-02;
-  a44=casadi_fmin(a44,a03);
-  a03=(a13+a44);
-  a03=casadi_fmin(a11,a03);
-  a13=(a13-a44);
-  a03=casadi_fmax(a03,a13);
-  a13=(a49?a03:0);
-  if (res[5]!=0) res[5][0]=a13;
-  a44=(-a13);
-  if (res[6]!=0) res[6][0]=a44;
-  if (res[7]!=0) res[7][0]=a55;
-  if (res[8]!=0) res[8][0]=a17;
-  a17=99.;
-  a02=(a02?a20:0);
-  a17=(a17<=a02);
-  a20=(!a17);
-  a02=(a02+a12);
-  a02=(a20?a02:0);
+  a43=casadi_fmin(a43,a03);
+  a03=(a12+a43);
+  a03=casadi_fmin(a10,a03);
+  a12=(a12-a43);
+  a03=casadi_fmax(a03,a12);
+  a12=(a48?a03:0);
+  if (res[5]!=0) res[5][0]=a12;
+  a43=(-a12);
+  if (res[6]!=0) res[6][0]=a43;
+  if (res[7]!=0) res[7][0]=a54;
+  if (res[8]!=0) res[8][0]=a16;
+  a16=99.;
+  a02=(a02?a19:0);
+  a16=(a16<=a02);
+  a19=(!a16);
+  a02=(a02+a11);
+  a02=(a19?a02:0);
   if (res[9]!=0) res[9][0]=a02;
-  a02=(a20?a21:0);
+  a02=(a19?a20:0);
   if (res[10]!=0) res[10][0]=a02;
-  a21=(a17?a21:0);
-  a02=(a20?a23:0);
-  a21=(a21+a02);
-  if (res[11]!=0) res[11][0]=a21;
-  a23=(a17?a23:0);
-  a21=(a20?a25:0);
-  a23=(a23+a21);
-  if (res[11]!=0) res[11][1]=a23;
-  a25=(a17?a25:0);
-  a23=(a20?a26:0);
-  a25=(a25+a23);
-  if (res[11]!=0) res[11][2]=a25;
-  a26=(a17?a26:0);
-  a25=(a20?a27:0);
+  a20=(a16?a20:0);
+  a02=(a19?a22:0);
+  a20=(a20+a02);
+  if (res[11]!=0) res[11][0]=a20;
+  a22=(a16?a22:0);
+  a20=(a19?a24:0);
+  a22=(a22+a20);
+  if (res[11]!=0) res[11][1]=a22;
+  a24=(a16?a24:0);
+  a22=(a19?a25:0);
+  a24=(a24+a22);
+  if (res[11]!=0) res[11][2]=a24;
+  a25=(a16?a25:0);
+  a24=(a19?a26:0);
+  a25=(a25+a24);
+  if (res[11]!=0) res[11][3]=a25;
+  a26=(a16?a26:0);
+  a25=(a19?a27:0);
   a26=(a26+a25);
-  if (res[11]!=0) res[11][3]=a26;
-  a27=(a17?a27:0);
-  a26=(a20?a28:0);
+  if (res[11]!=0) res[11][4]=a26;
+  a27=(a16?a27:0);
+  a26=(a19?a28:0);
   a27=(a27+a26);
-  if (res[11]!=0) res[11][4]=a27;
-  a28=(a17?a28:0);
-  a27=(a20?a29:0);
+  if (res[11]!=0) res[11][5]=a27;
+  a28=(a16?a28:0);
+  a27=(a19?a29:0);
   a28=(a28+a27);
-  if (res[11]!=0) res[11][5]=a28;
-  a29=(a17?a29:0);
-  a28=(a20?a30:0);
+  if (res[11]!=0) res[11][6]=a28;
+  a29=(a16?a29:0);
+  a28=(a19?a30:0);
   a29=(a29+a28);
-  if (res[11]!=0) res[11][6]=a29;
-  a30=(a17?a30:0);
-  a29=(a20?a31:0);
+  if (res[11]!=0) res[11][7]=a29;
+  a30=(a16?a30:0);
+  a29=(a19?a31:0);
   a30=(a30+a29);
-  if (res[11]!=0) res[11][7]=a30;
-  a31=(a17?a31:0);
-  a30=(a20?a32:0);
-  a31=(a31+a30);
-  if (res[11]!=0) res[11][8]=a31;
-  a17=(a17?a32:0);
-  a20=(a20?a33:0);
-  a17=(a17+a20);
-  if (res[11]!=0) res[11][9]=a17;
-  if (res[12]!=0) res[12][0]=a13;
-  a17=(a06-a11);
-  a17=(a49?a17:0);
-  if (res[13]!=0) res[13][0]=a17;
-  a13=(a11-a13);
-  a13=(a49?a13:0);
-  if (res[14]!=0) res[14][0]=a13;
-  if (res[15]!=0) res[15][0]=a22;
+  if (res[11]!=0) res[11][8]=a30;
+  a16=(a16?a31:0);
+  a19=(a19?a32:0);
+  a16=(a16+a19);
+  if (res[11]!=0) res[11][9]=a16;
+  if (res[12]!=0) res[12][0]=a12;
+  a16=(a06-a10);
+  a16=(a48?a16:0);
+  if (res[13]!=0) res[13][0]=a16;
+  a12=(a10-a12);
+  a12=(a48?a12:0);
+  if (res[14]!=0) res[14][0]=a12;
+  if (res[15]!=0) res[15][0]=a21;
   if (res[16]!=0) res[16][0]=a04;
-  a62=(a62?a12:0);
+  a62=(a62?a11:0);
   a62=(a62+a58);
-  a48=(a48?a59:0);
-  a62=(a62+a48);
-  a52=(a52?a36:0);
-  a62=(a62+a52);
-  a52=16.;
-  a63=(a63?a52:0);
+  a47=(a47?a59:0);
+  a62=(a62+a47);
+  a51=(a51?a35:0);
+  a62=(a62+a51);
+  a51=16.;
+  a63=(a63?a51:0);
   a62=(a62+a63);
   a63=32.;
-  a16=(a16?a63:0);
-  a62=(a62+a16);
-  a16=64.;
-  a66=(a66?a16:0);
+  a55=(a55?a63:0);
+  a62=(a62+a55);
+  a55=64.;
+  a66=(a66?a55:0);
   a62=(a62+a66);
-  a66=128.;
-  a35=(a35?a66:0);
-  a62=(a62+a35);
-  a35=256.;
-  a42=(a42?a35:0);
-  a62=(a62+a42);
-  a42=512.;
-  a56=(a56?a42:0);
+  a34=(a34?a38:0);
+  a62=(a62+a34);
+  a34=256.;
+  a41=(a41?a34:0);
+  a62=(a62+a41);
+  a41=512.;
+  a56=(a56?a41:0);
   a62=(a62+a56);
   a56=1024.;
-  a43=(a43?a56:0);
-  a62=(a62+a43);
-  a57=(a49&&a57);
-  a54=casadi_fabs(a54);
-  a34=(a34<a54);
-  a34=(a57&&a34);
-  a54=2048.;
-  a34=(a34?a54:0);
-  a62=(a62+a34);
-  a03=(a03==a11);
+  a42=(a42?a56:0);
+  a62=(a62+a42);
+  a57=(a48&&a57);
+  a53=casadi_fabs(a53);
+  a33=(a33<a53);
+  a33=(a57&&a33);
+  a53=2048.;
+  a33=(a33?a53:0);
+  a62=(a62+a33);
+  a03=(a03==a10);
   a03=(!a03);
-  a49=(a49&&a03);
+  a48=(a48&&a03);
   a03=4096.;
-  a49=(a49?a03:0);
-  a62=(a62+a49);
+  a48=(a48?a03:0);
+  a62=(a62+a48);
+  a45=(-a45);
+  a45=(a06<a45);
+  a45=(a57&&a45);
+  a48=8192.;
+  a45=(a45?a48:0);
+  a62=(a62+a45);
+  a39=(a39<a06);
+  a39=(a57&&a39);
+  a45=16384.;
+  a39=(a39?a45:0);
+  a62=(a62+a39);
   a46=(-a46);
   a46=(a06<a46);
-  a46=(a57&&a46);
-  a49=8192.;
-  a46=(a46?a49:0);
-  a62=(a62+a46);
-  a40=(a40<a06);
-  a40=(a57&&a40);
-  a46=16384.;
-  a40=(a40?a46:0);
-  a62=(a62+a40);
-  a47=(-a47);
-  a47=(a06<a47);
-  a10=(a10<a06);
-  a47=(a47||a10);
-  a57=(a57&&a47);
-  a47=32768.;
-  a57=(a57?a47:0);
+  a09=(a09<a06);
+  a46=(a46||a09);
+  a57=(a57&&a46);
+  a46=32768.;
+  a57=(a57?a46:0);
   a62=(a62+a57);
-  a39=(a39&&a60);
-  a51=(a51==a07);
-  a51=(!a51);
-  a39=(a39&&a51);
-  a75=(!a75);
-  a00=(a00&&a75);
-  a39=(a39&&a00);
+  a83=(a83&&a60);
+  a50=(a50==a07);
+  a50=(!a50);
+  a83=(a83&&a50);
+  a82=(!a82);
+  a00=(a00&&a82);
+  a83=(a83&&a00);
   a00=65536.;
-  a39=(a39?a00:0);
-  a62=(a62+a39);
-  a39=131072.;
-  a01=(a01?a39:0);
+  a83=(a83?a00:0);
+  a62=(a62+a83);
+  a83=131072.;
+  a01=(a01?a83:0);
   a62=(a62+a01);
+  a01=262144.;
+  a79=(a79?a01:0);
+  a62=(a62+a79);
+  a79=524288.;
+  a81=(a81?a79:0);
+  a62=(a62+a81);
+  a81=1048576.;
+  a84=(a84?a81:0);
+  a62=(a62+a84);
   if (res[17]!=0) res[17][0]=a62;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f18(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_checkout(void) {
@@ -4896,7 +3921,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_limits_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_limits_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_limits_step_n_in(void) { return 38;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_limits_step_n_in(void) { return 41;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_limits_step_n_out(void) { return 18;}
 
@@ -4946,6 +3971,9 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_limits_step_name_in(casad
     case 35: return "u_theta_load_rad";
     case 36: return "u_omega_load_rad_s";
     case 37: return "u_tau_Nm";
+    case 38: return "u_clock_ok";
+    case 39: return "u_late_level";
+    case 40: return "u_coeffs_ok";
     default: return 0;
   }
 }
@@ -5014,6 +4042,9 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_limits_step_sparsit
     case 35: return casadi_s0;
     case 36: return casadi_s0;
     case 37: return casadi_s0;
+    case 38: return casadi_s0;
+    case 39: return casadi_s0;
+    case 40: return casadi_s0;
     default: return 0;
   }
 }
@@ -5043,7 +4074,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_limits_step_sparsit
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 38;
+  if (sz_arg) *sz_arg = 41;
   if (sz_res) *sz_res = 18;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -5051,7 +4082,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_work(casadi_int *sz_a
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 38*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 41*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 18*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -5059,7 +4090,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -5074,7 +4105,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f19(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_checkout(void) {
@@ -5147,7 +4178,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5160,7 +4191,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f20(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_checkout(void) {
@@ -5243,7 +4274,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -5379,7 +4410,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_checkout(void) {
@@ -5486,7 +4517,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -5501,7 +4532,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_checkout(void) {
@@ -5574,7 +4605,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5587,7 +4618,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_checkout(void) {
@@ -5670,167 +4701,178 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24, a25;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
   a01=1.;
   a02=(a00<=a01);
   a03=0.;
-  a03=(a03<=a00);
-  a02=(a02&&a03);
-  a03=arg[3]? arg[3][0] : 0;
-  a04=3.3499999046325684e+00;
-  a05=(a03<=a04);
-  a06=-9.4999998807907104e-01;
-  a07=(a06<=a03);
-  a05=(a05&&a07);
-  a02=(a02&&a05);
-  a05=arg[4]? arg[4][0] : 0;
-  a07=1.2119999885559082e+01;
-  a08=(a05<=a07);
-  a09=-1.2119999885559082e+01;
-  a10=(a09<=a05);
-  a08=(a08&&a10);
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[3]? arg[3][0] : 0;
+  a05=3.4182221889495850e+00;
+  a06=(a04<=a05);
+  a07=-1.0182223320007324e+00;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a02=(a02&&a06);
+  a06=arg[4]? arg[4][0] : 0;
+  a08=1.2193999290466309e+01;
+  a08=(a06<=a08);
+  a09=-1.2193999290466309e+01;
+  a09=(a09<=a06);
+  a08=(a08&&a09);
   a02=(a02&&a08);
   a08=arg[5]? arg[5][0] : 0;
-  a10=2.0199998855590820e+01;
-  a11=(a08<=a10);
-  a12=-2.0199998855590820e+01;
-  a13=(a12<=a08);
+  a09=2.0687332153320312e+01;
+  a09=(a08<=a09);
+  a10=-2.0687332153320312e+01;
+  a10=(a10<=a08);
+  a09=(a09&&a10);
+  a02=(a02&&a09);
+  a09=arg[6]? arg[6][0] : 0;
+  a10=6.6666662597656250e+02;
+  a11=(a09<=a10);
+  a12=-6.6666662597656250e+02;
+  a13=(a12<=a09);
   a11=(a11&&a13);
   a02=(a02&&a11);
-  a11=arg[6]? arg[6][0] : 0;
-  a13=6.6666662597656250e+02;
+  a11=arg[7]? arg[7][0] : 0;
+  a13=20.;
   a14=(a11<=a13);
-  a15=-6.6666662597656250e+02;
+  a15=-20.;
   a16=(a15<=a11);
   a14=(a14&&a16);
   a02=(a02&&a14);
-  a14=arg[7]? arg[7][0] : 0;
-  a16=20.;
-  a17=(a14<=a16);
-  a18=-20.;
-  a19=(a18<=a14);
-  a17=(a17&&a19);
-  a02=(a02&&a17);
   a00=(a02?a00:0);
-  a17=arg[8]? arg[8][0] : 0;
-  a19=(a17<=a04);
-  a20=(a06<=a17);
-  a19=(a19&&a20);
-  a20=arg[9]? arg[9][0] : 0;
-  a21=(a20<=a16);
-  a22=(a18<=a20);
-  a21=(a21&&a22);
-  a22=(a19&&a21);
-  a23=(a00||a22);
-  if (res[0]!=0) res[0][0]=a23;
-  a03=(a02?a03:0);
-  a24=(a00?a03:0);
+  a14=arg[8]? arg[8][0] : 0;
+  a16=3.3499999046325684e+00;
+  a16=(a14<=a16);
+  a17=-9.4999998807907104e-01;
+  a17=(a17<=a14);
+  a16=(a16&&a17);
+  a17=arg[9]? arg[9][0] : 0;
+  a18=(a17<=a13);
+  a19=(a15<=a17);
+  a18=(a18&&a19);
+  a19=(a16&&a18);
+  a20=(a00||a19);
+  if (res[0]!=0) res[0][0]=a20;
+  a04=(a02?a04:0);
+  a21=(a00?a04:0);
   a00=(!a00);
-  a17=(a19?a17:0);
-  a19=(!a19);
-  a19=(a19?a03:0);
-  a17=(a17+a19);
-  a00=(a00?a17:0);
-  a24=(a24+a00);
+  a14=(a16?a14:0);
+  a16=(!a16);
+  a16=(a16?a04:0);
+  a14=(a14+a16);
+  a00=(a00?a14:0);
+  a21=(a21+a00);
   a00=1.7899999999999999e-01;
-  a17=(a17-a24);
-  a00=(a00*a17);
-  a00=(a22?a00:0);
-  a24=(a24+a00);
-  a24=casadi_fmin(a24,a04);
-  a24=casadi_fmax(a24,a06);
+  a14=(a14-a21);
+  a00=(a00*a14);
+  a00=(a19?a00:0);
+  a21=(a21+a00);
   a00=1.0000000000000000e-03;
-  a05=(a02?a05:0);
-  a19=1.7699999999999999e+01;
-  a19=(a19*a17);
-  a19=(a22?a19:0);
-  a05=(a05+a19);
-  a19=12.;
-  a03=casadi_fmin(a05,a19);
-  a25=-12.;
-  a03=casadi_fmax(a03,a25);
-  a25=2.2727272727272731e-03;
-  a20=(a21?a20:0);
-  a21=(!a21);
-  a14=(a02?a14:0);
-  a21=(a21?a14:0);
-  a20=(a20+a21);
-  a08=(a02?a08:0);
-  a21=209.;
-  a21=(a21*a17);
-  a21=(a22?a21:0);
-  a08=(a08+a21);
-  a21=casadi_fmin(a08,a16);
-  a21=casadi_fmax(a21,a18);
-  a18=(a20+a21);
-  a25=(a25*a18);
-  a25=(a03+a25);
-  a00=(a00*a25);
-  a00=(a24+a00);
-  a00=casadi_fmin(a00,a04);
-  a00=casadi_fmax(a00,a06);
-  if (res[1]!=0) res[1][0]=a00;
-  a00=4.5454545454545461e-03;
-  a00=(a00*a18);
-  a00=(a03+a00);
-  a00=casadi_fmin(a00,a07);
-  a00=casadi_fmax(a00,a09);
-  a00=(a23?a00:0);
-  if (res[2]!=0) res[2][0]=a00;
-  a00=arg[1]? arg[1][0] : 0;
+  a06=(a02?a06:0);
+  a16=1.7699999999999999e+01;
+  a16=(a16*a14);
+  a16=(a19?a16:0);
+  a06=(a06+a16);
+  a16=12.;
+  a04=casadi_fmin(a06,a16);
+  a22=-12.;
+  a04=casadi_fmax(a04,a22);
+  a22=2.2727272727272731e-03;
+  a17=(a18?a17:0);
+  a18=(!a18);
   a11=(a02?a11:0);
-  a09=3234.;
-  a09=(a09*a17);
-  a09=(a22?a09:0);
-  a11=(a11+a09);
-  a09=casadi_fmin(a11,a13);
-  a09=casadi_fmax(a09,a15);
-  a00=(a00*a09);
+  a18=(a18?a11:0);
+  a17=(a17+a18);
+  a08=(a02?a08:0);
+  a18=209.;
+  a18=(a18*a14);
+  a18=(a19?a18:0);
+  a08=(a08+a18);
+  a18=casadi_fmin(a08,a13);
+  a18=casadi_fmax(a18,a15);
+  a15=(a17+a18);
+  a22=(a22*a15);
+  a22=(a04+a22);
+  a00=(a00*a22);
   a00=(a21+a00);
-  a00=casadi_fmin(a00,a10);
-  a00=casadi_fmax(a00,a12);
-  a00=(a23?a00:0);
-  if (res[3]!=0) res[3][0]=a00;
-  a00=arg[0]? arg[0][0] : 0;
-  a00=(a00*a09);
-  a23=(a23?a00:0);
-  if (res[4]!=0) res[4][0]=a23;
-  if (res[5]!=0) res[5][0]=a20;
-  if (res[6]!=0) res[6][0]=a21;
-  if (res[7]!=0) res[7][0]=a09;
-  if (res[8]!=0) res[8][0]=a03;
-  if (res[9]!=0) res[9][0]=a24;
-  a22=(!a22);
-  a22=(a22?a01:0);
+  a22=casadi_fmin(a00,a05);
+  a22=casadi_fmax(a22,a07);
+  if (res[1]!=0) res[1][0]=a22;
+  a07=(a00<a07);
+  a05=(a05<a00);
+  a00=4.5454545454545461e-03;
+  a00=(a00*a15);
+  a00=(a04+a00);
+  a15=casadi_fmin(a00,a03);
+  a15=(a05?a15:0);
+  a22=(!a05);
+  a22=(a22?a00:0);
+  a15=(a15+a22);
+  a03=casadi_fmax(a15,a03);
+  a03=(a07?a03:0);
+  a22=(!a07);
+  a22=(a22?a15:0);
+  a03=(a03+a22);
+  a03=(a20?a03:0);
+  if (res[2]!=0) res[2][0]=a03;
+  a03=arg[1]? arg[1][0] : 0;
+  a09=(a02?a09:0);
+  a22=3234.;
+  a22=(a22*a14);
+  a22=(a19?a22:0);
+  a09=(a09+a22);
+  a22=casadi_fmin(a09,a10);
+  a22=casadi_fmax(a22,a12);
+  a03=(a03*a22);
+  a03=(a18+a03);
+  a03=(a20?a03:0);
+  if (res[3]!=0) res[3][0]=a03;
+  a03=arg[0]? arg[0][0] : 0;
+  a03=(a03*a22);
+  a20=(a20?a03:0);
+  if (res[4]!=0) res[4][0]=a20;
+  if (res[5]!=0) res[5][0]=a17;
+  if (res[6]!=0) res[6][0]=a18;
+  if (res[7]!=0) res[7][0]=a22;
+  if (res[8]!=0) res[8][0]=a04;
+  if (res[9]!=0) res[9][0]=a21;
+  a19=(!a19);
+  a19=(a19?a01:0);
   a02=(!a02);
   a01=2.;
   a02=(a02?a01:0);
-  a22=(a22+a02);
-  a05=casadi_fabs(a05);
-  a19=(a19<a05);
-  a05=4.;
-  a19=(a19?a05:0);
-  a22=(a22+a19);
+  a19=(a19+a02);
+  a06=casadi_fabs(a06);
+  a16=(a16<a06);
+  a06=4.;
+  a16=(a16?a06:0);
+  a19=(a19+a16);
   a08=casadi_fabs(a08);
-  a16=(a16<a08);
+  a13=(a13<a08);
   a08=8.;
-  a16=(a16?a08:0);
-  a22=(a22+a16);
-  a11=casadi_fabs(a11);
-  a13=(a13<a11);
-  a11=16.;
-  a13=(a13?a11:0);
-  a22=(a22+a13);
-  if (res[10]!=0) res[10][0]=a22;
+  a13=(a13?a08:0);
+  a19=(a19+a13);
+  a09=casadi_fabs(a09);
+  a10=(a10<a09);
+  a09=16.;
+  a10=(a10?a09:0);
+  a19=(a19+a10);
+  a05=(a05||a07);
+  a07=32.;
+  a05=(a05?a07:0);
+  a19=(a19+a05);
+  if (res[10]!=0) res[10][0]=a19;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_checkout(void) {
@@ -5939,12 +4981,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_ahead_init:()->() */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_checkout(void) {
@@ -6011,7 +5053,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_ahead_step:(u_mode,u_tau_preview_Nm[10],u_offset_Nm,u_keep,u_tau_range_Nm,u_theta_preview_rad[10],u_omega_preview_rad_s[10],u_Kp_Nm_rad,u_Kd_Nms_rad,u_theta_load_rad,u_omega_load_rad_s)->(y_tau_d_Nm[10],y_theta_d_rad[10],y_omega_d_rad_s[10],y_Kp_Nm_rad,y_Kd_Nms_rad,y_mode,y_request_ok,y_status) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30;
@@ -7537,7 +6579,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_checkout(void) {
@@ -7642,7 +6684,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_predictive_prepare:(Q,R,load_free)->(c_root_q,c_root_r,c_load_1_kgm2) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a0=sqrt(a0);
@@ -7660,7 +6702,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_checkout(void) {
@@ -7739,7 +6781,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_init:(root_q,root_r,load_1_kgm2)->(plan_0[10]) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7756,7 +6798,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_checkout(void) {
@@ -7831,7 +6873,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_predictive_k1_copy:(i0)->(o0) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -7839,7 +6881,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_checkout(void) {
@@ -7910,7 +6952,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k2_pivot:(i0,i1,i2,i3,i4,i5,i6)->(o0[3],o1,o2,o3,o4) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=0.;
   a1=arg[2]? arg[2][0] : 0;
@@ -7959,7 +7001,7 @@ static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_checkout(void) {
@@ -8050,7 +7092,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k3_keep:(i0,i1)->(o0,o1) */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -8060,7 +7102,7 @@ static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_checkout(void) {
@@ -8135,7 +7177,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k4_shift:(i0,i1,i2,i3[3])->(o0,o1) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -8152,7 +7194,7 @@ static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_checkout(void) {
@@ -8231,7 +7273,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k5_rank_one:(i0,i1,i2)->(o0) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -8243,7 +7285,7 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_checkout(void) {
@@ -8318,7 +7360,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k6_edge:(i0,i1[3])->(o0) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -8330,7 +7372,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_checkout(void) {
@@ -8403,7 +7445,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k7_begin:(i0)->(o0) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -8411,7 +7453,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_checkout(void) {
@@ -8482,7 +7524,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k8_own:(i0,i1,i2)->(o0) */
-static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -8494,7 +7536,7 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f42(arg, res, iw, w, mem);
+  return casadi_f36(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_checkout(void) {
@@ -8569,7 +7611,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k9_both:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -8586,7 +7628,7 @@ static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f43(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_checkout(void) {
@@ -8667,7 +7709,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k10_free_only:(i0,i1)->(o0) */
-static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -8679,7 +7721,7 @@ static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f44(arg, res, iw, w, mem);
+  return casadi_f38(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_checkout(void) {
@@ -8752,7 +7794,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k11_none:()->(o0) */
-static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8760,7 +7802,7 @@ static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f45(arg, res, iw, w, mem);
+  return casadi_f39(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_checkout(void) {
@@ -8829,7 +7871,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k12_refine:(i0,i1,i2,i3,i4)->(o0) */
-static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -8850,7 +7892,7 @@ static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f46(arg, res, iw, w, mem);
+  return casadi_f40(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_checkout(void) {
@@ -8929,7 +7971,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k13_good:()->(o0) */
-static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8937,7 +7979,7 @@ static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f47(arg, res, iw, w, mem);
+  return casadi_f41(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_checkout(void) {
@@ -9006,7 +8048,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k14_ready:()->(o0) */
-static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9014,7 +8056,7 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f48(arg, res, iw, w, mem);
+  return casadi_f42(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_checkout(void) {
@@ -9083,7 +8125,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k15_inside:(i0,i1,i2)->(o0,o1) */
-static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -9097,7 +8139,7 @@ static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f49(arg, res, iw, w, mem);
+  return casadi_f43(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_checkout(void) {
@@ -9174,7 +8216,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k16_whole:()->(o0) */
-static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9182,7 +8224,7 @@ static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f50(arg, res, iw, w, mem);
+  return casadi_f44(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_checkout(void) {
@@ -9251,7 +8293,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k17_reach:(i0,i1,i2,i3,i4,i5)->(o0,o1) */
-static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -9290,7 +8332,7 @@ static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f51(arg, res, iw, w, mem);
+  return casadi_f45(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_checkout(void) {
@@ -9373,7 +8415,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k18_advance:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -9403,7 +8445,7 @@ static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f52(arg, res, iw, w, mem);
+  return casadi_f46(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_checkout(void) {
@@ -9484,7 +8526,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k19_tie:(i0,i1,i2,i3)->(o0) */
-static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -9499,7 +8541,7 @@ static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f53(arg, res, iw, w, mem);
+  return casadi_f47(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_checkout(void) {
@@ -9576,7 +8618,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k20_promise:(i0,i1,i2,i3,i4,i5,i6,i7)->(o0,o1) */
-static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -9621,7 +8663,7 @@ static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f54(arg, res, iw, w, mem);
+  return casadi_f48(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_checkout(void) {
@@ -9708,7 +8750,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k21_finished:(i0)->(o0) */
-static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -9719,7 +8761,7 @@ static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f55(arg, res, iw, w, mem);
+  return casadi_f49(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_checkout(void) {
@@ -9790,7 +8832,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k22_done:()->(o0) */
-static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9798,7 +8840,7 @@ static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f56(arg, res, iw, w, mem);
+  return casadi_f50(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_checkout(void) {
@@ -9867,7 +8909,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k23_count:(i0)->(o0) */
-static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -9877,7 +8919,7 @@ static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f57(arg, res, iw, w, mem);
+  return casadi_f51(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_checkout(void) {
@@ -9948,7 +8990,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k24_lost:(i0)->(o0) */
-static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -9959,7 +9001,7 @@ static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f58(arg, res, iw, w, mem);
+  return casadi_f52(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_checkout(void) {
@@ -10030,7 +9072,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k25_residual:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[5]? arg[5][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10071,7 +9113,7 @@ static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f59(arg, res, iw, w, mem);
+  return casadi_f53(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_checkout(void) {
@@ -10152,7 +9194,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k26_rough:(i0,i1,i2)->(o0) */
-static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   a1=arg[1]? arg[1][0] : 0;
@@ -10167,7 +9209,7 @@ static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f60(arg, res, iw, w, mem);
+  return casadi_f54(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_checkout(void) {
@@ -10242,7 +9284,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k27_verdict:(i0,i1,i2,i3)->(o0) */
-static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10257,7 +9299,7 @@ static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f61(arg, res, iw, w, mem);
+  return casadi_f55(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_checkout(void) {
@@ -10334,7 +9376,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k28_lose:(i0,i1,i2)->(o0) */
-static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10346,7 +9388,7 @@ static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f62(arg, res, iw, w, mem);
+  return casadi_f56(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_checkout(void) {
@@ -10421,7 +9463,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k29_let_go:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10438,7 +9480,7 @@ static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f63(arg, res, iw, w, mem);
+  return casadi_f57(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_checkout(void) {
@@ -10519,7 +9561,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k30_push:(i0,i1,i2,i3,i4)->(o0,o1,o2,o3,o4,o5) */
-static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -10540,7 +9582,7 @@ static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f64(arg, res, iw, w, mem);
+  return casadi_f58(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_checkout(void) {
@@ -10629,7 +9671,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k31_gain:(i0,i1,i2)->(o0) */
-static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10641,7 +9683,7 @@ static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f65(arg, res, iw, w, mem);
+  return casadi_f59(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_checkout(void) {
@@ -10716,7 +9758,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k32_first:(i0)->(o0) */
-static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -10724,7 +9766,7 @@ static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f66(arg, res, iw, w, mem);
+  return casadi_f60(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_checkout(void) {
@@ -10795,7 +9837,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k33_stays:(i0,i1,i2,i3)->(o0) */
-static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10810,7 +9852,7 @@ static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f67(arg, res, iw, w, mem);
+  return casadi_f61(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_checkout(void) {
@@ -10887,7 +9929,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k34_tie:(i0,i1,i2,i3)->(o0,o1) */
-static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10903,7 +9945,7 @@ static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f68(arg, res, iw, w, mem);
+  return casadi_f62(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_checkout(void) {
@@ -10982,7 +10024,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k35_whole:(i0,i1)->(o0) */
-static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10992,7 +10034,7 @@ static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f69(arg, res, iw, w, mem);
+  return casadi_f63(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_checkout(void) {
@@ -11065,7 +10107,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k36_weight:(i0,i1,i2)->(o0,o1) */
-static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11077,7 +10119,7 @@ static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f70(arg, res, iw, w, mem);
+  return casadi_f64(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_checkout(void) {
@@ -11154,7 +10196,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k37_pop:(i0)->(o0) */
-static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -11164,7 +10206,7 @@ static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f71(arg, res, iw, w, mem);
+  return casadi_f65(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_checkout(void) {
@@ -11235,7 +10277,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k38_weight:(i0,i1)->(o0) */
-static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11245,7 +10287,7 @@ static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f72(arg, res, iw, w, mem);
+  return casadi_f66(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_checkout(void) {
@@ -11318,7 +10360,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k39_turned:(i0,i1,i2)->(o0) */
-static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -11332,7 +10374,7 @@ static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f73(arg, res, iw, w, mem);
+  return casadi_f67(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_checkout(void) {
@@ -11407,7 +10449,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k40_direction:(i0,i1)->(o0) */
-static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11423,7 +10465,7 @@ static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f74(arg, res, iw, w, mem);
+  return casadi_f68(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_checkout(void) {
@@ -11496,7 +10538,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k41_beyond:(i0,i1,i2,i3)->(o0) */
-static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11510,7 +10552,7 @@ static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f75(arg, res, iw, w, mem);
+  return casadi_f69(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_checkout(void) {
@@ -11587,7 +10629,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k42_torque:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -11604,7 +10646,7 @@ static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f76(arg, res, iw, w, mem);
+  return casadi_f70(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_checkout(void) {
@@ -11685,7 +10727,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k43_on:(i0)->(o0) */
-static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -11693,7 +10735,7 @@ static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f77(arg, res, iw, w, mem);
+  return casadi_f71(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_checkout(void) {
@@ -11764,7 +10806,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k44_all_ok:()->(o0) */
-static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -11772,7 +10814,7 @@ static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f78(arg, res, iw, w, mem);
+  return casadi_f72(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_checkout(void) {
@@ -11841,7 +10883,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad:(i0,i1)->(o0,o1) */
-static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=3.4999999403953552e-01;
@@ -11858,7 +10900,7 @@ static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f79(arg, res, iw, w, mem);
+  return casadi_f73(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_checkout(void) {
@@ -11933,7 +10975,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=25.;
@@ -11950,7 +10992,7 @@ static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f80(arg, res, iw, w, mem);
+  return casadi_f74(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_checkout(void) {
@@ -12025,7 +11067,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad:(i0,i1)->(o0,o1) */
-static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=3.3499999046325684e+00;
@@ -12042,7 +11084,7 @@ static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f81(arg, res, iw, w, mem);
+  return casadi_f75(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_checkout(void) {
@@ -12117,7 +11159,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=12.;
@@ -12134,7 +11176,7 @@ static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f82(arg, res, iw, w, mem);
+  return casadi_f76(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_checkout(void) {
@@ -12209,7 +11251,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -12226,7 +11268,7 @@ static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f83(arg, res, iw, w, mem);
+  return casadi_f77(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_checkout(void) {
@@ -12301,7 +11343,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -12318,7 +11360,7 @@ static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f84(arg, res, iw, w, mem);
+  return casadi_f78(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_checkout(void) {
@@ -12393,7 +11435,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_N
 }
 
 /* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -12410,7 +11452,7 @@ static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f85(arg, res, iw, w, mem);
+  return casadi_f79(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_checkout(void) {
@@ -12485,7 +11527,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -12545,7 +11587,7 @@ static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f86(arg, res, iw, w, mem);
+  return casadi_f80(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_checkout(void) {
@@ -12620,7 +11662,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2:(i0,i1)->(o0,o1) */
-static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.4666666030883789e+01;
@@ -12637,7 +11679,7 @@ static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f87(arg, res, iw, w, mem);
+  return casadi_f81(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_checkout(void) {
@@ -12712,7 +11754,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -12729,7 +11771,7 @@ static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f88(arg, res, iw, w, mem);
+  return casadi_f82(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_checkout(void) {
@@ -12804,7 +11846,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s:(i0,i1)->(o0,o1) */
-static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=10000.;
@@ -12821,7 +11863,7 @@ static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f89(arg, res, iw, w, mem);
+  return casadi_f83(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_checkout(void) {
@@ -12896,7 +11938,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_N
 }
 
 /* esea_elbow_mpc_casadi_predictive_k56_guard_mode:(i0,i1)->(o0,o1) */
-static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.;
@@ -12913,7 +11955,7 @@ static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f90(arg, res, iw, w, mem);
+  return casadi_f84(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_checkout(void) {
@@ -12988,7 +12030,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -13048,7 +12090,7 @@ static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f91(arg, res, iw, w, mem);
+  return casadi_f85(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_checkout(void) {
@@ -13123,7 +12165,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -13183,7 +12225,7 @@ static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f92(arg, res, iw, w, mem);
+  return casadi_f86(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_checkout(void) {
@@ -13258,7 +12300,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -13318,7 +12360,7 @@ static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f93(arg, res, iw, w, mem);
+  return casadi_f87(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_checkout(void) {
@@ -13393,7 +12435,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad:(i0,i1)->(o0,o1) */
-static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -13410,7 +12452,7 @@ static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f94(arg, res, iw, w, mem);
+  return casadi_f88(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_checkout(void) {
@@ -13485,7 +12527,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad:(i0,i1)->(o0,o1) */
-static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.;
@@ -13502,7 +12544,7 @@ static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f95(arg, res, iw, w, mem);
+  return casadi_f89(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_checkout(void) {
@@ -13577,7 +12619,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_w
 }
 
 /* esea_elbow_mpc_casadi_predictive_k62_before:(i0[7],i1,i2[6],i3)->(o0[8],o1) */
-static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=2.5000000000000001e-03;
   a1=1.1161387631975867e+02;
@@ -13645,7 +12687,7 @@ static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f96(arg, res, iw, w, mem);
+  return casadi_f90(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_checkout(void) {
@@ -13724,7 +12766,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k63_after:(i0[7],i1,i2[6],i3,i4[8],i5,i6)->(o0[7],o1[6]) */
-static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25;
@@ -13882,7 +12924,7 @@ static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f97(arg, res, iw, w, mem);
+  return casadi_f91(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_checkout(void) {
@@ -13967,7 +13009,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k64_column:(i0[7],i1[6],i2)->(o0[7],o1) */
-static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
@@ -14030,7 +13072,7 @@ static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f98(arg, res, iw, w, mem);
+  return casadi_f92(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_checkout(void) {
@@ -14107,7 +13149,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k65_newest:(i0[7],i1[6],i2)->(o0[7],o1) */
-static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
@@ -14174,7 +13216,7 @@ static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f99(arg, res, iw, w, mem);
+  return casadi_f93(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_checkout(void) {
@@ -14251,7 +13293,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k66_effort_0:(i0[7],i1,i2[6],i3[3])->(o0,o1) */
-static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][2] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -14265,7 +13307,7 @@ static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f100(arg, res, iw, w, mem);
+  return casadi_f94(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_checkout(void) {
@@ -14344,7 +13386,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k67_effort_0_column:(i0[7],i1)->(o0) */
-static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][4] : 0;
@@ -14354,7 +13396,7 @@ static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f101(arg, res, iw, w, mem);
+  return casadi_f95(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_checkout(void) {
@@ -14427,7 +13469,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k68_effort_0_own:(i0[7],i1,i2[6])->(o0) */
-static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[2]? arg[2][2] : 0;
@@ -14437,7 +13479,7 @@ static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f102(arg, res, iw, w, mem);
+  return casadi_f96(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_checkout(void) {
@@ -14512,7 +13554,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k69_reference:(i0)->(o0) */
-static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -14520,7 +13562,7 @@ static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f103(arg, res, iw, w, mem);
+  return casadi_f97(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_checkout(void) {
@@ -14591,7 +13633,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k70_error_0:(i0[7],i1,i2[6],i3[3])->(o0,o1[3]) */
-static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[2]? arg[2][1] : 0;
   a1=arg[0]? arg[0][6] : 0;
@@ -14620,7 +13662,7 @@ static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f104(arg, res, iw, w, mem);
+  return casadi_f98(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_checkout(void) {
@@ -14699,7 +13741,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k71_error_0_column:(i0[7],i1[3])->(o0) */
-static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -14717,7 +13759,7 @@ static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f105(arg, res, iw, w, mem);
+  return casadi_f99(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_checkout(void) {
@@ -14790,7 +13832,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k72_begin:(i0)->(o0) */
-static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -14798,7 +13840,7 @@ static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f106(arg, res, iw, w, mem);
+  return casadi_f100(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_checkout(void) {
@@ -14869,7 +13911,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k73_at_plan:(i0,i1,i2)->(o0) */
-static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -14881,7 +13923,7 @@ static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f107(arg, res, iw, w, mem);
+  return casadi_f101(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_checkout(void) {
@@ -14956,7 +13998,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k74_end:(i0)->(o0) */
-static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -14964,7 +14006,7 @@ static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f108(arg, res, iw, w, mem);
+  return casadi_f102(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_checkout(void) {
@@ -15035,7 +14077,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k75_none:()->(o0) */
-static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -15043,7 +14085,7 @@ static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f109(arg, res, iw, w, mem);
+  return casadi_f103(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_checkout(void) {
@@ -15112,7 +14154,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k76_gradient:(i0,i1,i2)->(o0) */
-static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -15124,7 +14166,7 @@ static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f110(arg, res, iw, w, mem);
+  return casadi_f104(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_checkout(void) {
@@ -15199,7 +14241,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k77_gram:(i0,i1,i2)->(o0) */
-static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -15211,7 +14253,7 @@ static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f111(arg, res, iw, w, mem);
+  return casadi_f105(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_checkout(void) {
@@ -15286,7 +14328,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k78_good:()->(o0) */
-static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -15294,7 +14336,7 @@ static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f112(arg, res, iw, w, mem);
+  return casadi_f106(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_checkout(void) {
@@ -15363,7 +14405,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k79_plan_ok:(i0,i1)->(o0) */
-static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -15378,7 +14420,7 @@ static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f113(arg, res, iw, w, mem);
+  return casadi_f107(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_checkout(void) {
@@ -15451,7 +14493,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k80_plan_used:(i0,i1)->(o0) */
-static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -15461,7 +14503,7 @@ static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f114(arg, res, iw, w, mem);
+  return casadi_f108(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_checkout(void) {
@@ -15534,7 +14576,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k81_shift_plan:(i0,i1)->(o0) */
-static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.5000000000000000e-01;
@@ -15547,7 +14589,7 @@ static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f115(arg, res, iw, w, mem);
+  return casadi_f109(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_checkout(void) {
@@ -15620,7 +14662,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low:()->(o0) */
-static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=-1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -15628,7 +14670,7 @@ static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f116(arg, res, iw, w, mem);
+  return casadi_f110(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_checkout(void) {
@@ -15697,7 +14739,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work_b
 }
 
 /* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high:()->(o0) */
-static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -15705,7 +14747,7 @@ static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f117(arg, res, iw, w, mem);
+  return casadi_f111(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_checkout(void) {
@@ -15774,7 +14816,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k84_deflection:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12)->(o0) */
-static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -15782,7 +14824,7 @@ static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f118(arg, res, iw, w, mem);
+  return casadi_f112(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection_checkout(void) {
@@ -15877,7 +14919,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k85_nest:(i0,i1,i2,i3,i4,i5)->(o0,o1,o2) */
-static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -15900,7 +14942,7 @@ static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f119(arg, res, iw, w, mem);
+  return casadi_f113(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_checkout(void) {
@@ -15985,7 +15027,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k86_bottom:()->(o0,o1,o2) */
-static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -15997,7 +15039,7 @@ static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f120(arg, res, iw, w, mem);
+  return casadi_f114(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_checkout(void) {
@@ -16070,7 +15112,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k87_loose:(i0,i1,i2)->(o0,o1,o2,o3) */
-static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -16087,7 +15129,7 @@ static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f121(arg, res, iw, w, mem);
+  return casadi_f115(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_checkout(void) {
@@ -16168,7 +15210,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k88_start:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13)->(o0[7]) */
-static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -16197,7 +15239,7 @@ static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f122(arg, res, iw, w, mem);
+  return casadi_f116(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start_checkout(void) {
@@ -16294,7 +15336,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k89_parameter:(i0)->(o0) */
-static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -16302,7 +15344,7 @@ static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f123(arg, res, iw, w, mem);
+  return casadi_f117(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter_checkout(void) {
@@ -16373,7 +15415,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k90_in_force:(i0)->(o0) */
-static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -16381,7 +15423,7 @@ static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f124(arg, res, iw, w, mem);
+  return casadi_f118(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force_checkout(void) {
@@ -16452,7 +15494,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k91_forecast:(i0,i1[6],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14)->(o0) */
-static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[10]? arg[10][0] : 0;
   a1=arg[11]? arg[11][0] : 0;
@@ -16464,7 +15506,7 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f125(arg, res, iw, w, mem);
+  return casadi_f119(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_checkout(void) {
@@ -16563,7 +15605,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k92_before:(i0[7],i1,i2[6],i3)->(o0[8],o1) */
-static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=1.0000000000000000e-03;
   a1=1.1161387631975867e+02;
@@ -16631,7 +15673,7 @@ static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f126(arg, res, iw, w, mem);
+  return casadi_f120(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_checkout(void) {
@@ -16710,7 +15752,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k93_onward:(i0[7],i1,i2[6],i3,i4[8],i5)->(o0[7]) */
-static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12;
   a00=arg[0]? arg[0][0] : 0;
@@ -16800,7 +15842,7 @@ static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f127(arg, res, iw, w, mem);
+  return casadi_f121(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_checkout(void) {
@@ -16881,7 +15923,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k94_input:(i0)->(o0) */
-static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -16891,7 +15933,7 @@ static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f128(arg, res, iw, w, mem);
+  return casadi_f122(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_checkout(void) {
@@ -16962,7 +16004,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k95_forecast:(i0,i1[6],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14)->(o0) */
-static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[10]? arg[10][0] : 0;
   a1=arg[11]? arg[11][0] : 0;
@@ -16974,7 +16016,7 @@ static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f129(arg, res, iw, w, mem);
+  return casadi_f123(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast_checkout(void) {
@@ -17073,7 +16115,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k96_usable:(i0,i1)->(o0) */
-static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -17083,7 +16125,7 @@ static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f130(arg, res, iw, w, mem);
+  return casadi_f124(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_checkout(void) {
@@ -17156,7 +16198,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k97_plan_fine:(i0,i1)->(o0) */
-static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -17171,7 +16213,7 @@ static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f131(arg, res, iw, w, mem);
+  return casadi_f125(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_checkout(void) {
@@ -17244,7 +16286,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k98_acts:(i0)->(o0) */
-static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -17252,7 +16294,7 @@ static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f132(arg, res, iw, w, mem);
+  return casadi_f126(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_checkout(void) {
@@ -17323,7 +16365,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k99_enabled:(i0,i1)->(o0) */
-static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.0000000000000000e-01;
@@ -17335,7 +16377,7 @@ static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f133(arg, res, iw, w, mem);
+  return casadi_f127(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_checkout(void) {
@@ -17408,7 +16450,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k100_plan_next:(i0,i1)->(o0) */
-static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -17422,7 +16464,7 @@ static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f134(arg, res, iw, w, mem);
+  return casadi_f128(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_checkout(void) {
@@ -17495,7 +16537,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k101_command:(i0,i1,i2)->(o0,o1,o2) */
-static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -17518,7 +16560,7 @@ static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f135(arg, res, iw, w, mem);
+  return casadi_f129(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_checkout(void) {
@@ -17597,7 +16639,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k102_report:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=(!a0);
@@ -17632,7 +16674,7 @@ static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f136(arg, res, iw, w, mem);
+  return casadi_f130(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_checkout(void) {
@@ -17713,7 +16755,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_stamp_init:()->(beats_0) */
-static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17721,7 +16763,7 @@ static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f137(arg, res, iw, w, mem);
+  return casadi_f131(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_checkout(void) {
@@ -17790,7 +16832,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_stamp_step:(s_beats,u_u_command_Nm,u_request_ok)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -17837,7 +16879,7 @@ static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f138(arg, res, iw, w, mem);
+  return casadi_f132(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step_checkout(void) {

@@ -17,114 +17,60 @@ extern "C" {
 #define casadi_int int
 #endif
 
-int esea_elbow_mpc_casadi_encoder_motor_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_encoder_motor_prepare_checkout(void);
-void esea_elbow_mpc_casadi_encoder_motor_prepare_release(int mem);
-void esea_elbow_mpc_casadi_encoder_motor_prepare_incref(void);
-void esea_elbow_mpc_casadi_encoder_motor_prepare_decref(void);
-casadi_int esea_elbow_mpc_casadi_encoder_motor_prepare_n_in(void);
-casadi_int esea_elbow_mpc_casadi_encoder_motor_prepare_n_out(void);
-casadi_real esea_elbow_mpc_casadi_encoder_motor_prepare_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_motor_prepare_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_motor_prepare_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_motor_prepare_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_motor_prepare_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_encoder_motor_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_encoder_motor_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_encoder_motor_prepare_SZ_ARG 2
-#define esea_elbow_mpc_casadi_encoder_motor_prepare_SZ_RES 2
-#define esea_elbow_mpc_casadi_encoder_motor_prepare_SZ_IW 0
-#define esea_elbow_mpc_casadi_encoder_motor_prepare_SZ_W 0
-int esea_elbow_mpc_casadi_encoder_motor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_encoder_motor_init_checkout(void);
-void esea_elbow_mpc_casadi_encoder_motor_init_release(int mem);
-void esea_elbow_mpc_casadi_encoder_motor_init_incref(void);
-void esea_elbow_mpc_casadi_encoder_motor_init_decref(void);
-casadi_int esea_elbow_mpc_casadi_encoder_motor_init_n_in(void);
-casadi_int esea_elbow_mpc_casadi_encoder_motor_init_n_out(void);
-casadi_real esea_elbow_mpc_casadi_encoder_motor_init_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_motor_init_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_motor_init_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_motor_init_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_motor_init_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_encoder_motor_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_encoder_motor_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_encoder_motor_init_SZ_ARG 2
-#define esea_elbow_mpc_casadi_encoder_motor_init_SZ_RES 5
-#define esea_elbow_mpc_casadi_encoder_motor_init_SZ_IW 0
-#define esea_elbow_mpc_casadi_encoder_motor_init_SZ_W 0
-int esea_elbow_mpc_casadi_encoder_motor_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_encoder_motor_step_checkout(void);
-void esea_elbow_mpc_casadi_encoder_motor_step_release(int mem);
-void esea_elbow_mpc_casadi_encoder_motor_step_incref(void);
-void esea_elbow_mpc_casadi_encoder_motor_step_decref(void);
-casadi_int esea_elbow_mpc_casadi_encoder_motor_step_n_in(void);
-casadi_int esea_elbow_mpc_casadi_encoder_motor_step_n_out(void);
-casadi_real esea_elbow_mpc_casadi_encoder_motor_step_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_motor_step_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_motor_step_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_motor_step_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_motor_step_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_encoder_motor_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_encoder_motor_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_encoder_motor_step_SZ_ARG 9
-#define esea_elbow_mpc_casadi_encoder_motor_step_SZ_RES 8
-#define esea_elbow_mpc_casadi_encoder_motor_step_SZ_IW 0
-#define esea_elbow_mpc_casadi_encoder_motor_step_SZ_W 0
-int esea_elbow_mpc_casadi_encoder_load_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_encoder_load_prepare_checkout(void);
-void esea_elbow_mpc_casadi_encoder_load_prepare_release(int mem);
-void esea_elbow_mpc_casadi_encoder_load_prepare_incref(void);
-void esea_elbow_mpc_casadi_encoder_load_prepare_decref(void);
-casadi_int esea_elbow_mpc_casadi_encoder_load_prepare_n_in(void);
-casadi_int esea_elbow_mpc_casadi_encoder_load_prepare_n_out(void);
-casadi_real esea_elbow_mpc_casadi_encoder_load_prepare_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_load_prepare_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_load_prepare_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_load_prepare_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_load_prepare_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_encoder_load_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_encoder_load_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_encoder_load_prepare_SZ_ARG 2
-#define esea_elbow_mpc_casadi_encoder_load_prepare_SZ_RES 2
-#define esea_elbow_mpc_casadi_encoder_load_prepare_SZ_IW 0
-#define esea_elbow_mpc_casadi_encoder_load_prepare_SZ_W 0
-int esea_elbow_mpc_casadi_encoder_load_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_encoder_load_init_checkout(void);
-void esea_elbow_mpc_casadi_encoder_load_init_release(int mem);
-void esea_elbow_mpc_casadi_encoder_load_init_incref(void);
-void esea_elbow_mpc_casadi_encoder_load_init_decref(void);
-casadi_int esea_elbow_mpc_casadi_encoder_load_init_n_in(void);
-casadi_int esea_elbow_mpc_casadi_encoder_load_init_n_out(void);
-casadi_real esea_elbow_mpc_casadi_encoder_load_init_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_load_init_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_load_init_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_load_init_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_load_init_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_encoder_load_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_encoder_load_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_encoder_load_init_SZ_ARG 2
-#define esea_elbow_mpc_casadi_encoder_load_init_SZ_RES 5
-#define esea_elbow_mpc_casadi_encoder_load_init_SZ_IW 0
-#define esea_elbow_mpc_casadi_encoder_load_init_SZ_W 0
-int esea_elbow_mpc_casadi_encoder_load_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_encoder_load_step_checkout(void);
-void esea_elbow_mpc_casadi_encoder_load_step_release(int mem);
-void esea_elbow_mpc_casadi_encoder_load_step_incref(void);
-void esea_elbow_mpc_casadi_encoder_load_step_decref(void);
-casadi_int esea_elbow_mpc_casadi_encoder_load_step_n_in(void);
-casadi_int esea_elbow_mpc_casadi_encoder_load_step_n_out(void);
-casadi_real esea_elbow_mpc_casadi_encoder_load_step_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_load_step_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_encoder_load_step_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_load_step_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_encoder_load_step_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_encoder_load_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_encoder_load_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_encoder_load_step_SZ_ARG 9
-#define esea_elbow_mpc_casadi_encoder_load_step_SZ_RES 8
-#define esea_elbow_mpc_casadi_encoder_load_step_SZ_IW 0
-#define esea_elbow_mpc_casadi_encoder_load_step_SZ_W 0
+int esea_elbow_mpc_casadi_encoder_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_encoder_prepare_checkout(void);
+void esea_elbow_mpc_casadi_encoder_prepare_release(int mem);
+void esea_elbow_mpc_casadi_encoder_prepare_incref(void);
+void esea_elbow_mpc_casadi_encoder_prepare_decref(void);
+casadi_int esea_elbow_mpc_casadi_encoder_prepare_n_in(void);
+casadi_int esea_elbow_mpc_casadi_encoder_prepare_n_out(void);
+casadi_real esea_elbow_mpc_casadi_encoder_prepare_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_prepare_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_prepare_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_encoder_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_encoder_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_encoder_prepare_SZ_ARG 2
+#define esea_elbow_mpc_casadi_encoder_prepare_SZ_RES 2
+#define esea_elbow_mpc_casadi_encoder_prepare_SZ_IW 0
+#define esea_elbow_mpc_casadi_encoder_prepare_SZ_W 0
+int esea_elbow_mpc_casadi_encoder_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_encoder_init_checkout(void);
+void esea_elbow_mpc_casadi_encoder_init_release(int mem);
+void esea_elbow_mpc_casadi_encoder_init_incref(void);
+void esea_elbow_mpc_casadi_encoder_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_encoder_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_encoder_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_encoder_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_encoder_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_encoder_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_encoder_init_SZ_ARG 2
+#define esea_elbow_mpc_casadi_encoder_init_SZ_RES 5
+#define esea_elbow_mpc_casadi_encoder_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_encoder_init_SZ_W 0
+int esea_elbow_mpc_casadi_encoder_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_encoder_step_checkout(void);
+void esea_elbow_mpc_casadi_encoder_step_release(int mem);
+void esea_elbow_mpc_casadi_encoder_step_incref(void);
+void esea_elbow_mpc_casadi_encoder_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_encoder_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_encoder_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_encoder_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_encoder_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_encoder_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_encoder_step_SZ_ARG 9
+#define esea_elbow_mpc_casadi_encoder_step_SZ_RES 8
+#define esea_elbow_mpc_casadi_encoder_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_encoder_step_SZ_W 0
 int esea_elbow_mpc_casadi_joint_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_joint_init_checkout(void);
 void esea_elbow_mpc_casadi_joint_init_release(int mem);
@@ -251,114 +197,60 @@ int esea_elbow_mpc_casadi_sensor_step_work_bytes(casadi_int *sz_arg, casadi_int*
 #define esea_elbow_mpc_casadi_sensor_step_SZ_RES 10
 #define esea_elbow_mpc_casadi_sensor_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_sensor_step_SZ_W 0
-int esea_elbow_mpc_casadi_motor_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_motor_rate_prepare_checkout(void);
-void esea_elbow_mpc_casadi_motor_rate_prepare_release(int mem);
-void esea_elbow_mpc_casadi_motor_rate_prepare_incref(void);
-void esea_elbow_mpc_casadi_motor_rate_prepare_decref(void);
-casadi_int esea_elbow_mpc_casadi_motor_rate_prepare_n_in(void);
-casadi_int esea_elbow_mpc_casadi_motor_rate_prepare_n_out(void);
-casadi_real esea_elbow_mpc_casadi_motor_rate_prepare_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_motor_rate_prepare_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_motor_rate_prepare_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_motor_rate_prepare_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_motor_rate_prepare_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_motor_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_motor_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_motor_rate_prepare_SZ_ARG 1
-#define esea_elbow_mpc_casadi_motor_rate_prepare_SZ_RES 2
-#define esea_elbow_mpc_casadi_motor_rate_prepare_SZ_IW 0
-#define esea_elbow_mpc_casadi_motor_rate_prepare_SZ_W 0
-int esea_elbow_mpc_casadi_motor_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_motor_rate_init_checkout(void);
-void esea_elbow_mpc_casadi_motor_rate_init_release(int mem);
-void esea_elbow_mpc_casadi_motor_rate_init_incref(void);
-void esea_elbow_mpc_casadi_motor_rate_init_decref(void);
-casadi_int esea_elbow_mpc_casadi_motor_rate_init_n_in(void);
-casadi_int esea_elbow_mpc_casadi_motor_rate_init_n_out(void);
-casadi_real esea_elbow_mpc_casadi_motor_rate_init_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_motor_rate_init_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_motor_rate_init_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_motor_rate_init_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_motor_rate_init_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_motor_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_motor_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_motor_rate_init_SZ_ARG 2
-#define esea_elbow_mpc_casadi_motor_rate_init_SZ_RES 5
-#define esea_elbow_mpc_casadi_motor_rate_init_SZ_IW 0
-#define esea_elbow_mpc_casadi_motor_rate_init_SZ_W 0
-int esea_elbow_mpc_casadi_motor_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_motor_rate_step_checkout(void);
-void esea_elbow_mpc_casadi_motor_rate_step_release(int mem);
-void esea_elbow_mpc_casadi_motor_rate_step_incref(void);
-void esea_elbow_mpc_casadi_motor_rate_step_decref(void);
-casadi_int esea_elbow_mpc_casadi_motor_rate_step_n_in(void);
-casadi_int esea_elbow_mpc_casadi_motor_rate_step_n_out(void);
-casadi_real esea_elbow_mpc_casadi_motor_rate_step_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_motor_rate_step_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_motor_rate_step_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_motor_rate_step_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_motor_rate_step_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_motor_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_motor_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_motor_rate_step_SZ_ARG 8
-#define esea_elbow_mpc_casadi_motor_rate_step_SZ_RES 7
-#define esea_elbow_mpc_casadi_motor_rate_step_SZ_IW 0
-#define esea_elbow_mpc_casadi_motor_rate_step_SZ_W 0
-int esea_elbow_mpc_casadi_load_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_load_rate_prepare_checkout(void);
-void esea_elbow_mpc_casadi_load_rate_prepare_release(int mem);
-void esea_elbow_mpc_casadi_load_rate_prepare_incref(void);
-void esea_elbow_mpc_casadi_load_rate_prepare_decref(void);
-casadi_int esea_elbow_mpc_casadi_load_rate_prepare_n_in(void);
-casadi_int esea_elbow_mpc_casadi_load_rate_prepare_n_out(void);
-casadi_real esea_elbow_mpc_casadi_load_rate_prepare_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_load_rate_prepare_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_load_rate_prepare_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_load_rate_prepare_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_load_rate_prepare_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_load_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_load_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_load_rate_prepare_SZ_ARG 1
-#define esea_elbow_mpc_casadi_load_rate_prepare_SZ_RES 2
-#define esea_elbow_mpc_casadi_load_rate_prepare_SZ_IW 0
-#define esea_elbow_mpc_casadi_load_rate_prepare_SZ_W 0
-int esea_elbow_mpc_casadi_load_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_load_rate_init_checkout(void);
-void esea_elbow_mpc_casadi_load_rate_init_release(int mem);
-void esea_elbow_mpc_casadi_load_rate_init_incref(void);
-void esea_elbow_mpc_casadi_load_rate_init_decref(void);
-casadi_int esea_elbow_mpc_casadi_load_rate_init_n_in(void);
-casadi_int esea_elbow_mpc_casadi_load_rate_init_n_out(void);
-casadi_real esea_elbow_mpc_casadi_load_rate_init_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_load_rate_init_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_load_rate_init_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_load_rate_init_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_load_rate_init_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_load_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_load_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_load_rate_init_SZ_ARG 2
-#define esea_elbow_mpc_casadi_load_rate_init_SZ_RES 5
-#define esea_elbow_mpc_casadi_load_rate_init_SZ_IW 0
-#define esea_elbow_mpc_casadi_load_rate_init_SZ_W 0
-int esea_elbow_mpc_casadi_load_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_load_rate_step_checkout(void);
-void esea_elbow_mpc_casadi_load_rate_step_release(int mem);
-void esea_elbow_mpc_casadi_load_rate_step_incref(void);
-void esea_elbow_mpc_casadi_load_rate_step_decref(void);
-casadi_int esea_elbow_mpc_casadi_load_rate_step_n_in(void);
-casadi_int esea_elbow_mpc_casadi_load_rate_step_n_out(void);
-casadi_real esea_elbow_mpc_casadi_load_rate_step_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_load_rate_step_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_load_rate_step_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_load_rate_step_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_load_rate_step_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_load_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_load_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_load_rate_step_SZ_ARG 8
-#define esea_elbow_mpc_casadi_load_rate_step_SZ_RES 7
-#define esea_elbow_mpc_casadi_load_rate_step_SZ_IW 0
-#define esea_elbow_mpc_casadi_load_rate_step_SZ_W 0
+int esea_elbow_mpc_casadi_rate_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_rate_prepare_checkout(void);
+void esea_elbow_mpc_casadi_rate_prepare_release(int mem);
+void esea_elbow_mpc_casadi_rate_prepare_incref(void);
+void esea_elbow_mpc_casadi_rate_prepare_decref(void);
+casadi_int esea_elbow_mpc_casadi_rate_prepare_n_in(void);
+casadi_int esea_elbow_mpc_casadi_rate_prepare_n_out(void);
+casadi_real esea_elbow_mpc_casadi_rate_prepare_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_rate_prepare_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_rate_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_rate_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_rate_prepare_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_rate_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_rate_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_rate_prepare_SZ_ARG 1
+#define esea_elbow_mpc_casadi_rate_prepare_SZ_RES 2
+#define esea_elbow_mpc_casadi_rate_prepare_SZ_IW 0
+#define esea_elbow_mpc_casadi_rate_prepare_SZ_W 0
+int esea_elbow_mpc_casadi_rate_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_rate_init_checkout(void);
+void esea_elbow_mpc_casadi_rate_init_release(int mem);
+void esea_elbow_mpc_casadi_rate_init_incref(void);
+void esea_elbow_mpc_casadi_rate_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_rate_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_rate_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_rate_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_rate_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_rate_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_rate_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_rate_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_rate_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_rate_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_rate_init_SZ_ARG 2
+#define esea_elbow_mpc_casadi_rate_init_SZ_RES 5
+#define esea_elbow_mpc_casadi_rate_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_rate_init_SZ_W 0
+int esea_elbow_mpc_casadi_rate_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_rate_step_checkout(void);
+void esea_elbow_mpc_casadi_rate_step_release(int mem);
+void esea_elbow_mpc_casadi_rate_step_incref(void);
+void esea_elbow_mpc_casadi_rate_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_rate_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_rate_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_rate_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_rate_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_rate_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_rate_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_rate_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_rate_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_rate_step_SZ_ARG 8
+#define esea_elbow_mpc_casadi_rate_step_SZ_RES 7
+#define esea_elbow_mpc_casadi_rate_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_rate_step_SZ_W 0
 int esea_elbow_mpc_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_reference_prepare_checkout(void);
 void esea_elbow_mpc_casadi_reference_prepare_release(int mem);
@@ -463,7 +355,7 @@ const casadi_int* esea_elbow_mpc_casadi_limits_step_sparsity_in(casadi_int i);
 const casadi_int* esea_elbow_mpc_casadi_limits_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_limits_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_limits_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_limits_step_SZ_ARG 38
+#define esea_elbow_mpc_casadi_limits_step_SZ_ARG 41
 #define esea_elbow_mpc_casadi_limits_step_SZ_RES 18
 #define esea_elbow_mpc_casadi_limits_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_limits_step_SZ_W 0

@@ -115,16 +115,16 @@ typedef enum ESEA_MODE
 } ESEA_MODE;
 #endif
 
-/** @brief Latched fault, in ESEA_INFO.fault. */
+/** @brief Faults: the board's in ESEA_INFO.fault (101 and more), reasons of the limits in the outputs called fault. */
 #ifndef HAVE_ENUM_ESEA_FAULT
 #define HAVE_ENUM_ESEA_FAULT
 typedef enum ESEA_FAULT
 {
-   ESEA_FAULT_NONE=0, /* No fault. | */
-   ESEA_FAULT_PREPARE_REFUSED=1, /* A tunable's default is outside its range. | */
-   ESEA_FAULT_STACK_EXHAUSTED=2, /* The stack has been used to its last word. | */
-   ESEA_FAULT_PROCESSOR=3, /* The processor took a fault exception. | */
-   ESEA_FAULT_ENUM_END=4, /*  | */
+   ESEA_FAULT_NONE=0, /* No fault. Cure: nothing to do. | */
+   ESEA_FAULT_PREPARE_REFUSED=101, /* A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts. | */
+   ESEA_FAULT_STACK_EXHAUSTED=102, /* The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script. | */
+   ESEA_FAULT_PROCESSOR=103, /* The processor took a fault exception. Cure: reset; if it comes again, service. | */
+   ESEA_FAULT_ENUM_END=104, /*  | */
 } ESEA_FAULT;
 #endif
 
@@ -151,7 +151,7 @@ typedef enum ESEA_ELBOW_VELOCITY_STATUS
 {
    ESEA_ELBOW_VELOCITY_STATUS_INPUT_INVALID=1, /* the deflection was NaN or outside its range; the last estimate is held | */
    ESEA_ELBOW_VELOCITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
-   ESEA_ELBOW_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range | */
+   ESEA_ELBOW_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range, or its memory at its own | */
    ESEA_ELBOW_VELOCITY_STATUS_ENUM_END=5, /*  | */
 } ESEA_ELBOW_VELOCITY_STATUS;
 #endif

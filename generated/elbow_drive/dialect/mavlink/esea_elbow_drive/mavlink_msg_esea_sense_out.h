@@ -12,15 +12,15 @@ typedef struct __mavlink_esea_sense_out_t {
  float tau_Nm; /*<  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)*/
  float tau_set_Nm; /*<  set torque, for the inverse; [Nm], range -4.46999979 to 4.46999979*/
  float theta_rad; /*< [rad] deflection: motor side minus load side; [rad], range -0.349999994 to 0.349999994*/
- float theta_motor_rad; /*< [rad] joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35*/
- float theta_load_rad; /*< [rad] joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35*/
+ float theta_motor_rad; /*< [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35*/
+ float theta_load_rad; /*< [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35*/
  float omega_motor_rad_s; /*< [rad/s] filtered rate of the angle; [rad/s], range -12 to 12*/
  float omega_load_rad_s; /*< [rad/s] filtered rate of the angle; [rad/s], range -12 to 12*/
  float delta_set_rad; /*< [rad] deflection set-point; [rad], range -0.349999994 to 0.349999994*/
  float tau_h_Nm; /*<  torque of the person; [Nm], range -20 to 20*/
  float d4_rad_s2; /*<  disturbance of the drive; [rad/s^2], range -24.666666 to 24.666666; eq. (5.5)*/
  float energy_J; /*<  energy given to the limb within the window; [J], range 0 to 269.306396*/
- float fault; /*<  first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12*/
+ float fault; /*<  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15*/
  float mode_held; /*<  mode that holds in this step; [dimensionless], range 0 to 2*/
  uint32_t encoder_motor_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_load_status; /*<  what is known of this sample; bits below*/
@@ -135,15 +135,15 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param tau_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
  * @param tau_set_Nm  set torque, for the inverse; [Nm], range -4.46999979 to 4.46999979
  * @param theta_rad [rad] deflection: motor side minus load side; [rad], range -0.349999994 to 0.349999994
- * @param theta_motor_rad [rad] joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
- * @param theta_load_rad [rad] joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_motor_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_load_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
  * @param omega_motor_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param omega_load_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param delta_set_rad [rad] deflection set-point; [rad], range -0.349999994 to 0.349999994
  * @param tau_h_Nm  torque of the person; [Nm], range -20 to 20
  * @param d4_rad_s2  disturbance of the drive; [rad/s^2], range -24.666666 to 24.666666; eq. (5.5)
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
- * @param fault  first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12
+ * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
@@ -251,15 +251,15 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param tau_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
  * @param tau_set_Nm  set torque, for the inverse; [Nm], range -4.46999979 to 4.46999979
  * @param theta_rad [rad] deflection: motor side minus load side; [rad], range -0.349999994 to 0.349999994
- * @param theta_motor_rad [rad] joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
- * @param theta_load_rad [rad] joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_motor_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_load_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
  * @param omega_motor_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param omega_load_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param delta_set_rad [rad] deflection set-point; [rad], range -0.349999994 to 0.349999994
  * @param tau_h_Nm  torque of the person; [Nm], range -20 to 20
  * @param d4_rad_s2  disturbance of the drive; [rad/s^2], range -24.666666 to 24.666666; eq. (5.5)
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
- * @param fault  first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12
+ * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
@@ -370,15 +370,15 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param tau_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
  * @param tau_set_Nm  set torque, for the inverse; [Nm], range -4.46999979 to 4.46999979
  * @param theta_rad [rad] deflection: motor side minus load side; [rad], range -0.349999994 to 0.349999994
- * @param theta_motor_rad [rad] joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
- * @param theta_load_rad [rad] joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_motor_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_load_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
  * @param omega_motor_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param omega_load_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param delta_set_rad [rad] deflection set-point; [rad], range -0.349999994 to 0.349999994
  * @param tau_h_Nm  torque of the person; [Nm], range -20 to 20
  * @param d4_rad_s2  disturbance of the drive; [rad/s^2], range -24.666666 to 24.666666; eq. (5.5)
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
- * @param fault  first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12
+ * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
@@ -525,15 +525,15 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param tau_Nm  interaction torque on the load; [Nm], range -20 to 20; eq. (3.1)
  * @param tau_set_Nm  set torque, for the inverse; [Nm], range -4.46999979 to 4.46999979
  * @param theta_rad [rad] deflection: motor side minus load side; [rad], range -0.349999994 to 0.349999994
- * @param theta_motor_rad [rad] joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
- * @param theta_load_rad [rad] joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_motor_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @param theta_load_rad [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
  * @param omega_motor_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param omega_load_rad_s [rad/s] filtered rate of the angle; [rad/s], range -12 to 12
  * @param delta_set_rad [rad] deflection set-point; [rad], range -0.349999994 to 0.349999994
  * @param tau_h_Nm  torque of the person; [Nm], range -20 to 20
  * @param d4_rad_s2  disturbance of the drive; [rad/s^2], range -24.666666 to 24.666666; eq. (5.5)
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
- * @param fault  first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12
+ * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
@@ -780,7 +780,7 @@ static inline float mavlink_msg_esea_sense_out_get_theta_rad(const mavlink_messa
 /**
  * @brief Get field theta_motor_rad from esea_sense_out message
  *
- * @return [rad] joint angle, motor side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @return [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
  */
 static inline float mavlink_msg_esea_sense_out_get_theta_motor_rad(const mavlink_message_t* msg)
 {
@@ -790,7 +790,7 @@ static inline float mavlink_msg_esea_sense_out_get_theta_motor_rad(const mavlink
 /**
  * @brief Get field theta_load_rad from esea_sense_out message
  *
- * @return [rad] joint angle, load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
+ * @return [rad] joint angle, motor or load side of the coupling; held, at first at count 0, while the encoder is not usable; [rad], range -35 to 35
  */
 static inline float mavlink_msg_esea_sense_out_get_theta_load_rad(const mavlink_message_t* msg)
 {
@@ -860,7 +860,7 @@ static inline float mavlink_msg_esea_sense_out_get_energy_J(const mavlink_messag
 /**
  * @brief Get field fault from esea_sense_out message
  *
- * @return  first reason of the latch (a Fault), 0 when released; [dimensionless], range 0 to 12
+ * @return  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  */
 static inline float mavlink_msg_esea_sense_out_get_fault(const mavlink_message_t* msg)
 {

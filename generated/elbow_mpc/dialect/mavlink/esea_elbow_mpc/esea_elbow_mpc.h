@@ -115,16 +115,31 @@ typedef enum ESEA_MODE
 } ESEA_MODE;
 #endif
 
-/** @brief Latched fault, in ESEA_INFO.fault. */
+/** @brief Faults: the board's in ESEA_INFO.fault (101 and more), reasons of the limits in the outputs called fault. */
 #ifndef HAVE_ENUM_ESEA_FAULT
 #define HAVE_ENUM_ESEA_FAULT
 typedef enum ESEA_FAULT
 {
-   ESEA_FAULT_NONE=0, /* No fault. | */
-   ESEA_FAULT_PREPARE_REFUSED=1, /* A tunable's default is outside its range. | */
-   ESEA_FAULT_STACK_EXHAUSTED=2, /* The stack has been used to its last word. | */
-   ESEA_FAULT_PROCESSOR=3, /* The processor took a fault exception. | */
-   ESEA_FAULT_ENUM_END=4, /*  | */
+   ESEA_FAULT_NONE=0, /* No fault. Cure: nothing to do. | */
+   ESEA_FAULT_NOT_ARMED=1, /* not armed since power-up or reset Cure: rearm. | */
+   ESEA_FAULT_STATE_CORRUPT=2, /* the memory of the limits was corrupt Cure: rearm; if it comes again, memory or stack is at fault: service. | */
+   ESEA_FAULT_TUNABLE_INVALID=3, /* a limit was not within its compiled bounds, or the range of motion was turned round Cure: prepare the coefficients again from params that are in range. | */
+   ESEA_FAULT_STOP=4, /* stop was requested Cure: take back every stop, then rearm. | */
+   ESEA_FAULT_INPUT_INVALID=5, /* an input was NaN, outside its physical range or not a whole number, or what was wanted was Cure: give finite inputs within their ranges; look at the status words of the Blocks before. | */
+   ESEA_FAULT_SENSING=6, /* the sensing task could not vouch for its measurements Cure: look at the encoders' status words: wiring, magnet, zero. | */
+   ESEA_FAULT_CONTROL_STALE=7, /* the control task delivered no new command Cure: see that the control task runs and gives finite commands. | */
+   ESEA_FAULT_DEFLECTION=8, /* the coupling was deflected too far Cure: unload the coupling; look for a blocked joint or a slipped encoder. | */
+   ESEA_FAULT_TORQUE=9, /* the interaction torque was too large Cure: unload the joint; a smaller wanted torque. | */
+   ESEA_FAULT_SPEED=10, /* joint or drive were too fast Cure: let the joint come to rest; a slower movement or smaller gains. | */
+   ESEA_FAULT_RANGE_OF_MOTION=11, /* the joint was beyond its range of motion and the margin Cure: move the joint back by hand. | */
+   ESEA_FAULT_ENERGY=12, /* too much energy was given to the limb within the window Cure: wait until the window has forgotten; slower or weaker movement. | */
+   ESEA_FAULT_CLOCK=13, /* base ticks were lost, repeated or went backward, or an old state was put back Cure: call release once for every base tick, in order; resume a state that was put back. | */
+   ESEA_FAULT_LATE=14, /* too many runs of a task ended after the tick at which they are released Cure: free time for the late task: see the watch's counters. | */
+   ESEA_FAULT_COEFFICIENTS=15, /* the coefficients are not those that were prepared, or no control run has checked them yet Cure: run the control task; if it stays, prepare again: memory was overwritten. | */
+   ESEA_FAULT_PREPARE_REFUSED=101, /* A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts. | */
+   ESEA_FAULT_STACK_EXHAUSTED=102, /* The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script. | */
+   ESEA_FAULT_PROCESSOR=103, /* The processor took a fault exception. Cure: reset; if it comes again, service. | */
+   ESEA_FAULT_ENUM_END=104, /*  | */
 } ESEA_FAULT;
 #endif
 
@@ -181,7 +196,7 @@ typedef enum ESEA_ELBOW_MPC_VELOCITY_STATUS
 {
    ESEA_ELBOW_MPC_VELOCITY_STATUS_INPUT_INVALID=1, /* the deflection was NaN or outside its range; the last estimate is held | */
    ESEA_ELBOW_MPC_VELOCITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
-   ESEA_ELBOW_MPC_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range | */
+   ESEA_ELBOW_MPC_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range, or its memory at its own | */
    ESEA_ELBOW_MPC_VELOCITY_STATUS_ENUM_END=5, /*  | */
 } ESEA_ELBOW_MPC_VELOCITY_STATUS;
 #endif
@@ -264,7 +279,10 @@ typedef enum ESEA_ELBOW_MPC_LIMITS_STATUS
    ESEA_ELBOW_MPC_LIMITS_STATUS_SPEED_LIMITED=32768, /* pushing on at high speed was held back | */
    ESEA_ELBOW_MPC_LIMITS_STATUS_REARM_REFUSED=65536, /* a rearm request came, but not all its conditions were met | */
    ESEA_ELBOW_MPC_LIMITS_STATUS_FAULT_LATCHED=131072, /* the motor command is held at zero; fault tells the first reason | */
-   ESEA_ELBOW_MPC_LIMITS_STATUS_ENUM_END=131073, /*  | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_CLOCK=262144, /* base ticks were lost, repeated or went backward | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_LATE=524288, /* too many runs of a task ended after the tick at which they are released | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_COEFFICIENTS=1048576, /* the coefficients are not those that were prepared, or no control run has checked them yet | */
+   ESEA_ELBOW_MPC_LIMITS_STATUS_ENUM_END=1048577, /*  | */
 } ESEA_ELBOW_MPC_LIMITS_STATUS;
 #endif
 
@@ -290,7 +308,8 @@ typedef enum ESEA_ELBOW_MPC_HUMAN_STATUS
    ESEA_ELBOW_MPC_HUMAN_STATUS_OMEGA_CLIPPED=4, /* the load side's rate was clipped at its range | */
    ESEA_ELBOW_MPC_HUMAN_STATUS_TORQUE_CLIPPED=8, /* the torque of the person was clipped at its range | */
    ESEA_ELBOW_MPC_HUMAN_STATUS_TORQUE_RATE_CLIPPED=16, /* the rate of that torque was clipped at its range | */
-   ESEA_ELBOW_MPC_HUMAN_STATUS_ENUM_END=17, /*  | */
+   ESEA_ELBOW_MPC_HUMAN_STATUS_ANGLE_CLIPPED=32, /* the angle was predicted past its range, without a valid sample; it rests there | */
+   ESEA_ELBOW_MPC_HUMAN_STATUS_ENUM_END=33, /*  | */
 } ESEA_ELBOW_MPC_HUMAN_STATUS;
 #endif
 
