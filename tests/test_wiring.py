@@ -44,6 +44,9 @@ LIMITS = """
     limits.theta_load_rad         encoder_load.theta_rad
     limits.omega_load_rad_s       load_rate.omega_rad_s
     limits.tau_Nm                 sensor.tau_Nm
+    limits.clock_ok               watch.clock_ok
+    limits.late_level             watch.late_level
+    limits.coeffs_ok              watch.coeffs_ok
 """
 OBSERVERS = """
     # What the motor holds from this tick on: what the limits let through, not what was asked for.
