@@ -351,3 +351,46 @@ def test_standard_deviations_of_the_inverse_are_that_scatter_too(rho):
         sigma, _ = play_spread(Plays(basis, row), values)  # type: ignore[arg-type]
         said.append([sigma[k] for k in KEYS])
     np.testing.assert_allclose(np.mean(said, axis=0), fits.std(axis=0), rtol=0.12)
+
+
+# -- units -----------------------------------------------------------------------------------------
+
+# The National Institute of Standards and Technology, special publication 811, appendix B.
+SI = {
+    ("deflection", "rad"): 1.0,
+    ("deflection", "mrad"): 1e-3,
+    ("deflection", "deg"): np.pi / 180,
+    ("deflection", "m"): 1.0,
+    ("deflection", "cm"): 1e-2,
+    ("deflection", "mm"): 1e-3,
+    ("deflection", "um"): 1e-6,
+    ("deflection", "in"): 0.0254,
+    ("torque", "Nm"): 1.0,
+    ("torque", "mNm"): 1e-3,
+    ("torque", "Ncm"): 1e-2,
+    ("torque", "kNm"): 1e3,
+    ("torque", "N"): 1.0,
+    ("torque", "kN"): 1e3,
+    ("torque", "mN"): 1e-3,
+    ("torque", "tonf"): 9806.65,
+    ("torque", "kgf"): 9.80665,
+    ("torque", "lbf"): 4.4482216152605,
+}
+
+
+@pytest.mark.parametrize("unit", SI, ids="-".join)
+def test_recorded_units_become_si(tmp_path, unit):
+    where, name = unit
+    factor = SI[unit]
+    x, y = sine(4), lossy(sine(4))
+    told = (x / factor, y) if where == "deflection" else (x, y / factor)
+    plain = 'unit = "rad"' if where == "deflection" else 'unit = "Nm"'
+    put = f'unit = "{name}"'
+    one = '{ value = 1.0, status = "assumed", source = "a test" }'
+    if name in ("m", "cm", "mm", "um", "in"):
+        put += f"\nscale_rad_per_m = {one}"
+    if name in ("N", "mN", "kN", "kgf", "tonf", "lbf"):
+        put += f"\nscale_Nm_per_N = {one}"
+    (recording,) = loaded(written(tmp_path, MAPPING.replace(plain, put), rig=told))
+    np.testing.assert_allclose(recording.theta_rad, x, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(recording.tau_Nm, y, rtol=1e-12, atol=1e-15)
