@@ -94,14 +94,14 @@ def _power(exponent: int) -> str:
 class Arithmetic:
     """What C's operators make of values.
 
-    exact: whether a product of two unknown numbers is computed; else it is any number of its type
-        (the same for the same operands) with the sign and the rough size that it must have, and a signed number fits
-        where it is cast to fewer bits, which the value analysis shows.  That allows more than the C
-        does.
+    free: operators of which the result for two unknown numbers (and of a float and a constant)
+        stands for any number of its type: the same for the same operands, with the sign and the
+        rough size that it must have; a signed number fits where it is cast to fewer bits, which the
+        value analysis shows.  That allows more than the C does.
     """
 
-    def __init__(self, script: Script, exact: bool) -> None:
-        self.script, self.exact = script, exact
+    def __init__(self, script: Script, free: str = "") -> None:
+        self.script, self.free = script, free
         self.certain = True  # whether what is evaluated is evaluated in every run
         self.products: list[tuple[Value, Value, Value]] = []
 
@@ -159,7 +159,7 @@ class Arithmetic:
             how = "sign_extend" if value.type.signed else "zero_extend"
             return self.name(kind, f"((_ {how} {more}) {value.term})")
         if more < 0:
-            if not self.exact and self.certain and kind.signed and value.type.signed:
+            if self.free and self.certain and kind.signed and value.type.signed:
                 # That no cast loses bits is the value analysis' result, and true of products alone.
                 held = f"((_ extract {kind.bits - 1} 0) {value.term})"
                 self.script.fact(f"(= ((_ sign_extend {-more}) {held}) {value.term})")
@@ -198,7 +198,7 @@ class Arithmetic:
             if op not in FLOATING:
                 raise RefusedError(node, f"'{op}' of floats")
             x, y = self.term(a), self.term(b)
-            if op in "*/" and not self.exact:
+            if op in self.free:
                 return Value(REAL, term=self._any(op, x, y, REAL))
             return self.name(REAL, f"({FLOATING[op]} {x} {y})")
         if op not in INTEGER:
@@ -215,7 +215,7 @@ class Arithmetic:
             # In the type, modulo its size.
             return self.convert(Value(CType("int", 999, True), found), a.type)
         x, y = self.term(a), self.term(b)
-        if op == "*" and not self.exact and a.constant is None and b.constant is None:
+        if op == "*" and op in self.free and a.constant is None and b.constant is None:
             first, second = sorted((x, y))
             made = Value(a.type, term=self._any(op, first, second, a.type))
             self.products.append((a, b, made))
@@ -228,12 +228,25 @@ class Arithmetic:
         if f"|{name}|" in self.script.declared:
             return f"|{name}|"
         result = self.script.unknown(name, kind.sort)
+
+        def within(bound: int, *values: str) -> str:
+            return every(*(f"(fp.leq (fp.abs {v}) {_power(bound)})" for v in values))
+
+        if op in "+-":
+            # Twice the larger one can be written down, so nothing rounds beyond it.
+            for bound in range(8, 24):
+                self.script.fact(implied(within(bound, x, y), within(bound + 1, result)))
+            if op == "+":
+                zero = "(_ +zero 8 24)"
+                positive = every(*(f"(fp.geq {v} {zero})" for v in (x, y)))
+                grown = every(*(f"(fp.geq {result} {v})" for v in (x, y)))
+                self.script.fact(implied(positive, grown))
+            return result
         if op == "*" and kind.kind == "float":
             zero = "(_ +zero 8 24)"
-            for bound, result_bound in ((60, literal(0x7F7FFFFF)), (30, _power(60))):
-                small = every(*(f"(fp.leq (fp.abs {v}) {_power(bound)})" for v in (x, y)))
-                self.script.fact(implied(small, f"(fp.leq (fp.abs {result}) {result_bound})"))
-            small = every(*(f"(fp.leq (fp.abs {v}) {_power(60)})" for v in (x, y)))
+            for bound in (30, 60):
+                self.script.fact(implied(within(bound, x, y), within(2 * bound, result)))
+            small = within(60, x, y)
             above, below = "fp.geq", "fp.leq"
         elif op == "*" and all(self._short(v) for v in (x, y)):
             # 32 bits by 32 to 64: nothing wraps.

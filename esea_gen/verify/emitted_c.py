@@ -69,19 +69,19 @@ def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
 class Reader(Arithmetic):
     """One emitted file.
 
-    exact: see :class:`Arithmetic`.
+    free: see :class:`Arithmetic`; none: exact.
     defines: macros that are set.
     """
 
     def __init__(
-        self, path: Path, script: Script, exact: bool = True, defines: Sequence[str] = ()
+        self, path: Path, script: Script, free: str = "", defines: Sequence[str] = ()
     ) -> None:
-        super().__init__(script, exact)
+        super().__init__(script, free)
         tree = c_parser.CParser().parse(preprocessed(path, defines), str(path))
         self.types = {n.name: n.type for n in tree.ext if isinstance(n, c_ast.Typedef)}
         self.functions = {n.decl.name: n for n in tree.ext if isinstance(n, c_ast.FuncDef)}
         self.fields: dict[str, CType] = {}
-        self.free: set[str] = set()
+        self.unknown: set[str] = set()
         self.calls = 0
 
     # Types.
@@ -202,7 +202,7 @@ class Reader(Arithmetic):
     def _load(self, place: str, node: Any, memory: Memory) -> Value:
         if place in memory:
             return memory[place]
-        if place.split(".", maxsplit=1)[0] not in self.free or place not in self.fields:
+        if place.split(".", maxsplit=1)[0] not in self.unknown or place not in self.fields:
             raise RefusedError(node, f"{place} is read before it is written")
         kind = self.fields[place]
         term = self.script.unknown(place, kind.sort)
@@ -291,7 +291,7 @@ class Reader(Arithmetic):
         values = [self._execute(w, dict(names), m) for w, m in zip(ways, ends, strict=True)]
         self.certain = before
         for place in {**ends[0], **ends[1]}:
-            if all(place in m or place.split(".")[0] in self.free for m in ends):
+            if all(place in m or place.split(".")[0] in self.unknown for m in ends):
                 a, b = (self._load(place, node, m) for m in ends)
                 memory[place] = self.choose(condition, a, b, node)
         if values[0] is None or values[1] is None:
@@ -331,7 +331,7 @@ class Reader(Arithmetic):
             raise RefusedError(None, f"the function '{name}' is not in the text")
         function, held = self.functions[name], dict(memory or {})
         names: Names = {"": name}
-        self.free = set(free)
+        self.unknown = set(free)
         for parameter in function.decl.type.args.params:
             if not isinstance(parameter.type, c_ast.PtrDecl):
                 raise RefusedError(parameter, "a parameter that is no pointer")
