@@ -41,10 +41,10 @@ test-slow: setup
 test-slow-sample: setup
 	@$(BIN)/python -m pytest -n 2 -m slow_sample
 
-# Frama-C, Gappa and z3 on the fixed-point C; its set-up installs them too.
+# Frama-C, Gappa and z3 on the emitted C; its set-up installs them too.
 proof: export ESEA_PROOF = 1
 proof: setup
-	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -n 2 -m "slow or not slow" tests/test_fixed_proof.py
+	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -n 2 -m "slow or not slow" tests/test_fixed_proof.py tests/test_limits_proof.py
 
 style: setup
 	@$(BIN)/ruff check .

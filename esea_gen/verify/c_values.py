@@ -62,7 +62,7 @@ class RefusedError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Value:
+class CValue:
     """A number: one of a constant, a truth value (of any integer type) or a term."""
 
     type: CType
@@ -91,26 +91,26 @@ def _power(exponent: int) -> str:
     return literal(single(Fraction(2**exponent)))
 
 
-class Arithmetic:
+class COperators:
     """What C's operators make of values.
 
-    exact: whether a product of two unknown numbers is computed; else it is any number of its type
-        (the same for the same operands) with the sign and the rough size that it must have, and a signed number fits
-        where it is cast to fewer bits, which the value analysis shows.  That allows more than the C
-        does.
+    free: operators of which the result for two unknown numbers (and of a float and a constant)
+        stands for any number of its type: the same for the same operands, with the sign and the
+        rough size that it must have; a signed number fits where it is cast to fewer bits, which the
+        value analysis shows.  That allows more than the C does.
     """
 
-    def __init__(self, script: Script, exact: bool) -> None:
-        self.script, self.exact = script, exact
+    def __init__(self, script: Script, free: str = "") -> None:
+        self.script, self.free = script, free
         self.certain = True  # whether what is evaluated is evaluated in every run
-        self.products: list[tuple[Value, Value, Value]] = []
+        self.products: list[tuple[CValue, CValue, CValue]] = []
 
-    def name(self, kind: CType, text: str) -> Value:
+    def name(self, kind: CType, text: str) -> CValue:
         if kind.kind == "bool":
-            return Value(kind, truth=self.script.define("Bool", text))
-        return Value(kind, term=self.script.define(kind.sort, text))
+            return CValue(kind, truth=self.script.define("Bool", text))
+        return CValue(kind, term=self.script.define(kind.sort, text))
 
-    def truth(self, value: Value) -> str:
+    def truth(self, value: CValue) -> str:
         """Whether a value is not 0."""
         if value.constant is not None:
             return TRUE if value.constant else FALSE
@@ -122,7 +122,7 @@ class Arithmetic:
             text = f"(not (= {value.term} {whole(0, value.type.bits)}))"
         return self.script.define("Bool", text)
 
-    def term(self, value: Value) -> str:
+    def term(self, value: CValue) -> str:
         """A value as a term of its type's sort."""
         if value.type.kind == "bool":
             return self.truth(value)
@@ -133,12 +133,12 @@ class Arithmetic:
             return self.script.define(value.type.sort, f"(ite {value.truth} {one} {none})")
         return value.term
 
-    def convert(self, value: Value, kind: CType, node: Any = None) -> Value:
+    def convert(self, value: CValue, kind: CType, node: Any = None) -> CValue:
         """A value in another type."""
         if value.type == kind:
             return value
         if kind.kind == "bool":
-            return Value(kind, truth=self.truth(value))
+            return CValue(kind, truth=self.truth(value))
         if kind.kind == "float":
             if value.constant is not None:
                 return self.name(kind, literal(single(Fraction(value.constant))))
@@ -149,27 +149,27 @@ class Arithmetic:
             raise RefusedError(node, "a float becomes an integer")
         if value.constant is not None:
             held = value.constant % 2**kind.bits
-            return Value(
+            return CValue(
                 kind, held - 2**kind.bits if kind.signed and held >> kind.bits - 1 else held
             )
         if value.truth is not None:
-            return Value(kind, truth=value.truth)
+            return CValue(kind, truth=value.truth)
         more = kind.bits - value.type.bits
         if more > 0:
             how = "sign_extend" if value.type.signed else "zero_extend"
             return self.name(kind, f"((_ {how} {more}) {value.term})")
         if more < 0:
-            if not self.exact and self.certain and kind.signed and value.type.signed:
+            if self.free and self.certain and kind.signed and value.type.signed:
                 # That no cast loses bits is the value analysis' result, and true of products alone.
                 held = f"((_ extract {kind.bits - 1} 0) {value.term})"
                 self.script.fact(f"(= ((_ sign_extend {-more}) {held}) {value.term})")
             return self.name(kind, f"((_ extract {kind.bits - 1} 0) {value.term})")
-        return Value(kind, term=value.term)
+        return CValue(kind, term=value.term)
 
-    def promoted(self, value: Value) -> Value:
+    def promoted(self, value: CValue) -> CValue:
         return self.convert(value, INT) if value.type.kind == "bool" else value
 
-    def common(self, a: Value, b: Value, node: Any) -> tuple[Value, Value]:
+    def common(self, a: CValue, b: CValue, node: Any) -> tuple[CValue, CValue]:
         """Both operands in the type in which C computes."""
         a, b = self.promoted(a), self.promoted(b)
         if REAL in (a.type, b.type):
@@ -178,7 +178,7 @@ class Arithmetic:
             kind = max(a.type, b.type, key=lambda t: (t.bits, not t.signed))
         return self.convert(a, kind, node), self.convert(b, kind, node)
 
-    def choose(self, condition: str, a: Value, b: Value, node: Any = None) -> Value:
+    def choose(self, condition: str, a: CValue, b: CValue, node: Any = None) -> CValue:
         """One of two values."""
         if condition in (TRUE, FALSE):
             picked = a if condition == TRUE else b
@@ -189,17 +189,17 @@ class Arithmetic:
             a, b = self.common(a, b, node)
         if all(v.truth is not None or v.constant in (0, 1) for v in (a, b)):
             text = f"(ite {condition} {self.truth(a)} {self.truth(b)})"
-            return Value(a.type, truth=self.script.define("Bool", text))
+            return CValue(a.type, truth=self.script.define("Bool", text))
         return self.name(a.type, f"(ite {condition} {self.term(a)} {self.term(b)})")
 
-    def combine(self, op: str, a: Value, b: Value, node: Any = None) -> Value:
-        """Arithmetic on two numbers of one type."""
+    def combine(self, op: str, a: CValue, b: CValue, node: Any = None) -> CValue:
+        """COperators on two numbers of one type."""
         if a.type.kind == "float":
             if op not in FLOATING:
                 raise RefusedError(node, f"'{op}' of floats")
             x, y = self.term(a), self.term(b)
-            if op in "*/" and not self.exact:
-                return Value(REAL, term=self._any(op, x, y, REAL))
+            if op in self.free:
+                return CValue(REAL, term=self._any(op, x, y, REAL))
             return self.name(REAL, f"({FLOATING[op]} {x} {y})")
         if op not in INTEGER:
             raise RefusedError(node, f"'{op}' of integers")
@@ -213,11 +213,11 @@ class Arithmetic:
                 "^": a.constant ^ b.constant,
             }[op]
             # In the type, modulo its size.
-            return self.convert(Value(CType("int", 999, True), found), a.type)
+            return self.convert(CValue(CType("int", 999, True), found), a.type)
         x, y = self.term(a), self.term(b)
-        if op == "*" and not self.exact and a.constant is None and b.constant is None:
+        if op == "*" and op in self.free and a.constant is None and b.constant is None:
             first, second = sorted((x, y))
-            made = Value(a.type, term=self._any(op, first, second, a.type))
+            made = CValue(a.type, term=self._any(op, first, second, a.type))
             self.products.append((a, b, made))
             return made
         return self.name(a.type, f"({INTEGER[op]} {x} {y})")
@@ -228,12 +228,25 @@ class Arithmetic:
         if f"|{name}|" in self.script.declared:
             return f"|{name}|"
         result = self.script.unknown(name, kind.sort)
+
+        def within(bound: int, *values: str) -> str:
+            return every(*(f"(fp.leq (fp.abs {v}) {_power(bound)})" for v in values))
+
+        if op in "+-":
+            # Twice the larger one can be written down, so nothing rounds beyond it.
+            for bound in range(8, 24):
+                self.script.fact(implied(within(bound, x, y), within(bound + 1, result)))
+            if op == "+":
+                zero = "(_ +zero 8 24)"
+                positive = every(*(f"(fp.geq {v} {zero})" for v in (x, y)))
+                grown = every(*(f"(fp.geq {result} {v})" for v in (x, y)))
+                self.script.fact(implied(positive, grown))
+            return result
         if op == "*" and kind.kind == "float":
             zero = "(_ +zero 8 24)"
-            for bound, result_bound in ((60, literal(0x7F7FFFFF)), (30, _power(60))):
-                small = every(*(f"(fp.leq (fp.abs {v}) {_power(bound)})" for v in (x, y)))
-                self.script.fact(implied(small, f"(fp.leq (fp.abs {result}) {result_bound})"))
-            small = every(*(f"(fp.leq (fp.abs {v}) {_power(60)})" for v in (x, y)))
+            for bound in (30, 60):
+                self.script.fact(implied(within(bound, x, y), within(2 * bound, result)))
+            small = within(60, x, y)
             above, below = "fp.geq", "fp.leq"
         elif op == "*" and all(self._short(v) for v in (x, y)):
             # 32 bits by 32 to 64: nothing wraps.
@@ -253,9 +266,9 @@ class Arithmetic:
     def _short(self, term: str) -> bool:
         return self.script.texts.get(term, "").startswith("((_ sign_extend 32) ")
 
-    def compare(self, op: str, a: Value, b: Value) -> Value:
+    def compare(self, op: str, a: CValue, b: CValue) -> CValue:
         if op == "!=":
-            return Value(INT, truth=negated(self.truth(self.compare("==", a, b))))
+            return CValue(INT, truth=negated(self.truth(self.compare("==", a, b))))
         x, y = self.term(a), self.term(b)
         if a.type.kind == "float":
             text = f"({COMPARED[op]} {x} {y})"
@@ -269,9 +282,9 @@ class Arithmetic:
             text = f"(bv{'s' if a.type.signed else 'u'}{ORDER[op]} {x} {y})"
         if op == "==" and a.constant is not None and b.constant is not None:
             text = TRUE if a.constant == b.constant else FALSE
-        return Value(INT, truth=self.script.define("Bool", text))
+        return CValue(INT, truth=self.script.define("Bool", text))
 
-    def shift(self, op: str, a: Value, b: Value, node: Any) -> Value:
+    def shift(self, op: str, a: CValue, b: CValue, node: Any) -> CValue:
         """A shift by a number inside the width: another is undefined, and not looked at here."""
         if a.type.kind == "float" or b.type.kind == "float":
             raise RefusedError(node, "a shift of floats")
@@ -279,11 +292,11 @@ class Arithmetic:
             raise RefusedError(node, "a shift beyond the type's width")
         if a.constant is not None and b.constant is not None:
             moved = a.constant << b.constant if op == "<<" else a.constant >> b.constant
-            return self.convert(Value(CType("int", 999, True), moved), a.type)
+            return self.convert(CValue(CType("int", 999, True), moved), a.type)
         how = "bvshl" if op == "<<" else "bvashr" if a.type.signed else "bvlshr"
         count = self.term(self.convert(b, CType("int", a.type.bits, b.type.signed)))
         return self.name(a.type, f"({how} {self.term(a)} {count})")
 
 
 __all__ = ["BASIC", "INT", "LONG", "REAL", "UINT", "ULONG"]
-__all__ += ["Arithmetic", "CType", "RefusedError", "Value", "literal", "single"]
+__all__ += ["COperators", "CType", "CValue", "RefusedError", "literal", "single"]

@@ -45,7 +45,7 @@ def _translated(path: Path, function: str, defines: list[str]) -> str:
     any number here, ``product_k`` and its operands ``left_k`` and ``right_k``.
     """
     script = Script()
-    reader = Reader(path, script, exact=False, defines=defines)
+    reader = Reader(path, script, free="*", defines=defines)
     _, made = reader.result(function)
     text = [
         f"(define-fun c_{name} () {value.type.sort} {reader.term(value)})"

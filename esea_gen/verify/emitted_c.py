@@ -26,10 +26,10 @@ from esea_gen.verify.c_values import (
     REAL,
     UINT,
     ULONG,
-    Arithmetic,
+    COperators,
     CType,
+    CValue,
     RefusedError,
-    Value,
     literal,
     single,
 )
@@ -44,7 +44,7 @@ class Pointer:
     target: str
 
 
-Memory = dict[str, Value]
+Memory = dict[str, CValue]
 Names = dict[str, "str | Pointer"]
 
 
@@ -66,22 +66,22 @@ def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
     return done.stdout
 
 
-class Reader(Arithmetic):
+class Reader(COperators):
     """One emitted file.
 
-    exact: see :class:`Arithmetic`.
+    free: see :class:`COperators`; none: exact.
     defines: macros that are set.
     """
 
     def __init__(
-        self, path: Path, script: Script, exact: bool = True, defines: Sequence[str] = ()
+        self, path: Path, script: Script, free: str = "", defines: Sequence[str] = ()
     ) -> None:
-        super().__init__(script, exact)
+        super().__init__(script, free)
         tree = c_parser.CParser().parse(preprocessed(path, defines), str(path))
         self.types = {n.name: n.type for n in tree.ext if isinstance(n, c_ast.Typedef)}
         self.functions = {n.decl.name: n for n in tree.ext if isinstance(n, c_ast.FuncDef)}
         self.fields: dict[str, CType] = {}
-        self.free: set[str] = set()
+        self.unknown: set[str] = set()
         self.calls = 0
 
     # Types.
@@ -118,7 +118,7 @@ class Reader(Arithmetic):
 
     # Operations.
 
-    def _constant(self, node: Any) -> Value:
+    def _constant(self, node: Any) -> CValue:
         text = node.value.rstrip("uUlLfF") if "x" not in node.value else node.value.rstrip("uUlL")
         if node.type == "float":
             if "x" in text or node.value[-1] not in "fF":
@@ -132,10 +132,10 @@ class Reader(Arithmetic):
             low, high = (1 - kind.signed, 2 ** (kind.bits - kind.signed))
             fits = value < high and ("l" not in end or kind.bits == 64)
             if fits and ("u" not in end or low) and (kind.signed or "u" in end or "x" in text):
-                return Value(kind, value)
+                return CValue(kind, value)
         raise RefusedError(node, f"the number {node.value}")
 
-    def _binary(self, node: Any, names: Names, memory: Memory) -> Value:
+    def _binary(self, node: Any, names: Names, memory: Memory) -> CValue:
         op = node.op
         a = self._value(node.left, names, memory)
         if op not in ("&&", "||"):
@@ -143,7 +143,7 @@ class Reader(Arithmetic):
         else:
             (b,) = self._perhaps([node.right], names, memory)
             text = (every if op == "&&" else some)(self.truth(a), self.truth(b))
-            return Value(INT, truth=self.script.define("Bool", text))
+            return CValue(INT, truth=self.script.define("Bool", text))
         if op in ("<<", ">>"):
             return self.shift(op, self.promoted(a), self.promoted(b), node)
         a, b = self.common(a, b, node)
@@ -158,7 +158,7 @@ class Reader(Arithmetic):
             return self._load(self._place(node, names, memory), node, memory)
         a = self._value(node.expr, names, memory)
         if node.op == "!":
-            return Value(INT, truth=negated(self.truth(a)))
+            return CValue(INT, truth=negated(self.truth(a)))
         a = self.promoted(a)
         if node.op == "+":
             return a
@@ -166,7 +166,7 @@ class Reader(Arithmetic):
             if a.type.kind == "float":
                 return self.name(REAL, f"(fp.neg {self.term(a)})")
             if a.constant is not None:
-                return self.convert(Value(CType("int", 999, True), -a.constant), a.type)
+                return self.convert(CValue(CType("int", 999, True), -a.constant), a.type)
             return self.name(a.type, f"(bvneg {self.term(a)})")
         if node.op == "~" and a.type.kind == "int":
             return self.name(a.type, f"(bvnot {self.term(a)})")
@@ -199,14 +199,14 @@ class Reader(Arithmetic):
             raise RefusedError(node, "a pointer that is not understood")
         return found
 
-    def _load(self, place: str, node: Any, memory: Memory) -> Value:
+    def _load(self, place: str, node: Any, memory: Memory) -> CValue:
         if place in memory:
             return memory[place]
-        if place.split(".", maxsplit=1)[0] not in self.free or place not in self.fields:
+        if place.split(".", maxsplit=1)[0] not in self.unknown or place not in self.fields:
             raise RefusedError(node, f"{place} is read before it is written")
         kind = self.fields[place]
         term = self.script.unknown(place, kind.sort)
-        found = Value(kind, truth=term) if kind.kind == "bool" else Value(kind, term=term)
+        found = CValue(kind, truth=term) if kind.kind == "bool" else CValue(kind, term=term)
         return memory.setdefault(place, found)
 
     # Expressions, statements, calls.
@@ -232,14 +232,14 @@ class Reader(Arithmetic):
             return names[node.name]
         return self._load(self._place(node, names, memory), node, memory)
 
-    def _perhaps(self, nodes: list[Any], names: Names, memory: Memory) -> list[Value]:
+    def _perhaps(self, nodes: list[Any], names: Names, memory: Memory) -> list[CValue]:
         """Expressions that may be left out."""
         before, self.certain = self.certain, False
         found = [self._value(n, names, memory) for n in nodes]
         self.certain = before
         return found
 
-    def _call(self, node: Any, names: Names, memory: Memory) -> Value | None:
+    def _call(self, node: Any, names: Names, memory: Memory) -> CValue | None:
         name = getattr(node.name, "name", "?")
         given = [self._value(a, names, memory) for a in (node.args.exprs if node.args else ())]
         if name == "__builtin_fabsf":
@@ -248,7 +248,7 @@ class Reader(Arithmetic):
             raise RefusedError(node, f"the function '{name}', whose body is not in the text")
         return self._run(self.functions[name], given, memory)
 
-    def _run(self, function: Any, given: list[Any], memory: Memory) -> Value | None:
+    def _run(self, function: Any, given: list[Any], memory: Memory) -> CValue | None:
         self.calls += 1
         names: Names = {"": f"{function.decl.name}#{self.calls}"}
         for parameter, value in zip(function.decl.type.args.params, given, strict=True):
@@ -262,14 +262,14 @@ class Reader(Arithmetic):
             return None
         return self.convert(result, self._number(plain))
 
-    def _declare(self, node: Any, names: Names, memory: Memory, value: Value | None) -> None:
+    def _declare(self, node: Any, names: Names, memory: Memory, value: CValue | None) -> None:
         place = f"{names['']}.{node.name}"
         names[node.name] = place
         self._layout(place, node.type)
         if value is not None:
             memory[place] = self.convert(value, self.fields[place], node)
 
-    def _execute(self, nodes: list[Any], names: Names, memory: Memory) -> Value | None:
+    def _execute(self, nodes: list[Any], names: Names, memory: Memory) -> CValue | None:
         """Run statements; the value that is returned."""
         for k, node in enumerate(nodes):
             if isinstance(node, c_ast.Compound):
@@ -281,7 +281,7 @@ class Reader(Arithmetic):
             self._statement(node, names, memory)
         return None
 
-    def _branch(self, node: Any, rest: list[Any], names: Names, memory: Memory) -> Value | None:
+    def _branch(self, node: Any, rest: list[Any], names: Names, memory: Memory) -> CValue | None:
         condition = self.truth(self._value(node.cond, names, memory))
         ways = [[n, *rest] if n else rest for n in (node.iftrue, node.iffalse)]
         if condition in (TRUE, FALSE):
@@ -291,7 +291,7 @@ class Reader(Arithmetic):
         values = [self._execute(w, dict(names), m) for w, m in zip(ways, ends, strict=True)]
         self.certain = before
         for place in {**ends[0], **ends[1]}:
-            if all(place in m or place.split(".")[0] in self.free for m in ends):
+            if all(place in m or place.split(".")[0] in self.unknown for m in ends):
                 a, b = (self._load(place, node, m) for m in ends)
                 memory[place] = self.choose(condition, a, b, node)
         if values[0] is None or values[1] is None:
@@ -331,7 +331,7 @@ class Reader(Arithmetic):
             raise RefusedError(None, f"the function '{name}' is not in the text")
         function, held = self.functions[name], dict(memory or {})
         names: Names = {"": name}
-        self.free = set(free)
+        self.unknown = set(free)
         for parameter in function.decl.type.args.params:
             if not isinstance(parameter.type, c_ast.PtrDecl):
                 raise RefusedError(parameter, "a parameter that is no pointer")
@@ -340,7 +340,7 @@ class Reader(Arithmetic):
         self._execute(list(function.body.block_items or ()), names, held)
         return held
 
-    def result(self, name: str) -> tuple[dict[str, str], dict[str, Value]]:
+    def result(self, name: str) -> tuple[dict[str, str], dict[str, CValue]]:
         """Run a function of numbers on any numbers.
 
         return: its parameters, and what it makes: ``return`` and, by name, what a pointer among
@@ -360,12 +360,12 @@ class Reader(Arithmetic):
             else:
                 kind = self._number(p.type)
                 unknown[p.name] = self.script.unknown(p.name, kind.sort)
-                given.append(Value(kind, term=unknown[p.name]))
+                given.append(CValue(kind, term=unknown[p.name]))
         value = self._run(self.functions[name], given, memory)
         values = {p: memory[p] for p in made} | ({"return": value} if value else {})
         return unknown, values
 
-    def terms(self, memory: Mapping[str, Value]) -> dict[str, str]:
+    def terms(self, memory: Mapping[str, CValue]) -> dict[str, str]:
         """Values as terms, by place."""
         return {place: self.term(value) for place, value in memory.items() if "#" not in place}
 

@@ -85,24 +85,24 @@ class LimitsC:
         """Name of one of the Block's functions."""
         return f"{self.renderer.prefix}_{self.block.name}_{verb}"
 
-    def reader(self, script: Script, exact: bool) -> Reader:
+    def reader(self, script: Script, free: str) -> Reader:
         """The Block's file, read."""
         with tempfile.TemporaryDirectory() as scratch:
             for name, text in self.files.items():
                 (Path(scratch) / name).write_text(text, encoding="utf-8")
-            return Reader(Path(scratch) / f"{self.function('step')[:-5]}.c", script, exact)
+            return Reader(Path(scratch) / f"{self.function('step')[:-5]}.c", script, free)
 
 
 class Step:
     """What one step computes from any input, any state and any coefficients.
 
-    exact: whether products are computed, or stand for any number.
+    free: operators of two unknown numbers whose result stands for any number; none: exact.
     """
 
-    def __init__(self, c: LimitsC, exact: bool) -> None:
+    def __init__(self, c: LimitsC, free: str = "") -> None:
         self.c, self.block, self.limit = c, c.block, c.limit
         self.script = Script()
-        self.reader = c.reader(self.script, exact)
+        self.reader = c.reader(self.script, free)
         self.memory = self.reader.call(c.function("step"), frozenset({"coeffs", "state", "in"}))
         self.written = self.reader.terms(self.memory)
 

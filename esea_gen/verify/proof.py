@@ -155,7 +155,13 @@ def prove_drive(
         options,
         change,
     )
-    return EvaResult(device.name, real, alarms, unproven, (), *reached)
+    trusted = () if free else (i for i, b in device.system.blocks.items() if i not in checked)
+    assumed = [
+        f"coeffs.{i}.{p.name}: as prepare leaves it"
+        for i in trusted
+        for p in device.system.blocks[i].coefficients
+    ]
+    return EvaResult(device.name, real, alarms, unproven, tuple(assumed), *reached)
 
 
 def prove_device(device: Device) -> list[EvaResult]:
