@@ -19,6 +19,7 @@ from esea_gen.control.faults import Fault
 from esea_gen.control.latch import RELEASED_KEY
 from esea_gen.device import Device
 from esea_gen.language.ports import Port
+from esea_gen.language.watch import LATE_MOST
 from esea_gen.verify.limits_numbers import Number
 from esea_gen.verify.limits_step import Change, LimitsC, Step
 from esea_gen.verify.smt import Answer, ask, every, implied, negated, some
@@ -128,10 +129,15 @@ def _input_invalid(s: Step) -> str:
     return implied(some(*bad), s.cut)
 
 
-@_holds("sensing_ok, and coeffs_ok where there is one, anything but 1 cuts")
+@_holds("sensing_ok, clock_ok or coeffs_ok, anything but 1, cuts")
 def _sensing(s: Step) -> str:
-    names = [n for n in ("sensing_ok", "coeffs_ok") if s.has(n)]
+    names = ("sensing_ok", "clock_ok", "coeffs_ok")
     return implied(some(*(s.given(n).differs(1) for n in names)), s.cut)
+
+
+@_holds("late_level above what is bridged, NaN too, cuts")
+def _late(s: Step) -> str:
+    return implied(negated(s.given("late_level") <= LATE_MOST), s.cut)
 
 
 @_holds("stamp 0, or no new stamp for two control periods, cuts; an old stamp ages")
@@ -286,7 +292,7 @@ def _new_reason(s: Step) -> str:
     order = [
         *("STATE_REPAIRED", "TUNABLE_INVALID", "STOPPED", "INPUT_INVALID", "SENSING_LOST"),
         *("CONTROL_STALE", "DEFLECTION", "INTERACTION_TORQUE", "SPEED", "RANGE_OF_MOTION"),
-        "ENERGY",
+        *("ENERGY", "CLOCK", "LATE", "COEFFICIENTS"),
     ]
     earlier: list[str] = []
     claims = []

@@ -172,10 +172,6 @@ class Step:
             for i in range(p.size)
         ]
 
-    def has(self, name: str) -> bool:
-        """Whether the Block has such an input."""
-        return any(p.name == name for p in self.block.inputs)
-
     # What the properties speak of.
 
     @property
