@@ -145,7 +145,7 @@ LINEAR = ("velocity", "rate", "setpoint_rates")
 WHOLE = {
     "encoder": {"count", "frame_error"},
     "reference": {"mode"},
-    "limits": {"control_beat", "mode", "rearm"},
+    "limits": {"control_beat", "mode", "rearm", "late_level"},
     "sliding_mode": {"mode"},
     "drive_observer": set(),
     "sensor": set(),

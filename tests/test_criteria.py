@@ -325,7 +325,7 @@ def test_the_proof_lists_every_range_that_it_gives(elbow, monkeypatch):
         drivers.append((folder / "eva.c").read_text())
         return EVA_SAID
 
-    monkeypatch.setattr(proof, "_tool", lambda *_: "frama-c")
+    monkeypatch.setattr(proof, "tool", lambda *_: "frama-c")
     monkeypatch.setattr(proof, "_said", said)
     found = proof.prove_block(elbow, elbow.velocity)
     names = [re.match(r"(\w+)\.(\w+?)_q", a).groups() for a in found.assumptions]

@@ -94,7 +94,9 @@ def test_a_fault_in_each_block_is_seen_in_f32_and_told_by_name(drive, f32_faulty
     for name, (_, _, port) in FAULTS.items():
         items = [c for c in found.comparisons if c.block == name]
         assert not all(c.passed for c in items), name
-        assert {c.rule for c in items} == {RULE[name]}, name
+        # A stream that leaves what a lasting bound assumes is judged step by step.
+        assert RULE[name] in {c.rule for c in items}, name
+        assert {c.rule for c in items} <= {RULE[name], ONE_STEP}, name
         assert any(port in text for text in told_of(items)), (name, told_of(items))
         assert re.search(rf"\b{name}\b[^\n]*FAILED", done.output), done.output
         assert re.search(rf"^{name} f32, .+: ", done.output, re.M), name
@@ -232,7 +234,7 @@ def test_a_proof_holds_for_its_own_kernel_alone(drive):
     A mutant of the Butterworth filter's prewarping that the bits show was once called equivalent,
     because the value of that name in the step is only looked at for its sign.
     """
-    file = "esea_elbow_drive_motor_rate.c"
+    file = "esea_elbow_drive_rate.c"
     own = [m for m in mutants(drive, "f32") if m.file == file and m.kernel]
     before = [m for m in own if m.function == "prepare" and m.kind == "result negated"]
     assert len(before) > 8

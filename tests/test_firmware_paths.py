@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import random
 from collections import deque
+from random import Random
 
 import pytest
 
@@ -19,7 +19,7 @@ from .firmware_harness import (
 )
 
 # ESEA_FAULT and ESEA_MODE, MAV_STATE of MAVLink, as the messages' definition numbers them.
-PREPARE_REFUSED, STACK_EXHAUSTED, PROCESSOR = 1, 2, 3
+PREPARE_REFUSED, STACK_EXHAUSTED, PROCESSOR = 101, 102, 103
 READY, RUNNING, FAULT = 1, 2, 3
 STANDBY, ACTIVE, CRITICAL, EMERGENCY = 3, 4, 5, 6
 
@@ -164,7 +164,7 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
         "typedef int esea_link_control_t, mavlink_message_t, mavlink_status_t, ESEA_MODE;\n"
         "typedef int ESEA_FAULT;\n#define ESEA_FAULT_PROCESSOR 3\n#define ESEA_LINK_TASKS 1\n"
     )
-    rng = random.Random(5)
+    rng = Random(5)
     orders = [(1023, 0), (1, 0), (1, 0), (5, 3), (4, 4096), (3000, 10), (0, 4096), (7, 7)]
     orders += [(rng.randrange(900), rng.randrange(900)) for _ in range(60)]
     flags = (f"-I{firmware}/app", f"-I{firmware}/port", f"-I{tmp_path}", f"-DSTART={start}u")

@@ -69,7 +69,7 @@ def structs(text: str) -> dict[str, list[str]]:
 
 
 def scales(text: str) -> dict[str, int]:
-    return {n: int(v) for n, v in re.findall(r"#define (\w+_FRACTION) (\d+) /\*", text)}
+    return {n: int(v) for n, v in re.findall(r"#define (\w+_FRACTION) (\d+)\b", text)}
 
 
 def test_names_stay_and_the_macro_goes_with_the_range(elbow, wider):

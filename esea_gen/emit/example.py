@@ -268,14 +268,14 @@ def has_drive(system: System) -> bool:
     """Whether a System has all that the example of a drive runs: encoders, limits, a latch."""
     sources = {_sink(system, x) for x in system.inputs}
     needed = {("limits", "stop"), ("limits", "rearm")}
-    encoders = {p for p in sources if p[0].startswith("encoder_") and p[1] == "count"}
+    encoders = {_side(x) for x in system.inputs if x.signals[0].port == "count"}
     told = {_sink(system, x) for x in system.outputs}
     shared = [x for x in system.inputs if _sink(system, x) in needed]
     return (
         bool(system.latches)
         and len(shared) == len(needed)
         and any(port == "mode" for _, port in sources)
-        and len(encoders) == 2
+        and encoders == {"motor", "load"}
         and {("limits", "u_Nm"), ("limits", "fault")} <= told
     )
 
@@ -284,6 +284,11 @@ def _sink(system: System, external: External) -> tuple[str, str]:
     # Kind of Block and name of the port that it feeds or comes from.
     signal = external.signals[0]
     return system.blocks[signal.instance].name, signal.port
+
+
+def _side(external: External) -> str:
+    # Which end of the coupling an encoder's count is of: encoder_motor, or encoder_motor_AXIS.
+    return external.signals[0].instance.removeprefix("encoder_").split("_")[0]
 
 
 def _axis(system: System, external: External, kind: str) -> str:
@@ -365,7 +370,7 @@ class _Recording:
             instance = x.signals[0].instance
             block = self.system.blocks[instance]
             encoder = _encoder(block, self.tunables.get(instance, {}))
-            angle = self._motor if block.name == "encoder_motor" else self._load
+            angle = self._motor if _side(x) == "motor" else self._load
 
             def count(
                 k: int,

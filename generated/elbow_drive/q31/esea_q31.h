@@ -75,7 +75,7 @@ static inline int32_t esea_q31_mul(int32_t a, int32_t b, int s)
     if (s > 32)
         return (high + (1 << (s - 33))) >> (s - 32);
     half = UINT32_C(1) << (s - 1);
-    high += low > UINT32_MAX - half;
+    high += (low > UINT32_MAX - half) ? 1 : 0;
     low += half;
     if (s == 32)
         return high;
