@@ -28,7 +28,7 @@ from esea_gen.verify.ties import aimed_stream
 from .conftest import require_tool
 
 # Sides that no input can take, per Block, in f32.  None of the others has any.
-IMPOSSIBLE = {"encoder_motor": 5, "encoder_load": 5, "sensor": 5, "inverse": 25, "human_eso": 2}
+IMPOSSIBLE = {"encoder_motor": 5, "encoder_load": 5, "sensor": 5, "inverse": 25}
 BLOCKS = [
     *("encoder_motor", "encoder_load", "joint", "velocity", "sensor", "motor_rate", "load_rate"),
     *("reference", "inverse", "setpoint_rates", "limits", "drive_observer", "human_eso"),
