@@ -266,18 +266,11 @@ WANTED_LATTICE_NM = 2.0**-8
 
 def has_drive(system: System) -> bool:
     """Whether a System has all that the example of a drive runs: encoders, limits, a latch."""
-    sources = {_sink(system, x) for x in system.inputs}
-    needed = {("limits", "stop"), ("limits", "rearm")}
-    encoders = {_side(x) for x in system.inputs if x.signals[0].port == "count"}
-    told = {_sink(system, x) for x in system.outputs}
-    shared = [x for x in system.inputs if _sink(system, x) in needed]
-    return (
-        bool(system.latches)
-        and len(shared) == len(needed)
-        and any(port == "mode" for _, port in sources)
-        and encoders == {"motor", "load"}
-        and {("limits", "u_Nm"), ("limits", "fault")} <= told
-    )
+    ends = {_sink(system, x) for x in (*system.inputs, *system.outputs)}
+    needed = {("limits", port) for port in ("stop", "rearm", "u_Nm", "fault")}
+    sides = {_side(x) for x in system.inputs if x.signals[0].port == "count"}
+    wanted = any(port == "mode" for _, port in ends)
+    return bool(system.latches) and needed <= ends and wanted and sides == {"motor", "load"}
 
 
 def _sink(system: System, external: External) -> tuple[str, str]:
@@ -287,7 +280,7 @@ def _sink(system: System, external: External) -> tuple[str, str]:
 
 
 def _side(external: External) -> str:
-    # Which end of the coupling an encoder's count is of: encoder_motor, or encoder_motor_AXIS.
+    # Of a count of encoder_motor or encoder_motor_AXIS: motor.
     return external.signals[0].instance.removeprefix("encoder_").split("_")[0]
 
 

@@ -55,16 +55,18 @@ def _events(block: Block, _rng: np.random.Generator) -> list[Stream]:
     ends = [0.5 * (low + high), *(high - x for x in BESIDE_rad), *(low + x for x in BESIDE_rad)]
     angles = _within(theta, _moves(ends, sweep, width))
     ordinary = Stream("sweeps and rests at the ends", {theta.name: angles})
-    # No samples from the middle of a sweep on, for longer than it takes: the angle is predicted on,
-    # past the end.
-    unseen = _within(theta, _moves([low, high, low], sweep, width))
-    for start in (REST + sweep // 2, 2 * REST + sweep + sweep // 2):
+    # At a steady rate towards each end, and no samples from the middle on, for longer than the way
+    # takes: the angle is predicted on, past the end.
+    ways = [np.linspace(a, b, sweep) for a, b in ((low, high), (high, low))]
+    unseen = _within(theta, np.concatenate([x for w in ways for x in (w, np.full(REST, w[-1]))]))
+    for start in (sweep // 2, sweep + REST + sweep // 2):
         unseen[start : start + sweep // 2 + REST // 2] = np.nan
-    coasting = Stream("unseen past the ends", {theta.name: unseen}, rough=True)
+    coasting = Stream(
+        "unseen past the ends", {theta.name: unseen, tau.name: np.zeros(len(unseen))}, rough=True
+    )
     wave = 0.2 * min(tau.high, next(p.high for p in block.outputs if p.name == "tau_h_Nm"))
-    for stream in (ordinary, coasting):
-        t = np.arange(stream.steps)
-        stream.inputs[tau.name] = single(wave * np.sin(2 * np.pi * t / 3000) ** 3)
+    t = np.arange(ordinary.steps)
+    ordinary.inputs[tau.name] = single(wave * np.sin(2 * np.pi * t / 3000) ** 3)
     return [ordinary, coasting]
 
 
