@@ -561,7 +561,7 @@ enums["ESEA_ELBOW_MPC_VELOCITY_STATUS"][1] = EnumEntry("ESEA_ELBOW_MPC_VELOCITY_
 ESEA_ELBOW_MPC_VELOCITY_STATUS_STATE_REPAIRED = 2
 enums["ESEA_ELBOW_MPC_VELOCITY_STATUS"][2] = EnumEntry("ESEA_ELBOW_MPC_VELOCITY_STATUS_STATE_REPAIRED", """the state was corrupt; the observer was started afresh""")
 ESEA_ELBOW_MPC_VELOCITY_STATUS_RATE_CLIPPED = 4
-enums["ESEA_ELBOW_MPC_VELOCITY_STATUS"][4] = EnumEntry("ESEA_ELBOW_MPC_VELOCITY_STATUS_RATE_CLIPPED", """the estimate was clipped at the rate's physical range, or its memory at its own""")
+enums["ESEA_ELBOW_MPC_VELOCITY_STATUS"][4] = EnumEntry("ESEA_ELBOW_MPC_VELOCITY_STATUS_RATE_CLIPPED", """the estimate was clipped at the rate's physical range""")
 ESEA_ELBOW_MPC_VELOCITY_STATUS_ENUM_END = 5
 enums["ESEA_ELBOW_MPC_VELOCITY_STATUS"][5] = EnumEntry("ESEA_ELBOW_MPC_VELOCITY_STATUS_ENUM_END", """""")
 

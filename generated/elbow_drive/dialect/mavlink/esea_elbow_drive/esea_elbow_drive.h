@@ -196,7 +196,7 @@ typedef enum ESEA_ELBOW_DRIVE_VELOCITY_STATUS
 {
    ESEA_ELBOW_DRIVE_VELOCITY_STATUS_INPUT_INVALID=1, /* the deflection was NaN or outside its range; the last estimate is held | */
    ESEA_ELBOW_DRIVE_VELOCITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
-   ESEA_ELBOW_DRIVE_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range, or its memory at its own | */
+   ESEA_ELBOW_DRIVE_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range | */
    ESEA_ELBOW_DRIVE_VELOCITY_STATUS_ENUM_END=5, /*  | */
 } ESEA_ELBOW_DRIVE_VELOCITY_STATUS;
 #endif

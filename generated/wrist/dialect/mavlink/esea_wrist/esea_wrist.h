@@ -151,7 +151,7 @@ typedef enum ESEA_WRIST_VELOCITY_FLEXION_STATUS
 {
    ESEA_WRIST_VELOCITY_FLEXION_STATUS_INPUT_INVALID=1, /* the deflection was NaN or outside its range; the last estimate is held | */
    ESEA_WRIST_VELOCITY_FLEXION_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
-   ESEA_WRIST_VELOCITY_FLEXION_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range, or its memory at its own | */
+   ESEA_WRIST_VELOCITY_FLEXION_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range | */
    ESEA_WRIST_VELOCITY_FLEXION_STATUS_ENUM_END=5, /*  | */
 } ESEA_WRIST_VELOCITY_FLEXION_STATUS;
 #endif
@@ -179,7 +179,7 @@ typedef enum ESEA_WRIST_VELOCITY_DEVIATION_STATUS
 {
    ESEA_WRIST_VELOCITY_DEVIATION_STATUS_INPUT_INVALID=1, /* the deflection was NaN or outside its range; the last estimate is held | */
    ESEA_WRIST_VELOCITY_DEVIATION_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
-   ESEA_WRIST_VELOCITY_DEVIATION_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range, or its memory at its own | */
+   ESEA_WRIST_VELOCITY_DEVIATION_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range | */
    ESEA_WRIST_VELOCITY_DEVIATION_STATUS_ENUM_END=5, /*  | */
 } ESEA_WRIST_VELOCITY_DEVIATION_STATUS;
 #endif
