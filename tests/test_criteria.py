@@ -328,8 +328,11 @@ def test_the_proof_lists_every_range_that_it_gives(elbow, monkeypatch):
     monkeypatch.setattr(proof, "tool", lambda *_: "frama-c")
     monkeypatch.setattr(proof, "_said", said)
     found = proof.prove_block(elbow, elbow.velocity)
-    names = [re.match(r"(\w+)\.(\w+?)_q", a).groups() for a in found.assumptions]
-    assert names == [("params", "bandwidth"), *(("coeffs", n) for n in ("alpha", "beta", "gamma"))]
+    names = [re.match(r"(\w+)\.(\w+)", a).groups() for a in found.assumptions]
+    assert names == [
+        ("params", "bandwidth_Hz"),
+        *(("coeffs", n) for n in ("alpha", "beta_1_s", "gamma_1_s2")),
+    ]
     assert proof.prove_block(elbow, elbow.sensor).assumptions == ()
     for driver, count in zip(drivers, (4, 0), strict=True):
         # Every other range is that of all bit patterns.
