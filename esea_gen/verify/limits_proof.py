@@ -225,7 +225,7 @@ def _memory(s: Step) -> str:
 def _shown_cause(s: Step) -> str:
     flags = next(p for p in s.block.outputs if p.name == "status").flags
     names = [f.name for f in flags]
-    causes = names[: names.index("TORQUE_CLIPPED")]
+    causes = [*names[: names.index("TORQUE_CLIPPED")], "CLOCK", "LATE", "COEFFICIENTS"]
     shown = [s.flag(n) for n in causes]
     return implied(some(*shown, s.out("fault").differs(0)), s.cut)
 
