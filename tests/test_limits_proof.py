@@ -84,7 +84,7 @@ FAULTS = {
     "stop is ignored": ("stop", _everywhere(rf"(stop_used\w*) == {ZERO}", r"\1 == \1")),
     "released without a request": ("release", _in("release", r"\brearm_edge\b", "1")),
     "released with a command": ("release", _in("release", rf"u_command\w* == {ZERO}", "1")),
-    "released in any mode": ("release", _in("release", r"&& \w+\)(?= && \(u_command)", "&& 1)")),
+    "released in any mode": ("release", _in("release", r"&& \w+(?= && \(u_command)", "&& 1")),
     "clip of the command left out": (
         "command_within_compiled",
         _everywhere(r"= esea_\w*min\((\w+), u_max\w*\)", r"= \1"),
@@ -93,7 +93,7 @@ FAULTS = {
         "command_within_narrowed",
         _everywhere(r"= esea_\w*min\((\w+), u_max(\w*)\)", r"= esea_m2(\1, u_max\2)"),
     ),
-    "a cause is left out": ("shown_cause", _in("cause", r"\w+ \|\| (?=\w+\)*\s*\|\|)", "")),
+    "a cause is left out": ("shown_cause", _in("cause", r"\|\| stopped(?= )", "")),
     "the last cause is left out": ("energy shown_cause", _in("cause", r"\s*\|\|\s*\w+$", "")),
     "not cut in the same step": (
         "stop",
@@ -101,7 +101,7 @@ FAULTS = {
     ),
     "an input's lower end is left out": (
         "input_invalid",
-        _in("theta_rad_ok", r"&& \(?\(.*", "&& 1"),
+        _in("u_command_Nm_ok", r"&& \(?\(.*", "&& 1"),
     ),
     "the reason is forgotten": (
         "first_reason",
