@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import command_stamp, limits
+from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
@@ -23,9 +24,10 @@ from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
 from esea_gen.language.watch import WATCH
 from esea_gen.model.encoder import encoder
+from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.joint import deflection
 from esea_gen.model.sensing import of_axis
-from esea_gen.observe.disturbance import drive_observer
+from esea_gen.observe.disturbance import drive_observer, gear_observer
 from esea_gen.observe.human import extended_state
 from esea_gen.observe.rates import load_rate, motor_rate
 
@@ -72,6 +74,21 @@ INPUTS = {
     "theta_desired_rad": ("reference.theta_desired_rad",),
     "omega_desired_rad_s": ("reference.omega_desired_rad_s",),
 }
+# What a device with [redundancy] has besides.
+SIGNALS_REDUNDANT = {
+    "theta_gear_rad": "encoder_gear.theta_gear_rad",
+    "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
+    "gear_usable": "encoder_gear.gear_usable",
+    "d_gear_rad_s2": "gear.d_gear_rad_s2",
+    "agree": "redundancy.agree",
+}
+INPUTS_REDUNDANT = {
+    "count_gear": ("encoder_gear.count",),
+    "frame_error_gear": ("encoder_gear.frame_error",),
+}
+COMPARED = {"apart_rad": "redundancy.apart_rad", "apart_Nm": "redundancy.apart_Nm"}
+# What ends the control task, whatever the law.
+LAST = ("redundancy", "stamp")
 # One for all axes: who stops one stops the machine.
 SHARED = ("stop", "rearm", "law")
 MEASURED = {
@@ -128,8 +145,9 @@ def control_system(
     Returns
     -------
     System
-        External inputs: counts and frame errors of both encoders, ``mode``, ``stop``, ``rearm``,
-        the wanted torque, angle and rate.  External outputs: ``u_Nm`` for the motor, what was
+        External inputs: counts and frame errors of both encoders, and of the motor's own where the
+        device has ``[redundancy]``, ``mode``, ``stop``, ``rearm``, the wanted torque, angle and
+        rate.  External outputs: ``u_Nm`` for the motor, what was
         measured and estimated, and every status word.  A device with several axes has an instance
         of every Block for each; names carry the axis, but for ``stop``, ``rearm`` and ``law``.
 
@@ -149,6 +167,7 @@ def control_system(
 
 
 def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:
+    redundant = device.file.redundancy is not None
     blocks: dict[str, Component] = {
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
@@ -157,10 +176,13 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "sensor": sensor,
         "motor_rate": motor_rate(device),
         "load_rate": load_rate(device),
+        **({"encoder_gear": gear_encoder(device)} if redundant else {}),
         "reference": reference(device),
         "limits": limits(device),
         "drive": drive_observer(device),
+        **({"gear": gear_observer(device)} if redundant else {}),
         "human": extended_state(device),
+        **({"redundancy": redundancy(device)} if redundant else {}),
         "stamp": command_stamp(device),
     }
     return Base(device, blocks, inverse)
@@ -186,14 +208,15 @@ def _blocks(
     order = [
         *first[:behind],
         *(n for n, part in own.items() if n in part.sense),
-        *(n for n in first[behind:] if n != "stamp"),
+        *(n for n in first[behind:] if n not in LAST),
         *(n for n, part in own.items() if n in part.after_limits),
     ]
     control = {n: blocks[n] for n, part in own.items() if n in part.control}
     if len(parts) > 1:
         checked = [law.name for law, part in zip(laws, parts, strict=True) if part.request_ok]
         control["law"] = law_switch(base.device, [law.name for law in laws], checked)
-    return {n: blocks[n] for n in order}, control | {"stamp": blocks["stamp"]}
+    control |= {n: blocks[n] for n in LAST if n in blocks}
+    return {n: blocks[n] for n in order}, control
 
 
 def _wired(
@@ -203,13 +226,15 @@ def _wired(
 ) -> _Axis:
     sense, control = blocks
     every = sense | control
-    inputs = dict(INPUTS)
+    redundant = "redundancy" in control
+    inputs = INPUTS | (INPUTS_REDUNDANT if redundant else {})
     wires = dict(WIRES)
-    signals = dict.fromkeys(every, SIGNALS)
+    known = SIGNALS | (SIGNALS_REDUNDANT if redundant else {})
+    signals = dict.fromkeys(every, known)
     for part in parts:
         wires |= part.wires
         inputs |= part.inputs
-        signals |= {n: {**SIGNALS, **part.signals} for n in part.own}
+        signals |= {n: {**known, **part.signals} for n in part.own}
     own, told = _command(laws, parts)
     wires |= own
     if "law" in control:
@@ -225,7 +250,7 @@ def _wired(
     outputs = dict(MEASURED)
     for part in parts:
         outputs |= part.setpoints
-    outputs |= ESTIMATED | told
+    outputs |= ESTIMATED | told | (COMPARED if redundant else {})
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}

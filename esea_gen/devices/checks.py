@@ -130,6 +130,12 @@ def _check_relations(origin: str, file: DeviceFile) -> None:
 def _check_control(origin: str, file: DeviceFile) -> None:
     drive = ("actuator", "joint", "disturbance", "impedance", "safety")
     laws = [k for k in LAW_SECTIONS if getattr(file, k) is not None]
+    if file.redundancy is not None and (file.actuator is None or file.joint is None):
+        raise UserError(
+            f"{origin}: [redundancy] compares the drive with the joint, but section "
+            f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
+            'Add it, or write extends = "elbow_drive" and give what differs.',
+        )
     for law in laws:
         control = (*drive, *LAW_SECTIONS[law])
         needed = [k for k in control if getattr(file, k) is None]
@@ -148,6 +154,7 @@ def _check_control(origin: str, file: DeviceFile) -> None:
         ("safety.tau_max_Nm", "limits.tau_Nm"),
         ("safety.rom_max_rad", "joint.theta_max_rad"),
         ("joint.theta_min_rad", "safety.rom_min_rad"),
+        ("redundancy.cable_least_Nm_rad", "redundancy.cable_Nm_rad"),
     ]
     for low, high in pairs:
         if low in values and high in values and values[low] > values[high]:

@@ -344,6 +344,23 @@ class Safety(Section):
     energy_window_s: Quantity = _number(1e-2, 60, "Window of the energy limit.")
 
 
+class Redundancy(Section):
+    """How far the motor's encoder, the joint's encoders and the motor's torque may disagree."""
+
+    cable_Nm_rad: Quantity = _number(1, 1e5, "Usual stiffness of the cable, at the joint.")
+    cable_least_Nm_rad: Quantity = _number(1, 1e5, "Stiffness of the softest cable.")
+    apart_rad: Quantity = _number(
+        1e-3, 1, "Angle between drive and motor side that backlash and encoder errors explain."
+    )
+    torque_Nm: Quantity = _number(
+        1e-2, 100, "Torque at the drive that friction and the gear's disturbance explain."
+    )
+    torque_share: Quantity = _number(
+        0, 1, "Share of the interaction torque that the elastomer's model may be wrong by."
+    )
+    rate_1_s: Quantity = _number(1, 200, "Bandwidth of the observer of the unexplained torque.")
+
+
 class DeviceFile(Section):
     """A device file, as written."""
 
@@ -376,6 +393,11 @@ class DeviceFile(Section):
     predictive: Predictive | None = Field(default=None)
     impedance: Impedance | None = Field(default=None)
     safety: Safety | None = Field(default=None)
+    redundancy: Redundancy | None = Field(
+        default=None,
+        description="Comparison of all encoders and the motor's torque; left out, a joint encoder "
+        "that is wrong but plausible is not found.",
+    )
 
 
 def quantities_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Quantity]]:

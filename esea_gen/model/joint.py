@@ -17,6 +17,8 @@ from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 
+CONTRADICTED = "another encoder or the motor's torque says otherwise, or has not been compared yet"
+
 
 def deflection(device: DeviceData) -> Block:
     """Deflection from the two joint angles, and whether the torque made of it can be trusted.
@@ -29,8 +31,9 @@ def deflection(device: DeviceData) -> Block:
     Returns
     -------
     Block
-        Inputs ``theta_motor_rad``, ``theta_load_rad`` and whether each encoder is usable; outputs
-        ``theta_rad``, ``sensing_ok`` (1 or 0) and a status word.
+        Inputs ``theta_motor_rad``, ``theta_load_rad`` and whether each encoder is usable, and with
+        ``[redundancy]`` whether what can be compared agrees; outputs ``theta_rad``, ``sensing_ok``
+        (1 or 0) and a status word.
 
     Raises
     ------
@@ -41,6 +44,7 @@ def deflection(device: DeviceData) -> Block:
     if joint is None:
         raise UserError(f"{device.origin}: section [joint] is missing.", "Add it.")
     theta_lim = threshold(device.file.limits.theta_rad.value)
+    compared = device.file.redundancy is not None
     reach = max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value)) + theta_lim
 
     def step(
@@ -49,8 +53,11 @@ def deflection(device: DeviceData) -> Block:
         theta = label("raw_rad", u.theta_motor_rad - u.theta_load_rad, "(5.4) deflection")
         outside = label("outside", ca.fabs(theta) > theta_lim)
         usable = ca.logic_and(u.motor_usable >= 0.5, u.load_usable >= 0.5)
-        ok = label("ok", ca.logic_and(ca.logic_and(usable, ca.logic_not(outside)), guard.inputs_ok))
-        word = flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(usable), outside])
+        agree = u.agree >= 0.5 if compared else ca.SX(1)
+        good = ca.logic_and(ca.logic_and(usable, agree), ca.logic_not(outside))
+        ok = label("ok", ca.logic_and(good, guard.inputs_ok))
+        parts = [ca.logic_not(agree)] if compared else []
+        word = flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(usable), outside, *parts])
         outputs = {
             "theta_rad": clip(theta, -theta_lim, theta_lim),
             "sensing_ok": ca.if_else(ok, 1.0, 0.0),
@@ -70,6 +77,7 @@ def deflection(device: DeviceData) -> Block:
             Port("theta_load_rad", -reach, reach, angle + "load side of the coupling"),
             Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
             Port("load_usable", 0.0, 1.0, "1 when the load-side encoder is usable"),
+            *([Port("agree", 0.0, 1.0, "1 when nothing contradicts it")] if compared else []),
         ),
         outputs=(
             Port("theta_rad", -theta_lim, theta_lim, "deflection: motor side minus load side"),
@@ -77,7 +85,7 @@ def deflection(device: DeviceData) -> Block:
             Port(
                 "status",
                 0,
-                7,
+                15 if compared else 7,
                 "what is known of this sample",
                 flags=(
                     Flag("INPUT_INVALID", "an angle was NaN or outside its range", True),
@@ -89,6 +97,7 @@ def deflection(device: DeviceData) -> Block:
                         ("theta_rad",),
                         theta_lim,
                     ),
+                    *([Flag("CONTRADICTED", CONTRADICTED, True)] if compared else []),
                 ),
             ),
         ),
@@ -106,8 +115,9 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     t = np.arange(steps)
     load = single(0.5 * (low + high) + 0.4 * (high - low) * np.sin(t / 90))
     motor = single(load + 1.2 * bent * np.sin(t / 17))
-    usable = np.array(list(product((1.0, 0.0, 0.5), repeat=2)))[t // 40 % 9]
-    names = ("motor_usable", "load_usable")
+    names = [p.name for p in block.inputs if p.unit == "1"]
+    answers = np.array(list(product((1.0, 0.0, 0.5), repeat=len(names))))
+    usable = answers[t // 40 % len(answers)]
     x = {"theta_load_rad": load, "theta_motor_rad": motor}
     x |= {name: usable[:, k] for k, name in enumerate(names)}
     return [Stream("both sides together", x)]

@@ -178,11 +178,58 @@ def drive_observer(device: DeviceData) -> Block:
     )
 
 
-class _DriveObserver:
-    """Numbers, step and ports."""
+def gear_observer(device: DeviceData) -> Block:
+    """What (5.2) leaves unexplained of the motion of the motor's own encoder.
 
-    def __init__(self, device: DeviceData) -> None:
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive and the section ``[redundancy]``, which has its bandwidth.
+
+    Returns
+    -------
+    Block
+        :func:`drive_observer` with a fixed bandwidth; inputs ``u_Nm``, ``omega_gear_rad_s`` and
+        ``tau_Nm``, outputs ``d_gear_rad_s2`` and a status word.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive or no ``[redundancy]``.
+
+    References
+    ----------
+    .. [1] A. De Luca and R. Mattone, "Actuator failure detection and isolation using generalized
+       momenta", ICRA 2003 (a residual that follows the unexplained torque by a lag).
+    """
+    if device.file.redundancy is None:
+        raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
+    law = _DriveObserver(device, device.file.redundancy.rate_1_s.value)
+    return Block.define(
+        "gear_observer",
+        "What motor and coupling leave unexplained of the drive's motion",
+        period_s=law.h,
+        constants=device.constants("actuator"),
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=(
+            around("d_gear_rad_s2", law.d_lim, "unexplained acceleration", equation="(5.5)"),
+            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+        ),
+        equations=law.equations(),
+        step=law.step,
+    )
+
+
+class _DriveObserver:
+    """Numbers, step and ports; of the motor's own encoder when its bandwidth is given."""
+
+    def __init__(self, device: DeviceData, bandwidth_1_s: float | None = None) -> None:
         self.device = device
+        self.fixed = bandwidth_1_s is not None
+        self.share = 1 - math.exp(-device.period_s * (bandwidth_1_s or 0.0))
+        self.omega = "omega_gear_rad_s" if self.fixed else "omega_motor_rad_s"
+        self.d = "d_gear_rad_s2" if self.fixed else "d4_rad_s2"
         self.drive = drive_of(device)
         a = self.drive.actuator
         self.h = device.period_s
@@ -224,7 +271,9 @@ class _DriveObserver:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         ok = guard.inputs_ok
         ready = label("ready", ca.logic_and(ok, s.primed), "two valid samples in a row")
-        values = self.numbers | {OMEGA_M: u.omega_motor_rad_s, TAU_E: u.tau_Nm}
+        omega = vars(u)[self.omega]
+        keep, share = (1 - self.share, self.share) if self.fixed else (c.keep, c.share)
+        values = self.numbers | {OMEGA_M: omega, TAU_E: u.tau_Nm}
         passive = label(
             "passive_rad_s2",
             to_casadi(MODEL_ACCELERATION.subs(U_A, 0), values),
@@ -237,8 +286,8 @@ class _DriveObserver:
             drive_part + 0.5 * (passive + s.passive_rad_s2),
             "(5.2) mean of the model over the step",
         )
-        seen = (u.omega_motor_rad_s - s.omega_last_rad_s) * (1 / self.h)
-        moved = s.d4_rad_s2 * c.keep + c.share * (seen - model)
+        seen = (omega - s.omega_last_rad_s) * (1 / self.h)
+        moved = s.d4_rad_s2 * keep + share * (seen - model)
         d4 = label(
             "d4_rad_s2",
             ca.if_else(ready, clip(moved, -self.d_lim, self.d_lim), s.d4_rad_s2),
@@ -251,15 +300,15 @@ class _DriveObserver:
         )
         next_state = {
             "primed": ok,
-            "omega_last_rad_s": u.omega_motor_rad_s,
+            "omega_last_rad_s": omega,
             "passive_rad_s2": passive,
             "u_held_Nm": u.u_Nm,
             "u_a_Nm": u_a,
             "d4_rad_s2": d4,
         }
         outputs = {
-            "d4_rad_s2": d4,
-            "u_a_Nm": u_a,
+            self.d: d4,
+            **({} if self.fixed else {"u_a_Nm": u_a}),
             "status": flag_word(
                 [
                     ca.logic_not(ok),
@@ -300,9 +349,9 @@ class _DriveObserver:
                 on_invalid=0.0,
             ),
             around(
-                "omega_motor_rad_s",
+                self.omega,
                 self.omega_lim,
-                "motor side's rate",
+                "rate of the motor's encoder" if self.fixed else "motor side's rate",
                 on_invalid="omega_last_rad_s",
             ),
             around("tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid=0.0),
@@ -326,7 +375,5 @@ class _DriveObserver:
         return (
             Flag("INPUT_INVALID", "an input was NaN or outside its range; d4 is held", True),
             Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-            Flag(
-                "CLIPPED", "the estimate was clipped at its range", True, ("d4_rad_s2",), self.d_lim
-            ),
+            Flag("CLIPPED", "the estimate was clipped at its range", True, (self.d,), self.d_lim),
         )

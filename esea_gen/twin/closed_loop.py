@@ -7,6 +7,7 @@ hands arrays in and gets arrays back.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,12 +23,15 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources, declarations
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System
+from esea_gen.twin.encoders import ENCODERS
+from esea_gen.twin.faults import KINDS, EncoderFault
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import plant_system, start_state
 
 COMMAND = "u_Nm"
 PATH = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise")
 STATE_REPAIRED = 2
+FAULT_KINDS = ("none", *KINDS)
 Array = npt.NDArray[Any]
 
 
@@ -228,6 +232,8 @@ class ClosedLoop:
             controller_prefix=self._prefix,
             controller_header=control.fmt.header,
             plant_files=[n for n in parts if n.endswith(".inc")],
+            encoders=self._encoders(),
+            fault_kinds=FAULT_KINDS,
             encode_inputs=[x.name for x in self.plant.task_inputs(self.plant.task("encode"))],
             feeds=self._feeds,
             signals=[
@@ -240,15 +246,31 @@ class ClosedLoop:
             command=command,
             substeps=round(self.tick_s / self.variant.step_s),
             step_s=plant.fmt.literal(self.variant.step_s),
+            tick_s=plant.fmt.literal(self.tick_s),
         )
         self.files = files | parts | {"closed_loop.c": loop}
         self.path = compile_sources(self.files, link=("-lm",))
         self.ffi = cffi.FFI()
-        text = loop[loop.index("void esea_loop_run") :]
+        text = loop[loop.index("typedef struct {\n    unsigned kind") :]
         prototype = re.sub(r"\)\s*\n\{.*?\n\}", ");", text, flags=re.DOTALL)
         headers = files[f"{self._prefix}.h"] + parts[f"{self._plant_prefix}.h"]
         self.ffi.cdef(declarations(headers + prototype), override=True)
         self._lib: Any = self.ffi.dlopen(str(self.path))
+
+    def _encoders(self) -> list[tuple[str, str, str, str]]:
+        # Count, angle, counts of a turn and counts per radian of the joint.
+        actuator = self.variant.device.file.actuator
+        assert actuator is not None
+        literal = FORMATS["f64"].literal
+        full = {p.name: p.high + 1 for p in self.plant.blocks["encoders"].outputs}
+        found = []
+        for side, angle in ENCODERS.items():
+            counts = full[f"count_{side}"]
+            turns = actuator.gear_ratio.value if side == "gear" else 1.0
+            found.append(
+                (f"count_{side}", angle, literal(counts), literal(counts * turns / (2 * math.pi)))
+            )
+        return found
 
     # -- running ---------------------------------------------------------------------------------
 
@@ -356,6 +378,7 @@ class ClosedLoop:
         initial: Mapping[str, float] | None = None,
         seed: int = 0,
         ticks: int | None = None,
+        fault: EncoderFault | None = None,
     ) -> ClosedLoopRun:
         """Run from rest.
 
@@ -376,6 +399,8 @@ class ClosedLoop:
             Of the person's torque noise.
         ticks : int, optional
             Length, when there is no signal to tell it.
+        fault : EncoderFault, optional
+            Of the encoders.
 
         Returns
         -------
@@ -414,8 +439,20 @@ class ClosedLoop:
 
         record = np.empty((n, self._width))
         pointer = [self.ffi.cast("double *", a.ctypes.data) for a in (table, path, record)]
-        self._lib.esea_loop_run(*coeffs, state, *plant_coeffs, plant_state, start, *pointer, n)
+        wrong = self._fault(fault)
+        self._lib.esea_loop_run(
+            *coeffs, state, *plant_coeffs, plant_state, start, wrong, *pointer, n
+        )
         return self._result(record)
+
+    def _fault(self, fault: EncoderFault | None) -> Any:
+        wrong = self.ffi.new("esea_loop_fault_t *")
+        if fault is not None:
+            wrong.kind = FAULT_KINDS.index(fault.kind)
+            wrong.start = round(fault.at_s / self.tick_s)
+            wrong.amount = fault.amount
+            wrong.sides[0 : len(fault.sides)] = fault.sides
+        return wrong
 
     def _result(self, record: Array) -> ClosedLoopRun:
         found: dict[str, dict[str, Array]] = {"plant": {}, "controller": {}}

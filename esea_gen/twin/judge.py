@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import IMPEDANCE, Case
 from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.faults import EncoderFault
 from esea_gen.twin.published import PLANTS
 from esea_gen.twin.trajectories import RATE_HZ
 
@@ -22,6 +24,7 @@ FIGURES = (
     "largest_desired_Nm",
     "rms_normalised",
 )
+AFTER_S = 0.2  # how long the limb is still watched after a fault has been found
 ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
 
 
@@ -76,3 +79,29 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
         if largest > 0:
             out["rms_normalised"] = out["rms_true_Nm"] / largest
     return out
+
+
+def fault_figures(run: ClosedLoopRun, fault: EncoderFault) -> dict[str, float | None]:
+    """What a fault did to the limb until it was found, and :data:`AFTER_S` longer.
+
+    return: ``detected_ticks`` from the fault to the tick of the latch, None where it never came;
+        ``detected_fault``, its reason; ``peak_torque_Nm`` and ``energy_J``, largest true torque
+        on the limb and most net work done on it from any moment on, from the fault until then or,
+        never found, to the end.
+    """
+    tick_s = float(run.time_s[1] - run.time_s[0])
+    first = round(fault.at_s / tick_s)
+    if first >= len(run) - 1:
+        raise UserError(f"{fault}: the run ends at {run.time_s[-1]:g} s.", "Let it begin earlier.")
+    latched = np.flatnonzero(run.controller["fault"][first:] > 0)
+    found = int(latched[0]) if len(latched) else None
+    last = len(run) if found is None else first + found + round(AFTER_S / tick_s)
+    window = slice(first, last)
+    tau = run.plant["tau_e_Nm"][window]
+    work = np.concatenate([[0.0], np.cumsum(tau * run.plant["omega_l_rad_s"][window]) * tick_s])
+    return {
+        "detected_ticks": None if found is None else float(found),
+        "detected_fault": 0.0 if found is None else float(run.controller["fault"][first + found]),
+        "peak_torque_Nm": float(np.max(np.abs(tau))),
+        "energy_J": float(np.max(work - np.minimum.accumulate(work))),
+    }

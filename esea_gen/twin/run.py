@@ -14,6 +14,7 @@ from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
 from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
@@ -79,7 +80,7 @@ def told(device: Device, loop: ClosedLoop, path: Trajectory, mode: int) -> dict[
         "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, mode).astype(float),
         "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
     }
-    rest = ("stop", "frame_error_motor", "frame_error_load", "law")
+    rest = ("stop", "frame_error_motor", "frame_error_load", "frame_error_gear", "law")
     given = {name: np.zeros(n) for name in rest} | previews(path, device_horizon(device))
     return signals | {k: v for k, v in given.items() if k in loop.signals}
 
@@ -118,4 +119,5 @@ def run_on(
     # A variant knows only what its plant has: the rigid one has no cable to twist.
     known = {x.name for b in loop.plant.blocks.values() for x in b.tunables}
     extra = {k: v for k, v in case.plant.items() if k in known}
-    return loop.run(signals, {**variant.values, **extra}, merged, seed=seed)
+    fault = parse_fault(setting.fault) if setting.fault else None
+    return loop.run(signals, {**variant.values, **extra}, merged, seed=seed, fault=fault)

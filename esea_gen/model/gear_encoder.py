@@ -1,0 +1,265 @@
+"""The motor's own encoder: counts of its shaft in, how far the drive has turned the joint out.
+
+It turns many times over the joint's range, so it knows no absolute angle: what it gives counts from
+the first frame on.  Everything that decides is whole numbers below 2^24, as for the joint encoders.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+import sympy as sp
+
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, flag_word
+from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
+from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX
+from esea_gen.model.symbolic import equation
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+WHOLE = 1 << 24  # every number format holds whole numbers below exactly
+
+
+def gear_encoder(device: DeviceData) -> Block:
+    """Front end of the encoder on the motor's shaft.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Rate, ``[joint]``, and ``[actuator]`` with its encoder's resolution and the gear ratio.
+
+    Returns
+    -------
+    Block
+        ``encoder_gear``: inputs ``count`` and ``frame_error``
+        (:class:`~esea_gen.model.encoder.FrameError`, 0 for a good frame); outputs
+        ``theta_gear_rad``, by which the drive has turned the joint since the first good frame, its
+        rate, ``gear_usable`` (1 or 0) and a status word.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive, or the shaft turns so fast, or the encoder is so fine, that
+        its turns could not be counted.
+
+    Notes
+    -----
+    A bad frame, or one that is farther from the last good one than the drive can be, is bridged:
+    angle and rate are held.  After more than can be bridged the encoder is not usable for a frame
+    and goes on from where it then is: what was turned meanwhile is unknown, so ``gear_usable`` says
+    that an angle from before means nothing any more.
+    """
+    law = _GearEncoder(device)
+    return Block.define(
+        "encoder_gear",
+        "Encoder front end, motor's shaft: count to the angle that the drive has turned",
+        period_s=device.period_s,
+        constants=law.constants(),
+        state=law.state(),
+        inputs=(
+            Port("count", 0, law.full - 1, "raw count of the shaft, a whole number"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        ),
+        outputs=law.outputs(),
+        equations=law.equations(),
+        step=law.step,
+        streams=OwnStreams(_events),
+    )
+
+
+class _GearEncoder:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData) -> None:
+        a, j = device.file.actuator, device.file.joint
+        if a is None or j is None:
+            raise UserError(
+                f"{device.origin}: the motor's encoder needs the sections [actuator] and [joint].",
+                'Add them, or write extends = "elbow_drive" and give what differs.',
+            )
+        self.device, self.actuator = device, a
+        self.h = device.period_s
+        self.full = 1 << int(a.encoder_bits.value)
+        self.counts_rad = self.full * a.gear_ratio.value / (2 * math.pi)
+        self.omega_max = a.omega_max_rad_s.value
+        self.step_max = math.ceil(self.omega_max * self.h * self.counts_rad) + 1
+        self.held_max = min(HELD_MAX, (self.full // 2 - 1) // self.step_max - 1)
+        if self.held_max < 1:
+            raise UserError(
+                f"{device.origin}: within two periods the motor's shaft may turn by "
+                f"{2 * self.step_max} counts, not below half a turn ({self.full // 2}): with one "
+                "frame lost, which way it went could not be told.",
+                "Lower actuator.omega_max_rad_s or raise timing.sense_rate_Hz.",
+            )
+        span = (
+            j.theta_max_rad.value - j.theta_min_rad.value + 2 * device.file.limits.theta_rad.value
+        )
+        self.moved_max = math.ceil(span * self.counts_rad)
+        if self.moved_max + self.step_max * (self.held_max + 1) >= WHOLE:
+            bits = math.floor(math.log2((WHOLE - 1) / self.moved_max * self.full))
+            raise UserError(
+                f"{device.origin}: over the joint's range the motor's encoder counts "
+                f"{self.moved_max:.3g}, too many for whole numbers of 24 bits.",
+                f"Read its upper {min(bits, int(a.encoder_bits.value) - 1)} bits only, and say so "
+                "in actuator.encoder_bits.",
+            )
+
+    def step(
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        started = s.started > 0.5
+        flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
+        readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
+        raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")
+        over = ca.if_else(
+            raw < -self.full / 2,
+            float(self.full),
+            ca.if_else(raw > self.full / 2, -float(self.full), 0.0),
+        )
+        moved = label("step", raw + over, "the short way round")
+        reach, share = ca.SX(self.step_max + 0.5), ca.SX(1.0)
+        for k in range(1, self.held_max + 1):
+            reach = ca.if_else(s.held > k - 0.5, self.step_max * (k + 1) + 0.5, reach)
+            share = ca.if_else(s.held > k - 0.5, 1 / (k + 1), share)
+        label("reach", reach, "[reach] as far as the drive can have gone, in counts")
+        near = ca.fabs(moved) <= reach
+        good = label("good", ca.logic_and(readable, ca.logic_and(started, near)), "goes on")
+        late = label("late", s.held > self.held_max - 0.5, "no more may be bridged")
+        first = label(
+            "first",
+            ca.logic_and(readable, ca.logic_or(ca.logic_not(started), late)),
+            "starts here, at first or again",
+        )
+        fresh = ca.logic_and(first, ca.logic_not(good))
+        total = label("moved_counts", s.moved + ca.if_else(good, moved, 0.0), "[angle]")
+        outside = label("outside", ca.fabs(total) > self.moved_max + 0.5, "more than the joint can")
+        held = ca.if_else(
+            ca.logic_or(good, fresh), 0.0, ca.fmin(s.held + 1.0, float(self.held_max))
+        )
+        rate = label(
+            "rate_rad_s",
+            moved * share * (1 / (self.h * self.counts_rad)),
+            "[rate] a frame that was bridged counts as moved evenly",
+        )
+        rate = ca.if_else(good, rate, ca.if_else(fresh, 0.0, s.omega_rad_s))
+        taken = ca.logic_or(good, fresh)
+        kept = ca.logic_or(taken, ca.logic_and(started, ca.logic_not(late)))
+        usable = label("usable", ca.logic_and(kept, ca.logic_not(ca.logic_or(fresh, outside))))
+        most = self.omega_max * 1.01
+        rate = clip(rate, -most, most)
+        limit = float(self.moved_max)
+        next_state = {
+            "count_last": ca.if_else(taken, u.count, s.count_last),
+            "moved": clip(total, -limit, limit),
+            "held": held,
+            "started": ca.logic_or(started, taken),
+            "omega_rad_s": rate,
+        }
+        odd = ca.logic_and(ca.logic_and(started, readable), ca.logic_not(near))
+        outputs = {
+            "theta_gear_rad": clip(total, -limit, limit) * (1 / self.counts_rad),
+            "omega_gear_rad_s": rate,
+            "gear_usable": usable,
+            "status": flag_word(
+                [
+                    ca.logic_not(guard.inputs_ok),
+                    ca.logic_not(guard.state_ok),
+                    ca.logic_and(guard.inputs_ok, flagged),
+                    odd,
+                    ca.logic_not(usable),
+                    outside,
+                ]
+            ),
+        }
+        return next_state, outputs
+
+    def constants(self) -> tuple[Constant, ...]:
+        a = self.actuator
+        return (
+            Constant("encoder_bits", self.actuator.encoder_bits.value, a.encoder_bits.source,
+                     a.encoder_bits.status),
+            Constant("gear_ratio", a.gear_ratio.value, a.gear_ratio.source, a.gear_ratio.status),
+            Constant("step_max_counts", self.step_max, "speed limit times period", "derived"),
+            Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
+        )  # fmt: skip
+
+    def state(self) -> tuple[Port, ...]:
+        return (
+            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            around("moved", self.moved_max, "counts turned since the start"),
+            Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
+            Port("started", 0.0, 1.0, "1 once there was a good frame"),
+            around("omega_rad_s", self.omega_max * 1.01, "rate of the last step"),
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        return (
+            around(
+                "theta_gear_rad",
+                self.moved_max / self.counts_rad * (1 + 1e-6),
+                "by what the drive has turned the joint since the start",
+            ),
+            around("omega_gear_rad_s", self.omega_max * 1.01, "its rate, without a filter"),
+            Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
+            Port("status", 0, 63, "what is known of this sample", flags=_status()),
+        )
+
+    def equations(self) -> tuple[Any, ...]:
+        n, f, d = sp.symbols("n F d")
+        wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
+        turned = 2 * sp.pi / (f * sp.Symbol("i")) * sp.Sum(sp.Symbol("w_k"), (sp.Symbol("k"), 1, n))
+        return (
+            equation("[wrap]", "w", wrap, "step, the short way round; F counts a turn"),
+            equation("[angle]", "theta_g", turned, "turned since the start, at the joint; ratio i"),
+        )
+
+
+def _status() -> tuple[Flag, ...]:
+    return (
+        Flag("INPUT_INVALID", "count or frame word was NaN or outside its range", True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the encoder was started afresh", True),
+        Flag("FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True),
+        Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
+        Flag(
+            "NOT_USABLE", "no frame yet, or more were bad than may be bridged: starts again", True
+        ),
+        Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
+    )
+
+
+def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
+    # To and fro through many turns, with frames missing, as many as may be bridged and one more,
+    # jumps, and on to the end of what is counted.
+    port, word = block.inputs
+    constant = {c.name: c.value for c in block.constants}
+    full, most = round(port.high) + 1, int(constant["step_max_counts"])
+    held = int(constant["held_max"])
+    span = next(p.high for p in block.state if p.name == "moved")
+    counts, frames = [], []
+    now = 0.4 * full
+    plan = [(40, r * most, bad) for r in (0.9, -0.9, 0.01) for bad in (0, 1, held, held + 1)]
+    plan += [(1, 0.45 * full, 0), (10, 0.0, 0), (int(1.1 * span / (0.95 * most)), 0.95 * most, 0)]
+    plan += [(int(2.2 * span / (0.95 * most)), -0.95 * most, 0)]
+    for steps, rate, bad in plan:
+        path = now + rate * np.arange(1, steps + 1)
+        frame = np.zeros(steps)
+        if bad:
+            frame[20 : 20 + bad] = rng.integers(1, round(word.high) + 1, bad)
+        counts.append(np.floor(path) % full)
+        frames.append(frame)
+        now = float(path[-1])
+    inputs = {"count": np.concatenate(counts), "frame_error": np.concatenate(frames)}
+    broken = {k: v.copy() for k, v in inputs.items()}
+    for p in block.inputs:
+        hit = rng.random(len(inputs["count"])) < 0.04
+        broken[p.name][hit] = rng.choice([*SPECIAL, p.high + 1.0], int(hit.sum()))
+    return [Stream("turns, gaps and jumps", inputs), Stream("with invalid inputs", broken)]
+
+
+__all__ = ["gear_encoder"]

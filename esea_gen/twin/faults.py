@@ -1,0 +1,96 @@
+"""Faults of the virtual exoskeleton's encoders: what one reads is false, from a moment on."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from esea_gen.errors import UserError
+from esea_gen.toml_file import nearest
+from esea_gen.twin.encoders import ENCODERS
+
+# What an encoder may do, with the amount that is taken where none is given and its unit.
+KINDS = {
+    "freeze": (0.0, "", "the reading stays where it is"),
+    "slip": (0.0838, "rad", "the reading jumps once"),
+    "drift": (0.05, "rad/s", "the reading moves away at a steady rate"),
+    "gain": (0.8, "", "what is moved from now on is read times this"),
+}
+SIDES = {
+    "load": ("load",),
+    "motor": ("motor",),
+    "both": ("motor", "load"),
+    "gear": ("gear",),
+}
+_FORM = re.compile(r"(?P<kind>[a-z]+):(?P<side>[a-z]+)@(?P<at>[^=]+)(=(?P<amount>.+))?")
+
+
+@dataclass(frozen=True)
+class EncoderFault:
+    """One fault.
+
+    kind: of :data:`KINDS`.
+    side: of :data:`SIDES`; ``both`` are the two encoders of the coupling, ``gear`` the motor's.
+    at_s: when it begins.
+    amount: in the unit of :data:`KINDS`, at the joint; a gear's slip too.
+    """
+
+    kind: str
+    side: str
+    at_s: float
+    amount: float
+
+    def __str__(self) -> str:
+        amount = f"={self.amount:g}" if self.kind != "freeze" else ""
+        return f"{self.kind}:{self.side}@{self.at_s:g}{amount}"
+
+    @property
+    def sides(self) -> tuple[bool, ...]:
+        """Which encoders, in the order of the twin's counts."""
+        return tuple(name in SIDES[self.side] for name in ENCODERS)
+
+
+def parse_fault(text: str) -> EncoderFault:
+    """From ``freeze:load@4`` or ``drift:gear@4=0.1``.
+
+    Raises
+    ------
+    UserError
+        For any other form, kind, side or number.
+    """
+    found = _FORM.fullmatch(text)
+    if found is None:
+        raise UserError(
+            f"'{text}' is no fault.",
+            "Write KIND:ENCODER@SECONDS, such as freeze:load@4, or with an amount slip:gear@4=0.1.",
+        )
+    for key, known in (("kind", KINDS), ("side", SIDES)):
+        if found[key] not in known:
+            what = "an encoder can do" if key == "kind" else "an encoder"
+            raise UserError(
+                f"'{text}': '{found[key]}' is not what {what}."
+                if key == "kind"
+                else f"'{text}': there is no encoder '{found[key]}'.",
+                f"{nearest(found[key], known)}Choose from {', '.join(known)}.",
+            )
+    kind = found["kind"]
+    at_s = _number(text, "time", found["at"], 0.0, 1e4)
+    amount = KINDS[kind][0]
+    if found["amount"] is not None:
+        if kind == "freeze":
+            raise UserError(f"'{text}': a frozen encoder has no amount.", "Leave it out.")
+        amount = _number(text, "amount", found["amount"], -10.0, 10.0)
+    return EncoderFault(kind, found["side"], at_s, amount)
+
+
+def _number(text: str, what: str, given: str, low: float, high: float) -> float:
+    try:
+        value = float(given)
+    except ValueError:
+        value = float("nan")
+    if not low <= value <= high:
+        raise UserError(
+            f"'{text}': the {what} '{given}' is not a number from {low:g} to {high:g}.",
+            "Give one.",
+        )
+    return value
