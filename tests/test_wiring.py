@@ -57,6 +57,23 @@ OBSERVERS = """
     human.tau_Nm                  sensor.tau_Nm
 """
 
+COMPARED = """
+    # All three encoders and the motor's torque against each other; the answer stops the drive by
+    # way of the deflection, which is not to be trusted then.
+    joint.agree                   redundancy.agree
+    redundancy.theta_motor_rad    encoder_motor.theta_rad
+    redundancy.motor_usable       encoder_motor.usable
+    redundancy.theta_gear_rad     encoder_gear.theta_gear_rad
+    redundancy.gear_usable        encoder_gear.gear_usable
+    redundancy.d_gear_rad_s2      gear.d_gear_rad_s2
+    redundancy.tau_Nm             sensor.tau_Nm
+    # The motor's own encoder, so that a coupling encoder that fails does not move what it is held
+    # against; the command that was let through.
+    gear.omega_gear_rad_s         encoder_gear.omega_gear_rad_s
+    gear.u_Nm                     limits.u_Nm
+    gear.tau_Nm                   sensor.tau_Nm
+"""
+
 # -- the laws --------------------------------------------------------------------------------------
 
 SLIDING_MODE = """
@@ -133,6 +150,8 @@ INPUTS = """
     encoder_motor.frame_error     frame_error_motor
     encoder_load.count            count_load
     encoder_load.frame_error      frame_error_load
+    encoder_gear.count            count_gear
+    encoder_gear.frame_error      frame_error_gear
     # The limits see the mode itself: the reference makes an invalid one "off", which is no fault.
     reference.mode                mode
     limits.mode                   mode
@@ -161,6 +180,8 @@ OUTPUTS = """
     energy_J                      limits.energy_J
     fault                         limits.fault
     mode_held                     reference.mode
+    apart_rad                     redundancy.apart_rad
+    apart_Nm                      redundancy.apart_Nm
 """
 OWN_OUTPUTS = {
     "elbow_drive": """
@@ -176,22 +197,22 @@ OWN_OUTPUTS = {
 """,
 }
 WIRES = {
-    "elbow_drive": SENSING + LIMITS + OBSERVERS + SLIDING_MODE,
-    "elbow_mpc": SENSING + LIMITS + OBSERVERS + PREDICTIVE,
+    "elbow_drive": SENSING + LIMITS + OBSERVERS + COMPARED + SLIDING_MODE,
+    "elbow_mpc": SENSING + LIMITS + OBSERVERS + COMPARED + PREDICTIVE,
 }
 FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
 # What is measured comes before what is made of it, the limits before the observers of what they let
 # through; the stamp ends the control task.
 ORDER = {
     "elbow_drive": {
-        "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate reference "
-        "inverse setpoint limits drive human set_rate",
-        "control": "smc stamp",
+        "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
+        "encoder_gear reference inverse setpoint limits drive gear human set_rate",
+        "control": "smc redundancy stamp",
     },
     "elbow_mpc": {
-        "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate reference "
-        "limits drive human",
-        "control": "ahead predictive stamp",
+        "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
+        "encoder_gear reference limits drive gear human",
+        "control": "ahead predictive redundancy stamp",
     },
 }
 # Period, first tick and release, in base ticks of 1 ms: 1 kHz and 200 Hz, and a command that takes
@@ -231,7 +252,7 @@ def test_the_published_controller_is_wired_as_published(controller):
         now = ("tau_wanted_Nm", "theta_wanted_rad", "omega_wanted_rad_s")
         expected |= {f"ahead.{n}": f"reference.{n}" for n in now}
     assert {name_of(a): name_of(b) for a, b in system.wires.items()} == expected
-    assert system.tasks[1].blocks == ("parabola", "ahead", "predictive", "stamp")
+    assert system.tasks[1].blocks == ("parabola", "ahead", "predictive", "redundancy", "stamp")
     times = [(t.every, t.phase, t.release_ticks) for t in system.tasks]
     assert times == [(1, 0, 1), (50, 0, 1)]
 

@@ -58,6 +58,14 @@ def simulate(
     real: Annotated[
         str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
     ] = "f32",
+    fault: Annotated[
+        str,
+        typer.Option(
+            "--fault",
+            metavar="KIND:ENCODER@SECONDS[=AMOUNT]",
+            help="Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
+        ),
+    ] = "",
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     resume: Annotated[
@@ -87,7 +95,7 @@ def simulate(
     with counted(f"{study}, {controller}") as tell:
         result = run_study(
             study,
-            Setting(controller, plant, who, real),
+            Setting(controller, plant, who, real, fault=fault),
             seed=seed,
             runs=runs,
             workers=Workers(1 if few else jobs, cluster),

@@ -17,10 +17,11 @@ import numpy as np
 
 from esea_gen.control.faults import FAULT_TEXT, Fault
 from esea_gen.control.reference import OFF, TORQUE
+from esea_gen.emit.example_encoders import SETTLE_TICKS, Encoder, encoder_of
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System, Task
+from esea_gen.model.drive import NominalDrive
 
 SAMPLES = 12  # of a triangle
 LEAST_PEAK = SAMPLES  # lattice steps, for a count: below, samples of the triangle would coincide
@@ -252,15 +253,12 @@ class _Run:
 
 # -- a drive ---------------------------------------------------------------------------------------
 
-SETTLE_TICKS = 20  # encoders and rates have settled
 ARMED_TICKS = 5  # between the release of the latch and torque mode
-MOVE_TICKS = 90  # of the deflection: to one side, to the other
+MOVE_TICKS = 120  # of the torque that is wanted: to one side, and half way back
 REST_TICKS = 10  # at the end: held, with no torque wanted
-LOAD_RATE_RAD_S = 0.2
-SHARES = (0.1, 0.04, 0.015)  # of the largest deflection: how far it moves, tried in this order
-LEAST_COUNTS = 3
+SHARES = (0.04, 0.015, 0.005)  # of the largest torque: what is wanted, tried in this order
 COMMAND_SHARE = 1e-3  # largest seen: 2.7e-4 of the range in f32, 1.7e-4 in q31
-WANTED_SHARE = 0.9  # of the torque that is there: near enough for a command within its limits
+LOAD_RATE_RAD_S = 0.2
 WANTED_LATTICE_NM = 2.0**-8
 
 
@@ -270,7 +268,7 @@ def has_drive(system: System) -> bool:
     needed = {("limits", port) for port in ("stop", "rearm", "u_Nm", "fault")}
     sides = {_side(x) for x in system.inputs if x.signals[0].port == "count"}
     wanted = any(port == "mode" for _, port in ends)
-    return bool(system.latches) and needed <= ends and wanted and sides == {"motor", "load"}
+    return bool(system.latches) and needed <= ends and wanted and {"motor", "load"} <= sides
 
 
 def _sink(system: System, external: External) -> tuple[str, str]:
@@ -292,33 +290,6 @@ def _axis(system: System, external: External, kind: str) -> str:
     raise AssertionError(f"{external.name} has nothing to do with {kind}")
 
 
-@dataclass(frozen=True)
-class _Encoder:
-    """Count of an encoder by angle."""
-
-    at_zero_rad: float
-    sign: float
-    full: int
-
-    def count(self, angle_rad: float) -> float:
-        turns = self.sign * (angle_rad - self.at_zero_rad) / (2 * math.pi)
-        return float(round(turns * self.full) % self.full)
-
-
-def _encoder(block: Block, tunables: Mapping[str, float]) -> _Encoder:
-    full = int(next(p for p in block.inputs if p.name == "count").high) + 1
-
-    def angle(count: int) -> float:
-        simulator = block.simulator(tunables)
-        for _ in range(SETTLE_TICKS):
-            out = simulator.step(count=float(count), frame_error=0.0)
-        return float(out["theta_rad"])
-
-    # A hundredth of a turn on, the short way round.
-    rise = math.remainder(angle(full // 100) - angle(0), 2 * math.pi)
-    return _Encoder(angle(0), math.copysign(1.0, rise), full)
-
-
 def _default(system: System, kind: str, name: str) -> float:
     block = next(b for b in system.kinds if b.name == kind)
     return float(next(t.default for t in block.tunables if t.name == name))
@@ -334,9 +305,9 @@ def _wave(x: float) -> float:
 class _Recording:
     """The inputs of a drive's example, and what its tasks answer."""
 
-    def __init__(self, system: System, deflection_rad: float) -> None:
+    def __init__(self, system: System, most_Nm: float) -> None:
         self.system = system
-        self.reach = deflection_rad
+        self.most_Nm = most_Nm
         every = max(t.every for t in system.tasks)
         self.wait = 3 * every
         self.arm = max(SETTLE_TICKS, 2 * every)
@@ -349,6 +320,10 @@ class _Recording:
         self.tunables = unset
         low, high = (_default(system, "limits", f"rom_{end}_rad") for end in ("min", "max"))
         self.middle = 0.5 * (low + high)
+        # The nominal drive answers to the command: motor and motion may not contradict each other.
+        (observer,) = (b for b in system.kinds if b.name == "drive_observer")
+        numbers = {c.name: c.value for c in observer.constants}
+        self.drive = NominalDrive(numbers, system.base_period_s, self.middle)
         self.columns = self._columns()
         held = {x.name: _rest(x.port) for x in system.inputs}
         self.held = held
@@ -357,18 +332,18 @@ class _Recording:
     def _of(self, port: str) -> tuple[External, ...]:
         return tuple(x for x in self.system.inputs if any(s.port == port for s in x.signals))
 
-    def _columns(self) -> tuple[tuple[Column, Callable[[int, float], float]], ...]:
-        made: list[tuple[Column, Callable[[int, float], float]]] = []
+    def _columns(self) -> tuple[tuple[Column, Callable[[int], float]], ...]:
+        made: list[tuple[Column, Callable[[int], float]]] = []
+        sides = {"motor": self._motor, "load": self._load, "gear": self._gear}
         for x in self._of("count"):
             instance = x.signals[0].instance
             block = self.system.blocks[instance]
-            encoder = _encoder(block, self.tunables.get(instance, {}))
-            angle = self._motor if _side(x) == "motor" else self._load
+            encoder = encoder_of(block, self.tunables.get(instance, {}))
+            angle = sides[_side(x)]
 
             def count(
                 k: int,
-                _tau: float,
-                encoder: _Encoder = encoder,
+                encoder: Encoder = encoder,
                 angle: Callable[[int], float] = angle,
             ) -> float:
                 return encoder.count(angle(k))
@@ -376,26 +351,29 @@ class _Recording:
             made.append((Column(x.name, (x,)), count))
         wanted = (*self._of("tau_desired_Nm"), *self._of("tau_preview_Nm"))
         made.append((Column("mode", self._of("mode")), self._mode))
-        made.append((Column("rearm", self._of("rearm")), lambda k, _tau: float(k >= self.arm)))
+        made.append((Column("rearm", self._of("rearm")), lambda k: float(k >= self.arm)))
         if wanted:
             made.append((Column("tau_desired_Nm", wanted), self._wanted))
         return tuple(made)
+
+    def _motor(self, _k: int) -> float:
+        return self.drive.theta_rad
+
+    def _gear(self, _k: int) -> float:
+        return self.drive.theta_rad * self.drive.numbers["gear_ratio"]
 
     def _load(self, k: int) -> float:
         since = max(k - self.start, 0) * self.system.base_period_s
         return self.middle + LOAD_RATE_RAD_S * since
 
-    def _motor(self, k: int) -> float:
-        share = min(max(k - self.start, 0) / MOVE_TICKS, 1.0)
-        return self._load(k) + self.reach * _wave(3.0 * share)
-
-    def _mode(self, k: int, _tau: float) -> float:
+    def _mode(self, k: int) -> float:
         return float(TORQUE if k >= self.start else OFF)
 
-    def _wanted(self, k: int, tau: float) -> float:
+    def _wanted(self, k: int) -> float:
         if not self.start <= k < self.end:
             return 0.0
-        return round(WANTED_SHARE * tau / WANTED_LATTICE_NM) * WANTED_LATTICE_NM
+        wave = self.most_Nm * _wave(1.5 * (k - self.start) / MOVE_TICKS)
+        return round(wave / WANTED_LATTICE_NM) * WANTED_LATTICE_NM
 
 
 def _outputs(system: System, kind: str, port: str) -> tuple[External, ...]:
@@ -404,7 +382,7 @@ def _outputs(system: System, kind: str, port: str) -> tuple[External, ...]:
 
 def drive_example(system: System) -> DriveExample:
     """A recording of the encoders on which the latch opens and torque control runs."""
-    largest = _default(system, "limits", "theta_max_rad")
+    largest = _default(system, "limits", "tau_max_Nm")
     said = ""
     for share in SHARES:
         made, said = _tried(system, share * largest)
@@ -417,19 +395,20 @@ def drive_example(system: System) -> DriveExample:
     )
 
 
-def _tried(system: System, deflection_rad: float) -> tuple[DriveExample | None, str]:
-    recording = _Recording(system, deflection_rad)
+def _tried(system: System, most_Nm: float) -> tuple[DriveExample | None, str]:
+    recording = _Recording(system, most_Nm)
     commands, faults, torques = (
         _outputs(system, *end)
         for end in (("limits", "u_Nm"), ("limits", "fault"), ("sensor", "tau_Nm"))
     )
     checked = (*commands, *torques, *faults)
-    rows, tau = [], 0.0
+    rows = []
     for k in range(recording.ticks):
-        given = tuple(value(k, tau) for _, value in recording.columns)
+        given = tuple(value(k) for _, value in recording.columns)
         columns = zip(recording.columns, given, strict=True)
         out = recording.run.tick({x.name: v for (c, _), v in columns for x in c.feeds})
         tau = out[torques[0].name] if torques else 0.0
+        recording.drive.move(out[commands[0].name], tau)
         rows.append(RecordedTick(given, tuple(_number(out[x.name]) for x in checked)))
     for x in faults:
         if out[x.name] != Fault.NONE:

@@ -82,29 +82,30 @@ def deflection(device: DeviceData) -> Block:
         outputs=(
             Port("theta_rad", -theta_lim, theta_lim, "deflection: motor side minus load side"),
             Port("sensing_ok", 0.0, 1.0, "1 when the deflection, and what is made of it, holds"),
-            Port(
-                "status",
-                0,
-                15 if compared else 7,
-                "what is known of this sample",
-                flags=(
-                    Flag("INPUT_INVALID", "an angle was NaN or outside its range", True),
-                    Flag("ENCODER_UNUSABLE", "an encoder says that its angle cannot be used", True),
-                    Flag(
-                        "DEFLECTION_OUTSIDE",
-                        "the deflection is beyond its physical range and was clipped",
-                        True,
-                        ("theta_rad",),
-                        theta_lim,
-                    ),
-                    *([Flag("CONTRADICTED", CONTRADICTED, True)] if compared else []),
-                ),
-            ),
+            _status(theta_lim, compared),
         ),
         equations=(equation("(5.4)", "delta", motor - load, "deflection"),),
         step=step,
         streams=OwnStreams(_events),
     )
+
+
+def _status(theta_lim: float, compared: bool) -> Port:
+    flags = [
+        Flag("INPUT_INVALID", "an angle was NaN or outside its range", True),
+        Flag("ENCODER_UNUSABLE", "an encoder says that its angle cannot be used", True),
+        Flag(
+            "DEFLECTION_OUTSIDE",
+            "the deflection is beyond its physical range and was clipped",
+            True,
+            ("theta_rad",),
+            theta_lim,
+        ),
+    ]
+    if compared:
+        flags.append(Flag("CONTRADICTED", CONTRADICTED, True))
+    most = 2 ** len(flags) - 1
+    return Port("status", 0, most, "what is known of this sample", flags=tuple(flags))
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.twin.case import Case, Setting
-from esea_gen.twin.judge import ENDED, FIGURES
+from esea_gen.twin.faults import parse_fault
+from esea_gen.twin.judge import ENCODER_FAULT, ENDED, FIGURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,6 +69,8 @@ class Simulation:
             order = [*(k for k in FIGURES if k in values), *sorted(set(values) - set(FIGURES))]
             entry |= {k: values[k] for k in order}
             entry |= {k: bool(values.get(k)) for k in ENDED}
+            if self.setting.fault:
+                entry |= {k: values.get(k) for k in ENCODER_FAULT}
             if r.values is None:
                 entry["failure"] = r.failure
             entry["thesis_rms_Nm"] = self.study.thesis_Nm.get(self.setting.controller)
@@ -80,11 +83,40 @@ class Simulation:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content: ``cases``, percentiles by case, and what the study is for."""
-        return self.study.to_dict(self)
+        content = self.study.to_dict(self)
+        if self.setting.fault:
+            content |= {"fault": str(parse_fault(self.setting.fault)), "simulated": True}
+        return content
 
     def table(self) -> list[str]:
         """The outcome as lines of text."""
-        return self.study.table(self)
+        return self._faults() if self.setting.fault else self.study.table(self)
+
+    def _faults(self) -> list[str]:
+        # What came of an encoder's fault, a line a case.
+        s, runs = self.setting, len(self.seeds)
+        lines = [
+            f"{self.study.title}, {parse_fault(s.fault)}, simulated: {s.controller}, plant "
+            f"{s.plant}, person {self.person}, {runs} run{'s' if runs > 1 else ''} a case",
+            f"{'case':32}{'found':>8}{'after ms':>10}{'torque then':>13}{'peak torque':>13}"
+            f"{'energy':>9}",
+        ]
+        by_name: dict[str, list[dict[str, Any]]] = {}
+        for e in self.cases():
+            by_name.setdefault(e["name"], []).append(e)
+        for name, entries in by_name.items():
+            good = [e for e in entries if e["peak_torque_Nm"] is not None]
+            found = [e for e in good if e["detected_ticks"] is not None]
+
+            def worst(key: str, of: list[dict[str, Any]], places: int, width: int) -> str:
+                return f"{max(e[key] for e in of):{width}.{places}f}" if of else f"{'-':>{width}}"
+
+            lines.append(
+                f"{name:32}{f'{len(found)}/{len(entries)}':>8}"
+                f"{worst('detected_ticks', found, 0, 10)}{worst('torque_then_Nm', found, 2, 13)}"
+                f"{worst('peak_torque_Nm', good, 2, 13)}{worst('energy_J', good, 2, 9)}"
+            )
+        return [*lines, "the worst of all runs; torques in Nm, energy given to the limb in J"]
 
     def figure(self) -> Figure:
         """What the study is for: Bode, impedance, torque in time, or RMS by case."""

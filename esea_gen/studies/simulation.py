@@ -24,12 +24,15 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
-from esea_gen.twin.judge import judge
+from esea_gen.twin.faults import parse_fault
+from esea_gen.twin.judge import fault_figures, judge
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, run_case
+from esea_gen.twin.trajectories import RATE_HZ
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FAULT_FROM_S = 0.1  # by then every shipped controller is armed and on
 MOST_PANELS = 4  # more cases than this are drawn as bars
 
 
@@ -95,21 +98,25 @@ def simulate_case(
     person: str,
     real: str,
     tunables: Mapping[str, Mapping[str, float]] | None = None,
+    fault: str = "",
     kept: dict[str, Any] | None = None,
 ) -> dict[str, float]:
     """Run and measure one case by name: what a worker does.
 
+    fault: of an encoder; what came of it is measured too.
     kept: takes what the study keeps of this run, in this process.
     """
     chosen = load_study(study, ClosedLoopStudy)
     found = chosen.case(case)
     try:
-        run = run_case(found, Setting(controller, plant, person, real, tunables or {}), seed)
+        setting = Setting(controller, plant, person, real, tunables or {}, fault)
+        run = run_case(found, setting, seed)
     except RanAwayError:
         return {"unstable": 1.0, "tripped": 0.0, "fault": 0.0, "ran_away": 1.0}
     if kept is not None:
         kept[case] = chosen.keep(found, run)
-    return chosen.measure(found, run, controller_device(controller))
+    figures = chosen.measure(found, run, controller_device(controller))
+    return figures | (fault_figures(run, parse_fault(fault)) if fault else {})
 
 
 def simulate(
@@ -140,6 +147,8 @@ def simulate(
         )
     if runs < 1 or seed < 0:
         raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
+    if s.fault:
+        _check_time(chosen, s.fault)
     device = controller_device(s.controller)
     # Compile once, before the workers would each do it.
     loop = compiled_loop(device, s.plant != "ideal", s.real)
@@ -161,6 +170,8 @@ def simulate(
         "real": s.real,
         "tunables": {k: dict(v) for k, v in s.tunables.items()},
     }
+    if s.fault:
+        fixed["fault"] = str(parse_fault(s.fault))
     names = [c.name for c in chosen.cases()]
     seeds = tuple(range(seed, seed + runs))
     cases = [{"study": study, "case": n, "seed": k, **fixed} for k in seeds for n in names]
@@ -169,6 +180,17 @@ def simulate(
         cases, len(names) if keeping else 0, Configuration(parts), workers, folder, progress
     )
     return Simulation(chosen, s, seeds, done, kept)
+
+
+def _check_time(study: ClosedLoopStudy, text: str) -> None:
+    at_s = parse_fault(text).at_s
+    end_s = min(len(c.trajectory.tau_desired_Nm) for c in study.cases()) / RATE_HZ
+    if not FAULT_FROM_S <= at_s < end_s:
+        raise UserError(
+            f"'{text}': {at_s:g} s is outside {FAULT_FROM_S:g} to {end_s:g} s: the controller is "
+            f"armed first, and the shortest case of {study.name} then ends.",
+            "Give a time inside.",
+        )
 
 
 def _run(

@@ -24,6 +24,14 @@ FIGURES = (
     "largest_desired_Nm",
     "rms_normalised",
 )
+# Of a run with an encoder's fault; the first three are None where it was never found.
+ENCODER_FAULT = (
+    "detected_ticks",
+    "detected_fault",
+    "torque_then_Nm",
+    "peak_torque_Nm",
+    "energy_J",
+)
 AFTER_S = 0.2  # how long the limb is still watched after a fault has been found
 ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
 
@@ -81,27 +89,37 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
     return out
 
 
-def fault_figures(run: ClosedLoopRun, fault: EncoderFault) -> dict[str, float | None]:
+def fault_figures(run: ClosedLoopRun, fault: EncoderFault) -> dict[str, float]:
     """What a fault did to the limb until it was found, and :data:`AFTER_S` longer.
 
-    return: ``detected_ticks`` from the fault to the tick of the latch, None where it never came;
-        ``detected_fault``, its reason; ``peak_torque_Nm`` and ``energy_J``, largest true torque
-        on the limb and most net work done on it from any moment on, from the fault until then or,
-        never found, to the end.
+    return: ``detected_ticks`` from the fault to the tick of the latch, ``detected_fault``, its
+        reason, and ``torque_then_Nm``, the true torque at that tick; without these where it was
+        never found.  ``peak_torque_Nm`` and ``energy_J``: largest true torque on the limb, and most
+        net work done on it from any moment on, from the fault until then or, never found, to the
+        end.
     """
     tick_s = float(run.time_s[1] - run.time_s[0])
     first = round(fault.at_s / tick_s)
     if first >= len(run) - 1:
         raise UserError(f"{fault}: the run ends at {run.time_s[-1]:g} s.", "Let it begin earlier.")
-    latched = np.flatnonzero(run.controller["fault"][first:] > 0)
-    found = int(latched[0]) if len(latched) else None
-    last = len(run) if found is None else first + found + round(AFTER_S / tick_s)
-    window = slice(first, last)
-    tau = run.plant["tau_e_Nm"][window]
-    work = np.concatenate([[0.0], np.cumsum(tau * run.plant["omega_l_rad_s"][window]) * tick_s])
-    return {
-        "detected_ticks": None if found is None else float(found),
-        "detected_fault": 0.0 if found is None else float(run.controller["fault"][first + found]),
+    reason = run.controller["fault"]
+    if reason[first]:
+        raise UserError(
+            f"{fault}: at {fault.at_s:g} s the latch is closed, with fault {reason[first]:g}.",
+            "Let it begin later.",
+        )
+    latched = np.flatnonzero(reason[first:] > 0)
+    found = first + int(latched[0]) if len(latched) else None
+    last = len(run) if found is None else found + round(AFTER_S / tick_s)
+    tau = run.plant["tau_e_Nm"][first:last]
+    work = np.cumsum(tau * run.plant["omega_l_rad_s"][first:last]) * tick_s
+    work = np.concatenate([[0.0], work])
+    out = {
         "peak_torque_Nm": float(np.max(np.abs(tau))),
         "energy_J": float(np.max(work - np.minimum.accumulate(work))),
     }
+    if found is not None:
+        out["detected_ticks"] = float(found - first)
+        out["detected_fault"] = float(reason[found])
+        out["torque_then_Nm"] = float(abs(tau[found - first]))
+    return out

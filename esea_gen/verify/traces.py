@@ -11,19 +11,18 @@ from __future__ import annotations
 import csv
 import io
 import math
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import External
+from esea_gen.verify.drive_stream import drive_stream, scalars
 
 MARK = "# esea-gen trace"
 EVERY = 20  # steps a row
@@ -89,15 +88,6 @@ def _number(value: float, whole: bool) -> str:
     return str(int(value)) if whole else f"{value + 0.0:.{DIGITS}g}"  # + 0.0: no negative zero
 
 
-def _scalars(externals: Iterable[External]) -> list[tuple[str, External, int]]:
-    # A vector takes one column an element.
-    return [
-        (x.name if x.port.size == 1 else f"{x.name}[{i}]", x, i)
-        for x in externals
-        for i in range(x.port.size)
-    ]
-
-
 def trace_stream(device: Device) -> dict[str, Array]:
     """The fixed stream of a device: the parts of ``PARTS``, one after the other.
 
@@ -108,9 +98,16 @@ def trace_stream(device: Device) -> dict[str, Array]:
     rate_Hz = 1.0 / system.base_period_s
     top_Hz = 0.8 * domain.omega_max_rad_s.value / (2 * math.pi * domain.theta_max_rad.value)
     if device.laws:
-        return _drive_stream(device, rate_Hz, top_Hz)
+        high = device.file.limits.theta_rad.value
+        reach = 0.95 * domain.theta_max_rad.value
+        counts = {part.name: max(1, round(part.duration_s * rate_Hz)) for part in PARTS}
+        pieces = [
+            _piece(part, np.arange(n) / n, reach, high, top_Hz, 0)
+            for part, n in zip(PARTS, counts.values(), strict=True)
+        ]
+        return drive_stream(device, np.concatenate(pieces))
     stream = {}
-    for n, (name, external, _) in enumerate(_scalars(system.inputs)):
+    for n, (name, external, _) in enumerate(scalars(system.inputs)):
         high = min(external.port.high, -external.port.low)
         angle = external.port.unit == "rad"
         reach = min(0.95 * domain.theta_max_rad.value, high) if angle else 0.55 * high
@@ -122,67 +119,6 @@ def trace_stream(device: Device) -> dict[str, Array]:
         grid = 2.0 ** (math.frexp(high)[1] - LATTICE_BITS)
         stream[name] = np.round(np.concatenate(pieces) / grid) * grid
     return stream
-
-
-def _drive_stream(device: Device, rate_Hz: float, top_Hz: float) -> dict[str, Array]:
-    # The deflection goes through the parts while the joint moves slowly, both as encoder counts;
-    # what a person or a fault would do comes at fixed times.  Nothing answers to the command.
-    domain, joint = device.file.domain, device.file.joint
-    assert joint is not None
-    reach = 0.95 * domain.theta_max_rad.value
-    high = device.file.limits.theta_rad.value
-    full = 2.0**device.file.encoder.resolution_bits.value
-    counts = [max(1, round(part.duration_s * rate_Hz)) for part in PARTS]
-    time_s = np.arange(sum(counts)) / rate_Hz
-    deflection = np.concatenate(
-        [
-            _piece(part, np.arange(n) / n, reach, high, top_Hz, 0)
-            for part, n in zip(PARTS, counts, strict=True)
-        ]
-    )
-    load = 0.8 + 0.4 * np.sin(2 * np.pi * 0.5 * time_s)
-
-    def count(angle: Array) -> Array:
-        raw = np.floor(angle / (2 * np.pi) * full)
-        raw[np.isfinite(raw)] %= full
-        return np.asarray(raw)
-
-    def between(start_s: float, end_s: float) -> Array:
-        return ((time_s >= start_s) & (time_s < end_s)).astype(float)
-
-    desired = 0.5 * np.sin(2 * np.pi * 0.7 * time_s)
-    # Laws change while torque is wanted; a device with one law has no such input.
-    signals = {
-        "count_motor": count(load + deflection),
-        "frame_error_motor": np.zeros(len(time_s)),
-        "count_load": count(load),
-        "frame_error_load": 2.0 * between(2.6, 2.602),
-        "mode": 1.0 * between(0.06, 1.6) + 2.0 * between(1.6, 2.9) + between(3.4, 9.0),
-        "stop": between(2.9, 2.92),
-        "rearm": 1.0 * between(0.03, 3.2) + 2.0 * between(3.2, 9.0),
-        "tau_desired_Nm": np.round(desired * 2**12) / 2**12,
-        "theta_desired_rad": 0.8 * np.ones(len(time_s)),
-        "omega_desired_rad_s": np.zeros(len(time_s)),
-        "law": 1.0 * between(0.7, 1.3) + between(2.0, 2.5),
-    }
-    ahead = np.rint(np.array(device_horizon(device).ends_s) * rate_Hz).astype(int)
-    for name in ("tau", "theta", "omega"):
-        unit = "Nm" if name == "tau" else "rad" if name == "theta" else "rad_s"
-        wanted = signals[f"{name}_desired_{unit}"]
-        for i, ticks in enumerate(ahead):
-            at = np.minimum(np.arange(len(wanted)) + ticks, len(wanted) - 1)
-            signals[f"{name}_preview_{unit}[{i}]"] = wanted[at]
-    # Every axis is given the same; a law's own inputs rest.
-    return {
-        name: signals.get(_without_axis(name, device.axes), np.zeros(len(time_s)))
-        for name, _, _ in _scalars(device.system.inputs)
-    }
-
-
-def _without_axis(name: str, axes: Iterable[str]) -> str:
-    for axis in filter(None, axes):
-        name = re.sub(rf"_{axis}(?=_|$)", "", name)
-    return name
 
 
 def _piece(part: TracePart, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:
@@ -218,7 +154,7 @@ def run_trace(device: Device) -> Trace:
     simulator = system.simulator()
     stream = trace_stream(device)
     count = len(next(iter(stream.values())))
-    columns = _scalars(system.outputs)
+    columns = scalars(system.outputs)
     flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}
     values = {n: 0.0 for n, _, _ in columns}
     seen = dict.fromkeys(flags, 0)
@@ -238,7 +174,7 @@ def run_trace(device: Device) -> Trace:
                 for n, z in inputs
             }
             result = simulator.step(task.name, **given)
-            for name, external, i in _scalars(outputs):
+            for name, external, i in scalars(outputs):
                 value = np.atleast_1d(result[external.name])[i]
                 values[name] = value
                 if name in seen:

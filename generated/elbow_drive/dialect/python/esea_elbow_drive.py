@@ -550,8 +550,10 @@ ESEA_ELBOW_DRIVE_JOINT_STATUS_ENCODER_UNUSABLE = 2
 enums["ESEA_ELBOW_DRIVE_JOINT_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_JOINT_STATUS_ENCODER_UNUSABLE", """an encoder says that its angle cannot be used""")
 ESEA_ELBOW_DRIVE_JOINT_STATUS_DEFLECTION_OUTSIDE = 4
 enums["ESEA_ELBOW_DRIVE_JOINT_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_JOINT_STATUS_DEFLECTION_OUTSIDE", """the deflection is beyond its physical range and was clipped""")
-ESEA_ELBOW_DRIVE_JOINT_STATUS_ENUM_END = 5
-enums["ESEA_ELBOW_DRIVE_JOINT_STATUS"][5] = EnumEntry("ESEA_ELBOW_DRIVE_JOINT_STATUS_ENUM_END", """""")
+ESEA_ELBOW_DRIVE_JOINT_STATUS_CONTRADICTED = 8
+enums["ESEA_ELBOW_DRIVE_JOINT_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_JOINT_STATUS_CONTRADICTED", """another encoder or the motor's torque says otherwise, or has not been compared yet""")
+ESEA_ELBOW_DRIVE_JOINT_STATUS_ENUM_END = 9
+enums["ESEA_ELBOW_DRIVE_JOINT_STATUS"][9] = EnumEntry("ESEA_ELBOW_DRIVE_JOINT_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_VELOCITY_STATUS
 enums["ESEA_ELBOW_DRIVE_VELOCITY_STATUS"] = Enum()
@@ -612,6 +614,24 @@ ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS_RATE_CLIPPED = 8
 enums["ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS_RATE_CLIPPED", """the filtered rate was clipped at its physical range""")
 ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS_ENUM_END = 9
 enums["ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS"][9] = EnumEntry("ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS_ENUM_END", """""")
+
+# ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_INPUT_INVALID", """count or frame word was NaN or outside its range""")
+ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_STATE_REPAIRED", """the state was corrupt; the encoder was started afresh""")
+ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_FRAME_ERROR = 4
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_FRAME_ERROR", """the frame's own checks say that it is wrong; angle held""")
+ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_IMPLAUSIBLE_STEP = 8
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_IMPLAUSIBLE_STEP", """the shaft moved faster than it can; angle held""")
+ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_NOT_USABLE = 16
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_NOT_USABLE", """no frame yet, or more were bad than may be bridged: starts again""")
+ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_RANGE_LEFT = 32
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][32] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_RANGE_LEFT", """turned by more than the joint's whole range""")
+ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_ENUM_END = 33
+enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][33] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_REFERENCE_STATUS
 enums["ESEA_ELBOW_DRIVE_REFERENCE_STATUS"] = Enum()
@@ -723,6 +743,18 @@ enums["ESEA_ELBOW_DRIVE_DRIVE_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_DRIVE_ST
 ESEA_ELBOW_DRIVE_DRIVE_STATUS_ENUM_END = 5
 enums["ESEA_ELBOW_DRIVE_DRIVE_STATUS"][5] = EnumEntry("ESEA_ELBOW_DRIVE_DRIVE_STATUS_ENUM_END", """""")
 
+# ESEA_ELBOW_DRIVE_GEAR_STATUS
+enums["ESEA_ELBOW_DRIVE_GEAR_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_GEAR_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_GEAR_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_GEAR_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_GEAR_STATUS_INPUT_INVALID", """an input was NaN or outside its range; d4 is held""")
+ESEA_ELBOW_DRIVE_GEAR_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_GEAR_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_GEAR_STATUS_STATE_REPAIRED", """the state was corrupt; the observer was started afresh""")
+ESEA_ELBOW_DRIVE_GEAR_STATUS_CLIPPED = 4
+enums["ESEA_ELBOW_DRIVE_GEAR_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_GEAR_STATUS_CLIPPED", """the estimate was clipped at its range""")
+ESEA_ELBOW_DRIVE_GEAR_STATUS_ENUM_END = 5
+enums["ESEA_ELBOW_DRIVE_GEAR_STATUS"][5] = EnumEntry("ESEA_ELBOW_DRIVE_GEAR_STATUS_ENUM_END", """""")
+
 # ESEA_ELBOW_DRIVE_HUMAN_STATUS
 enums["ESEA_ELBOW_DRIVE_HUMAN_STATUS"] = Enum()
 enums["ESEA_ELBOW_DRIVE_HUMAN_STATUS"].bitmask = True
@@ -774,6 +806,22 @@ ESEA_ELBOW_DRIVE_SMC_STATUS_ENTERED = 64
 enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][64] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_ENTERED", """the controller took over in this step, from the applied command""")
 ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END = 65
 enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][65] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END", """""")
+
+# ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_INPUT_INVALID", """an input was NaN or outside its range""")
+ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_STATE_REPAIRED", """the state was corrupt; the angles are compared afresh""")
+ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_NOT_COMPARED = 4
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_NOT_COMPARED", """an encoder cannot be used: nothing is vouched for""")
+ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_ANGLES_PART = 8
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_ANGLES_PART", """the motor's encoder and the motor-side one contradict each other""")
+ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_TORQUES_PART = 16
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_TORQUES_PART", """the drive moves otherwise than motor and coupling would move it""")
+ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_ENUM_END = 17
+enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"][17] = EnumEntry("ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_STAMP_STATUS
 enums["ESEA_ELBOW_DRIVE_STAMP_STATUS"] = Enum()
@@ -996,22 +1044,22 @@ class MAVLink_esea_sense_in_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_IN
     msgname = "ESEA_SENSE_IN"
-    fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s"]
-    ordered_fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float"]
+    fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s", "count_gear", "frame_error_gear"]
+    ordered_fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s", "count_gear", "frame_error_gear"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {}
     fieldunits_by_name: Dict[str, str] = {"theta_desired_rad": "rad", "omega_desired_rad_s": "rad/s"}
-    native_format = bytearray(b"<Iffffffffff")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 48
-    unpacker = struct.Struct("<Iffffffffff")
+    native_format = bytearray(b"<Iffffffffffff")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 57
+    unpacker = struct.Struct("<Iffffffffffff")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float):
+    def __init__(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, count_gear: float, frame_error_gear: float):
         MAVLink_message.__init__(self, MAVLink_esea_sense_in_message.id, MAVLink_esea_sense_in_message.msgname)
         self._fieldnames = MAVLink_esea_sense_in_message.fieldnames
         self._instance_field = MAVLink_esea_sense_in_message.instance_field
@@ -1027,9 +1075,11 @@ class MAVLink_esea_sense_in_message(MAVLink_message):
         self.tau_desired_Nm = tau_desired_Nm
         self.theta_desired_rad = theta_desired_rad
         self.omega_desired_rad_s = omega_desired_rad_s
+        self.count_gear = count_gear
+        self.frame_error_gear = frame_error_gear
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.count_motor, self.frame_error_motor, self.count_load, self.frame_error_load, self.mode, self.stop, self.rearm, self.tau_desired_Nm, self.theta_desired_rad, self.omega_desired_rad_s), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.count_motor, self.frame_error_motor, self.count_load, self.frame_error_load, self.mode, self.stop, self.rearm, self.tau_desired_Nm, self.theta_desired_rad, self.omega_desired_rad_s, self.count_gear, self.frame_error_gear), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1044,22 +1094,22 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_OUT
     msgname = "ESEA_SENSE_OUT"
-    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "reference_status", "inverse_status", "setpoint_status", "limits_status", "drive_status", "human_status", "set_rate_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "reference_status", "inverse_status", "setpoint_status", "limits_status", "drive_status", "human_status", "set_rate_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "reference_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
+    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "inverse_status", "setpoint_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "inverse_status", "setpoint_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "reference_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_DRIVE_GEAR_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"theta_rad": "rad", "theta_motor_rad": "rad", "theta_load_rad": "rad", "omega_motor_rad_s": "rad/s", "omega_load_rad_s": "rad/s", "delta_set_rad": "rad"}
-    native_format = bytearray(b"<IffffffffffffffIIIIIIIIIIIIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 58
-    unpacker = struct.Struct("<IffffffffffffffIIIIIIIIIIIIIII")
+    native_format = bytearray(b"<IffffffffffffffIIIIIIIIIIIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 238
+    unpacker = struct.Struct("<IffffffffffffffIIIIIIIIIIIIIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, human_status: int, set_rate_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_sense_out_message.id, MAVLink_esea_sense_out_message.msgname)
         self._fieldnames = MAVLink_esea_sense_out_message.fieldnames
         self._instance_field = MAVLink_esea_sense_out_message.instance_field
@@ -1086,17 +1136,19 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.sensor_status = sensor_status
         self.motor_rate_status = motor_rate_status
         self.load_rate_status = load_rate_status
+        self.encoder_gear_status = encoder_gear_status
         self.reference_status = reference_status
         self.inverse_status = inverse_status
         self.setpoint_status = setpoint_status
         self.limits_status = limits_status
         self.drive_status = drive_status
+        self.gear_status = gear_status
         self.human_status = human_status
         self.set_rate_status = set_rate_status
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.reference_status, self.inverse_status, self.setpoint_status, self.limits_status, self.drive_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.reference_status, self.inverse_status, self.setpoint_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1150,37 +1202,40 @@ class MAVLink_esea_control_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_CONTROL_OUT
     msgname = "ESEA_CONTROL_OUT"
-    fieldnames = ["sequence", "u_command_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "smc_status", "stamp_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_command_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "smc_status", "stamp_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"smc_status": "bitmask", "stamp_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"smc_status": "ESEA_ELBOW_DRIVE_SMC_STATUS", "stamp_status": "ESEA_ELBOW_DRIVE_STAMP_STATUS"}
-    fieldunits_by_name: Dict[str, str] = {"surface_rad_s": "rad/s"}
-    native_format = bytearray(b"<IffffIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 247
-    unpacker = struct.Struct("<IffffIII")
+    fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "smc_status", "redundancy_status", "stamp_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "smc_status", "redundancy_status", "stamp_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"smc_status": "bitmask", "redundancy_status": "bitmask", "stamp_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"smc_status": "ESEA_ELBOW_DRIVE_SMC_STATUS", "redundancy_status": "ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS", "stamp_status": "ESEA_ELBOW_DRIVE_STAMP_STATUS"}
+    fieldunits_by_name: Dict[str, str] = {"apart_rad": "rad", "surface_rad_s": "rad/s"}
+    native_format = bytearray(b"<IffffffIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 0
+    unpacker = struct.Struct("<IffffffIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_command_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, stamp_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_control_out_message.id, MAVLink_esea_control_out_message.msgname)
         self._fieldnames = MAVLink_esea_control_out_message.fieldnames
         self._instance_field = MAVLink_esea_control_out_message.instance_field
         self._instance_offset = MAVLink_esea_control_out_message.instance_offset
         self.sequence = sequence
         self.u_command_Nm = u_command_Nm
+        self.apart_rad = apart_rad
+        self.apart_Nm = apart_Nm
         self.surface_rad_s = surface_rad_s
         self.u_eq_Nm = u_eq_Nm
         self.k_smc_Nm = k_smc_Nm
         self.smc_status = smc_status
+        self.redundancy_status = redundancy_status
         self.stamp_status = stamp_status
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.surface_rad_s, self.u_eq_Nm, self.k_smc_Nm, self.smc_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.apart_rad, self.apart_Nm, self.surface_rad_s, self.u_eq_Nm, self.k_smc_Nm, self.smc_status, self.redundancy_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1735,7 +1790,7 @@ class MAVLink(object):
         """
         self.send(self.esea_info_encode(tick_us, fault, steps, sequence_gaps, bad_frames, unknown_messages, lost_bytes, receive_buffer_bytes, empty_ticks, stack_bytes, stack_peak_bytes, content_hash, device, board), force_mavlink1=force_mavlink1)
 
-    def esea_sense_in_encode(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float) -> MAVLink_esea_sense_in_message:
+    def esea_sense_in_encode(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, count_gear: float, frame_error_gear: float) -> MAVLink_esea_sense_in_message:
         """
         Input of one run of task sense (period 1 ms); the board steps when it
         comes in.
@@ -1751,11 +1806,13 @@ class MAVLink(object):
         tau_desired_Nm            : wanted interaction torque; [Nm], range -20 to 20 (type:float)
         theta_desired_rad         : wanted angle of the joint; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
         omega_desired_rad_s        : wanted rate of the joint; [rad/s], range -12 to 12 [rad/s] (type:float)
+        count_gear                : raw count of the shaft, a whole number; [dimensionless], range 0 to 131071 (type:float)
+        frame_error_gear          : what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127 (type:float)
 
         """
-        return MAVLink_esea_sense_in_message(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s)
+        return MAVLink_esea_sense_in_message(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, count_gear, frame_error_gear)
 
-    def esea_sense_in_send(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, force_mavlink1: bool = False) -> None:
+    def esea_sense_in_send(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, count_gear: float, frame_error_gear: float, force_mavlink1: bool = False) -> None:
         """
         Input of one run of task sense (period 1 ms); the board steps when it
         comes in.
@@ -1771,11 +1828,13 @@ class MAVLink(object):
         tau_desired_Nm            : wanted interaction torque; [Nm], range -20 to 20 (type:float)
         theta_desired_rad         : wanted angle of the joint; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
         omega_desired_rad_s        : wanted rate of the joint; [rad/s], range -12 to 12 [rad/s] (type:float)
+        count_gear                : raw count of the shaft, a whole number; [dimensionless], range 0 to 131071 (type:float)
+        frame_error_gear          : what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127 (type:float)
 
         """
-        self.send(self.esea_sense_in_encode(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_in_encode(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, count_gear, frame_error_gear), force_mavlink1=force_mavlink1)
 
-    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
+    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
         """
         Output of one run of task sense.
 
@@ -1801,19 +1860,21 @@ class MAVLink(object):
         sensor_status             : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SENSOR_STATUS)
         motor_rate_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS)
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
+        encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
         inverse_status            : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_INVERSE_STATUS)
         setpoint_status           : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SETPOINT_STATUS)
         limits_status             : which limits act, and what holds the latch; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LIMITS_STATUS)
         drive_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_DRIVE_STATUS)
+        gear_status               : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_GEAR_STATUS)
         human_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_HUMAN_STATUS)
         set_rate_status           : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SET_RATE_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, reference_status, inverse_status, setpoint_status, limits_status, drive_status, human_status, set_rate_status, step_ticks)
+        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, inverse_status, setpoint_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks)
 
-    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task sense.
 
@@ -1839,17 +1900,19 @@ class MAVLink(object):
         sensor_status             : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SENSOR_STATUS)
         motor_rate_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS)
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
+        encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
         inverse_status            : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_INVERSE_STATUS)
         setpoint_status           : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SETPOINT_STATUS)
         limits_status             : which limits act, and what holds the latch; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LIMITS_STATUS)
         drive_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_DRIVE_STATUS)
+        gear_status               : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_GEAR_STATUS)
         human_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_HUMAN_STATUS)
         set_rate_status           : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SET_RATE_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, reference_status, inverse_status, setpoint_status, limits_status, drive_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, inverse_status, setpoint_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
 
     def esea_control_in_encode(self, sequence: int) -> MAVLink_esea_control_in_message:
         """
@@ -1871,34 +1934,40 @@ class MAVLink(object):
         """
         self.send(self.esea_control_in_encode(sequence), force_mavlink1=force_mavlink1)
 
-    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
+    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
         """
         Output of one run of task control.
 
         sequence                  : Base tick of this run of the task. (type:uint32_t)
         u_command_Nm              : command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22) (type:float)
+        apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
+        apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
         surface_rad_s             : surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12) [rad/s] (type:float)
         u_eq_Nm                   : equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16) (type:float)
         k_smc_Nm                  : switching gain; [Nm], range 0 to 10.9715872; eq. (5.20) (type:float)
         smc_status                : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SMC_STATUS)
+        redundancy_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS)
         stamp_status              : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_STAMP_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_control_out_message(sequence, u_command_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, smc_status, stamp_status, step_ticks)
+        return MAVLink_esea_control_out_message(sequence, u_command_Nm, apart_rad, apart_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, smc_status, redundancy_status, stamp_status, step_ticks)
 
-    def esea_control_out_send(self, sequence: int, u_command_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_control_out_send(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task control.
 
         sequence                  : Base tick of this run of the task. (type:uint32_t)
         u_command_Nm              : command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22) (type:float)
+        apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
+        apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
         surface_rad_s             : surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12) [rad/s] (type:float)
         u_eq_Nm                   : equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16) (type:float)
         k_smc_Nm                  : switching gain; [Nm], range 0 to 10.9715872; eq. (5.20) (type:float)
         smc_status                : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SMC_STATUS)
+        redundancy_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS)
         stamp_status              : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_STAMP_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_control_out_encode(sequence, u_command_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, smc_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_control_out_encode(sequence, u_command_Nm, apart_rad, apart_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, smc_status, redundancy_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)

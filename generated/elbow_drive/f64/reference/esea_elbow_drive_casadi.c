@@ -59,7 +59,13 @@ extern "C" {
 #define casadi_f33 CASADI_PREFIX(f33)
 #define casadi_f34 CASADI_PREFIX(f34)
 #define casadi_f35 CASADI_PREFIX(f35)
+#define casadi_f36 CASADI_PREFIX(f36)
+#define casadi_f37 CASADI_PREFIX(f37)
+#define casadi_f38 CASADI_PREFIX(f38)
+#define casadi_f39 CASADI_PREFIX(f39)
 #define casadi_f4 CASADI_PREFIX(f4)
+#define casadi_f40 CASADI_PREFIX(f40)
+#define casadi_f41 CASADI_PREFIX(f41)
 #define casadi_f5 CASADI_PREFIX(f5)
 #define casadi_f6 CASADI_PREFIX(f6)
 #define casadi_f7 CASADI_PREFIX(f7)
@@ -769,9 +775,9 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_init_work_bytes(casadi_in
   return 0;
 }
 
-/* esea_elbow_drive_casadi_joint_step:(u_theta_motor_rad,u_theta_load_rad,u_motor_usable,u_load_usable)->(y_theta_rad,y_sensing_ok,y_status) */
+/* esea_elbow_drive_casadi_joint_step:(u_theta_motor_rad,u_theta_load_rad,u_motor_usable,u_load_usable,u_agree)->(y_theta_rad,y_sensing_ok,y_status) */
 static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=3.3499999046325684e+00;
   a02=(a00<=a01);
@@ -801,21 +807,29 @@ static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   a05=(a03<=a05);
   a09=arg[3]? arg[3][0] : 0;
   a10=(a09<=a06);
-  a08=(a08<=a09);
-  a10=(a10&&a08);
+  a11=(a08<=a09);
+  a10=(a10&&a11);
   a09=(a10?a09:0);
+  a09=(a03<=a09);
+  a05=(a05&&a09);
+  a09=arg[4]? arg[4][0] : 0;
+  a11=(a09<=a06);
+  a08=(a08<=a09);
+  a11=(a11&&a08);
+  a09=(a11?a09:0);
   a03=(a03<=a09);
-  a05=(a05&&a03);
+  a09=(a05&&a03);
   a00=casadi_fabs(a00);
   a04=(a04<a00);
   a00=(!a04);
-  a00=(a05&&a00);
+  a09=(a09&&a00);
   a02=(a02&&a01);
   a02=(a02&&a07);
   a02=(a02&&a10);
-  a00=(a00&&a02);
-  a00=(a00?a06:0);
-  if (res[1]!=0) res[1][0]=a00;
+  a02=(a02&&a11);
+  a09=(a09&&a02);
+  a09=(a09?a06:0);
+  if (res[1]!=0) res[1][0]=a09;
   a02=(!a02);
   a02=(a02?a06:0);
   a05=(!a05);
@@ -825,6 +839,10 @@ static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   a05=4.;
   a04=(a04?a05:0);
   a02=(a02+a04);
+  a03=(!a03);
+  a04=8.;
+  a03=(a03?a04:0);
+  a02=(a02+a03);
   if (res[2]!=0) res[2][0]=a02;
   return 0;
 }
@@ -846,7 +864,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_joint_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_joint_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_joint_step_n_in(void) { return 4;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_joint_step_n_in(void) { return 5;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_joint_step_n_out(void) { return 3;}
 
@@ -862,6 +880,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_joint_step_name_in(casa
     case 1: return "u_theta_load_rad";
     case 2: return "u_motor_usable";
     case 3: return "u_load_usable";
+    case 4: return "u_agree";
     default: return 0;
   }
 }
@@ -881,6 +900,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_joint_step_sparsi
     case 1: return casadi_s0;
     case 2: return casadi_s0;
     case 3: return casadi_s0;
+    case 4: return casadi_s0;
     default: return 0;
   }
 }
@@ -895,7 +915,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_joint_step_sparsi
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 4;
+  if (sz_arg) *sz_arg = 5;
   if (sz_res) *sz_res = 3;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -903,7 +923,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_step_work(casadi_int *sz_
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_joint_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 4*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 5*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 3*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -2267,8 +2287,367 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_rate_step_work_bytes(casadi_int
   return 0;
 }
 
-/* esea_elbow_drive_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+/* esea_elbow_drive_casadi_encoder_gear_init:()->(count_last_0,moved_0,held_0,started_0,omega_rad_s_0) */
 static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f13(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_gear_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_gear_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_gear_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_gear_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_gear_init_n_out(void) { return 5;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_gear_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_gear_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_gear_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "count_last_0";
+    case 1: return "moved_0";
+    case 2: return "held_0";
+    case 3: return "started_0";
+    case 4: return "omega_rad_s_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_gear_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_gear_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 5;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_encoder_gear_step:(s_count_last,s_moved,s_held,s_started,s_omega_rad_s,u_count,u_frame_error)->(next_count_last,next_moved,next_held,next_started,next_omega_rad_s,y_theta_gear_rad,y_omega_gear_rad_s,y_gear_usable,y_status) */
+static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25;
+  a00=arg[5]? arg[5][0] : 0;
+  a01=131071.;
+  a02=(a00<=a01);
+  a03=0.;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[6]? arg[6][0] : 0;
+  a05=127.;
+  a05=(a04<=a05);
+  a06=(a03<=a04);
+  a05=(a05&&a06);
+  a06=(a02&&a05);
+  a07=5.0000000000000000e-01;
+  a05=(a05?a04:0);
+  a05=(a07<a05);
+  a04=(!a05);
+  a04=(a06&&a04);
+  a08=arg[0]? arg[0][0] : 0;
+  a01=(a08<=a01);
+  a09=(a03<=a08);
+  a01=(a01&&a09);
+  a09=arg[1]? arg[1][0] : 0;
+  a10=6637893.;
+  a11=(a09<=a10);
+  a12=-6637893.;
+  a13=(a12<=a09);
+  a11=(a11&&a13);
+  a01=(a01&&a11);
+  a11=arg[2]? arg[2][0] : 0;
+  a13=2.;
+  a14=(a11<=a13);
+  a15=(a03<=a11);
+  a14=(a14&&a15);
+  a01=(a01&&a14);
+  a14=arg[3]? arg[3][0] : 0;
+  a15=1.;
+  a16=(a14<=a15);
+  a03=(a03<=a14);
+  a16=(a16&&a03);
+  a01=(a01&&a16);
+  a16=arg[4]? arg[4][0] : 0;
+  a03=1.2119999885559082e+01;
+  a03=(a16<=a03);
+  a17=-1.2119999885559082e+01;
+  a17=(a17<=a16);
+  a03=(a03&&a17);
+  a01=(a01&&a03);
+  a14=(a01?a14:0);
+  a14=(a07<a14);
+  a02=(a02?a00:0);
+  a08=(a01?a08:0);
+  a00=(a02-a08);
+  a03=-65536.;
+  a03=(a00<a03);
+  a17=131072.;
+  a17=(a03?a17:0);
+  a03=(!a03);
+  a18=65536.;
+  a18=(a18<a00);
+  a19=-131072.;
+  a18=(a18?a19:0);
+  a03=(a03?a18:0);
+  a17=(a17+a03);
+  a00=(a00+a17);
+  a17=casadi_fabs(a00);
+  a03=1.5000000000000000e+00;
+  a11=(a01?a11:0);
+  a03=(a03<a11);
+  a18=5.5578500000000000e+04;
+  a18=(a03?a18:0);
+  a19=(!a03);
+  a20=(a07<a11);
+  a21=3.7052500000000000e+04;
+  a21=(a20?a21:0);
+  a22=(!a20);
+  a23=1.8526500000000000e+04;
+  a23=(a22?a23:0);
+  a21=(a21+a23);
+  a21=(a19?a21:0);
+  a18=(a18+a21);
+  a17=(a17<=a18);
+  a18=(a14&&a17);
+  a18=(a04&&a18);
+  a21=(!a14);
+  a21=(a21||a03);
+  a21=(a04&&a21);
+  a23=(!a18);
+  a21=(a21&&a23);
+  a24=(a18||a21);
+  a02=(a24?a02:0);
+  a25=(!a24);
+  a08=(a25?a08:0);
+  a02=(a02+a08);
+  if (res[0]!=0) res[0][0]=a02;
+  a09=(a01?a09:0);
+  a02=(a18?a00:0);
+  a09=(a09+a02);
+  a10=casadi_fmin(a09,a10);
+  a10=casadi_fmax(a10,a12);
+  if (res[1]!=0) res[1][0]=a10;
+  a11=(a11+a15);
+  a11=casadi_fmin(a11,a13);
+  a25=(a25?a11:0);
+  if (res[2]!=0) res[2][0]=a25;
+  a25=(a14||a24);
+  if (res[3]!=0) res[3][0]=a25;
+  a25=6.4779594083008501e-04;
+  a11=3.3333333333333331e-01;
+  a03=(a03?a11:0);
+  a20=(a20?a07:0);
+  a22=(a22?a15:0);
+  a20=(a20+a22);
+  a20=(a19?a20:0);
+  a03=(a03+a20);
+  a00=(a00*a03);
+  a25=(a25*a00);
+  a18=(a18?a25:0);
+  a25=(!a21);
+  a16=(a01?a16:0);
+  a25=(a25?a16:0);
+  a23=(a23?a25:0);
+  a18=(a18+a23);
+  a23=1.2120000000000001e+01;
+  a18=casadi_fmin(a18,a23);
+  a23=-1.2120000000000001e+01;
+  a18=casadi_fmax(a18,a23);
+  if (res[4]!=0) res[4][0]=a18;
+  a23=6.4779594083008494e-07;
+  a23=(a23*a10);
+  if (res[5]!=0) res[5][0]=a23;
+  if (res[6]!=0) res[6][0]=a18;
+  a19=(a14&&a19);
+  a24=(a24||a19);
+  a19=6.6378935000000000e+06;
+  a09=casadi_fabs(a09);
+  a19=(a19<a09);
+  a21=(a21||a19);
+  a21=(!a21);
+  a24=(a24&&a21);
+  if (res[7]!=0) res[7][0]=a24;
+  a21=(!a06);
+  a21=(a21?a15:0);
+  a01=(!a01);
+  a01=(a01?a13:0);
+  a21=(a21+a01);
+  a06=(a06&&a05);
+  a05=4.;
+  a06=(a06?a05:0);
+  a21=(a21+a06);
+  a14=(a14&&a04);
+  a17=(!a17);
+  a14=(a14&&a17);
+  a17=8.;
+  a14=(a14?a17:0);
+  a21=(a21+a14);
+  a24=(!a24);
+  a14=16.;
+  a24=(a24?a14:0);
+  a21=(a21+a24);
+  a24=32.;
+  a19=(a19?a24:0);
+  a21=(a21+a19);
+  if (res[8]!=0) res[8][0]=a21;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f14(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_gear_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_gear_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_encoder_gear_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_gear_step_n_in(void) { return 7;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_encoder_gear_step_n_out(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_encoder_gear_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_gear_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_count_last";
+    case 1: return "s_moved";
+    case 2: return "s_held";
+    case 3: return "s_started";
+    case 4: return "s_omega_rad_s";
+    case 5: return "u_count";
+    case 6: return "u_frame_error";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_encoder_gear_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_count_last";
+    case 1: return "next_moved";
+    case 2: return "next_held";
+    case 3: return "next_started";
+    case 4: return "next_omega_rad_s";
+    case 5: return "y_theta_gear_rad";
+    case 6: return "y_omega_gear_rad_s";
+    case 7: return "y_gear_usable";
+    case 8: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_gear_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_encoder_gear_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 7;
+  if (sz_res) *sz_res = 9;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 7*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -2285,7 +2664,7 @@ static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f13(arg, res, iw, w, mem);
+  return casadi_f15(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare_checkout(void) {
@@ -2368,7 +2747,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_reference_init:(Kp_Nm_rad,Kd_Nms_rad,keep,tau_range_Nm)->(mode_last_0,offset_Nm_0,tau_set_Nm_0) */
-static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -2378,7 +2757,7 @@ static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f14(arg, res, iw, w, mem);
+  return casadi_f16(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init_checkout(void) {
@@ -2459,7 +2838,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status) */
-static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24;
@@ -2610,7 +2989,7 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f15(arg, res, iw, w, mem);
+  return casadi_f17(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_checkout(void) {
@@ -2719,7 +3098,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_inverse_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -2748,7 +3127,7 @@ static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f16(arg, res, iw, w, mem);
+  return casadi_f18(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_checkout(void) {
@@ -2823,7 +3202,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_inverse_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10],theta_hat_rad_0,v_rad_s_0,a_rad_s2_0) */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -2846,7 +3225,7 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f17(arg, res, iw, w, mem);
+  return casadi_f19(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_checkout(void) {
@@ -2933,7 +3312,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_inverse_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_tau_Nm)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_theta_rad,y_omega_mid_rad_s,y_tau_model_Nm,y_residual_Nm,y_step_rad,y_status) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -3818,7 +4197,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
+  return casadi_f20(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_checkout(void) {
@@ -3933,7 +4312,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -3962,7 +4341,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_checkout(void) {
@@ -4037,7 +4416,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,held_rad_0,delta_rad_0,rate_rad_s_0,acc_rad_s2_0) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4049,7 +4428,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_checkout(void) {
@@ -4132,7 +4511,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_held_rad,s_delta_rad,s_rate_rad_s,s_acc_rad_s2,u_theta_set_rad)->(next_primed,next_held_rad,next_delta_rad,next_rate_rad_s,next_acc_rad_s2,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_status) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19;
   a00=arg[3]? arg[3][0] : 0;
@@ -4256,7 +4635,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_checkout(void) {
@@ -4359,7 +4738,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -4397,7 +4776,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_checkout(void) {
@@ -4506,7 +4885,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4537,7 +4916,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_checkout(void) {
@@ -4654,7 +5033,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -5403,7 +5782,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_checkout(void) {
@@ -5588,7 +5967,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -5603,7 +5982,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_checkout(void) {
@@ -5676,7 +6055,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5689,7 +6068,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_checkout(void) {
@@ -5772,7 +6151,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -5908,7 +6287,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_checkout(void) {
@@ -6014,8 +6393,336 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_work_bytes(
   return 0;
 }
 
+/* esea_elbow_drive_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f30(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_init_n_out(void) { return 6;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_gear_observer_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_gear_observer_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_gear_observer_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "primed_0";
+    case 1: return "omega_last_rad_s_0";
+    case 2: return "passive_rad_s2_0";
+    case 3: return "u_held_Nm_0";
+    case 4: return "u_a_Nm_0";
+    case 5: return "d4_rad_s2_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_gear_observer_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_gear_observer_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 6;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d_gear_rad_s2,y_status) */
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  a00=arg[6]? arg[6][0] : 0;
+  a01=2.2099998593330383e-01;
+  a02=(a00<=a01);
+  a03=-2.2099998593330383e-01;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[7]? arg[7][0] : 0;
+  a05=12.;
+  a06=(a04<=a05);
+  a07=-12.;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a08=(a02&&a06);
+  a09=arg[8]? arg[8][0] : 0;
+  a10=20.;
+  a10=(a09<=a10);
+  a11=-20.;
+  a11=(a11<=a09);
+  a10=(a10&&a11);
+  a08=(a08&&a10);
+  if (res[0]!=0) res[0][0]=a08;
+  a04=(a06?a04:0);
+  a06=(!a06);
+  a11=arg[0]? arg[0][0] : 0;
+  a12=1.;
+  a13=(a11<=a12);
+  a14=0.;
+  a14=(a14<=a11);
+  a13=(a13&&a14);
+  a14=arg[1]? arg[1][0] : 0;
+  a05=(a14<=a05);
+  a07=(a07<=a14);
+  a05=(a05&&a07);
+  a13=(a13&&a05);
+  a05=arg[2]? arg[2][0] : 0;
+  a07=6.5652305603027344e+01;
+  a07=(a05<=a07);
+  a15=-6.5652305603027344e+01;
+  a15=(a15<=a05);
+  a07=(a07&&a15);
+  a13=(a13&&a07);
+  a07=arg[3]? arg[3][0] : 0;
+  a15=(a07<=a01);
+  a16=(a03<=a07);
+  a15=(a15&&a16);
+  a13=(a13&&a15);
+  a15=arg[4]? arg[4][0] : 0;
+  a01=(a15<=a01);
+  a03=(a03<=a15);
+  a01=(a01&&a03);
+  a13=(a13&&a01);
+  a01=arg[5]? arg[5][0] : 0;
+  a03=2.4666666030883789e+01;
+  a16=(a01<=a03);
+  a17=-2.4666666030883789e+01;
+  a18=(a17<=a01);
+  a16=(a16&&a18);
+  a13=(a13&&a16);
+  a14=(a13?a14:0);
+  a06=(a06?a14:0);
+  a04=(a04+a06);
+  if (res[1]!=0) res[1][0]=a04;
+  a06=-4.6879999999999999e-01;
+  a16=5.0000000000000003e-02;
+  a16=(a04/a16);
+  a16=tanh(a16);
+  a06=(a06*a16);
+  a16=5.5510000000000004e-01;
+  a16=(a16*a04);
+  a06=(a06-a16);
+  a10=(a10?a09:0);
+  a06=(a06-a10);
+  a10=6.6300000000000003e-01;
+  a06=(a06/a10);
+  if (res[2]!=0) res[2][0]=a06;
+  a02=(a02?a00:0);
+  if (res[3]!=0) res[3][0]=a02;
+  a07=(a13?a07:0);
+  a02=9.7173735224993463e-01;
+  a15=(a13?a15:0);
+  a15=(a15-a07);
+  a02=(a02*a15);
+  a02=(a07+a02);
+  if (res[4]!=0) res[4][0]=a02;
+  a11=(a13?a11:0);
+  a11=(a08&&a11);
+  a02=9.8019867330675525e-01;
+  a02=(a02*a01);
+  a02=(a13?a02:0);
+  a00=1.9801326693244747e-02;
+  a10=1000.;
+  a04=(a04-a14);
+  a10=(a10*a04);
+  a04=1.1161387631975867e+02;
+  a14=9.8580115352228026e-01;
+  a14=(a14*a15);
+  a07=(a07+a14);
+  a04=(a04*a07);
+  a07=5.0000000000000000e-01;
+  a05=(a13?a05:0);
+  a06=(a06+a05);
+  a07=(a07*a06);
+  a04=(a04+a07);
+  a10=(a10-a04);
+  a00=(a00*a10);
+  a02=(a02+a00);
+  a00=casadi_fmin(a02,a03);
+  a00=casadi_fmax(a00,a17);
+  a00=(a11?a00:0);
+  a17=(!a11);
+  a01=(a13?a01:0);
+  a17=(a17?a01:0);
+  a00=(a00+a17);
+  if (res[5]!=0) res[5][0]=a00;
+  if (res[6]!=0) res[6][0]=a00;
+  a08=(!a08);
+  a08=(a08?a12:0);
+  a13=(!a13);
+  a12=2.;
+  a13=(a13?a12:0);
+  a08=(a08+a13);
+  a02=casadi_fabs(a02);
+  a03=(a03<a02);
+  a11=(a11&&a03);
+  a03=4.;
+  a11=(a11?a03:0);
+  a08=(a08+a11);
+  if (res[7]!=0) res[7][0]=a08;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f31(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_step_n_in(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_step_n_out(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_gear_observer_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_gear_observer_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_primed";
+    case 1: return "s_omega_last_rad_s";
+    case 2: return "s_passive_rad_s2";
+    case 3: return "s_u_held_Nm";
+    case 4: return "s_u_a_Nm";
+    case 5: return "s_d4_rad_s2";
+    case 6: return "u_u_Nm";
+    case 7: return "u_omega_gear_rad_s";
+    case 8: return "u_tau_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_gear_observer_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_primed";
+    case 1: return "next_omega_last_rad_s";
+    case 2: return "next_passive_rad_s2";
+    case 3: return "next_u_held_Nm";
+    case 4: return "next_u_a_Nm";
+    case 5: return "next_d4_rad_s2";
+    case 6: return "y_d_gear_rad_s2";
+    case 7: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_gear_observer_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_gear_observer_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9;
+  if (sz_res) *sz_res = 8;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
 /* esea_elbow_drive_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -6030,7 +6737,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_checkout(void) {
@@ -6103,7 +6810,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6116,7 +6823,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_checkout(void) {
@@ -6199,7 +6906,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
@@ -6370,7 +7077,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_checkout(void) {
@@ -6479,7 +7186,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -6504,7 +7211,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_checkout(void) {
@@ -6595,7 +7302,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6607,7 +7314,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f36(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_checkout(void) {
@@ -6698,7 +7405,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -7036,7 +7743,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_checkout(void) {
@@ -7172,8 +7879,309 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(ca
   return 0;
 }
 
+/* esea_elbow_drive_casadi_redundancy_init:()->(zero_rad_0,zeroed_0) */
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f38(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_init_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_redundancy_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_redundancy_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_redundancy_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "zero_rad_0";
+    case 1: return "zeroed_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_redundancy_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_redundancy_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_status) */
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  a00=5.0000000000000000e-01;
+  a01=arg[0]? arg[0][0] : 0;
+  a02=7.9045963287353516e+00;
+  a02=(a01<=a02);
+  a03=-7.9045963287353516e+00;
+  a03=(a03<=a01);
+  a02=(a02&&a03);
+  a03=arg[1]? arg[1][0] : 0;
+  a04=1.;
+  a05=(a03<=a04);
+  a06=0.;
+  a07=(a06<=a03);
+  a05=(a05&&a07);
+  a02=(a02&&a05);
+  a03=(a02?a03:0);
+  a03=(a00<a03);
+  a05=arg[2]? arg[2][0] : 0;
+  a07=3.3499999046325684e+00;
+  a07=(a05<=a07);
+  a08=-9.4999998807907104e-01;
+  a08=(a08<=a05);
+  a07=(a07&&a08);
+  a08=arg[3]? arg[3][0] : 0;
+  a09=(a08<=a04);
+  a10=(a06<=a08);
+  a09=(a09&&a10);
+  a10=(a07&&a09);
+  a11=arg[4]? arg[4][0] : 0;
+  a12=4.3429994583129883e+00;
+  a12=(a11<=a12);
+  a13=-4.3429994583129883e+00;
+  a13=(a13<=a11);
+  a12=(a12&&a13);
+  a10=(a10&&a12);
+  a13=arg[5]? arg[5][0] : 0;
+  a14=(a13<=a04);
+  a06=(a06<=a13);
+  a14=(a14&&a06);
+  a10=(a10&&a14);
+  a06=arg[6]? arg[6][0] : 0;
+  a15=2.4666666030883789e+01;
+  a15=(a06<=a15);
+  a16=-2.4666666030883789e+01;
+  a16=(a16<=a06);
+  a15=(a15&&a16);
+  a10=(a10&&a15);
+  a16=arg[7]? arg[7][0] : 0;
+  a17=20.;
+  a17=(a16<=a17);
+  a18=-20.;
+  a18=(a18<=a16);
+  a17=(a17&&a18);
+  a10=(a10&&a17);
+  a09=(a09?a08:0);
+  a09=(a00<=a09);
+  a14=(a14?a13:0);
+  a00=(a00<=a14);
+  a09=(a09&&a00);
+  a09=(a10&&a09);
+  a00=(!a09);
+  a14=(a03||a00);
+  a01=(a02?a01:0);
+  a13=(a14?a01:0);
+  a14=(!a14);
+  a12=(a12?a11:0);
+  a07=(a07?a05:0);
+  a12=(a12-a07);
+  a07=6.6666666666666671e-03;
+  a07=(a07*a16);
+  a07=(a17?a07:0);
+  a12=(a12-a07);
+  a14=(a14?a12:0);
+  a13=(a13+a14);
+  if (res[0]!=0) res[0][0]=a13;
+  if (res[1]!=0) res[1][0]=a09;
+  a13=5.9999999999999998e-02;
+  a14=5.8333333333333336e-03;
+  a17=(a17?a16:0);
+  a17=casadi_fabs(a17);
+  a14=(a14*a17);
+  a13=(a13+a14);
+  a12=(a12-a01);
+  a03=(a03?a12:0);
+  a12=casadi_fabs(a03);
+  a13=(a13<a12);
+  a13=(a09&&a13);
+  a12=2.5000000000000000e+00;
+  a01=2.5000000000000000e-01;
+  a01=(a01*a17);
+  a12=(a12+a01);
+  a01=6.6300000000000003e-01;
+  a01=(a01*a06);
+  a15=(a15?a01:0);
+  a01=casadi_fabs(a15);
+  a12=(a12<a01);
+  a12=(a09&&a12);
+  a01=(a13||a12);
+  a01=(!a01);
+  a01=(a09&&a01);
+  if (res[2]!=0) res[2][0]=a01;
+  a09=(a09?a03:0);
+  if (res[3]!=0) res[3][0]=a09;
+  if (res[4]!=0) res[4][0]=a15;
+  a10=(!a10);
+  a10=(a10?a04:0);
+  a02=(!a02);
+  a04=2.;
+  a02=(a02?a04:0);
+  a10=(a10+a02);
+  a02=4.;
+  a00=(a00?a02:0);
+  a10=(a10+a00);
+  a00=8.;
+  a13=(a13?a00:0);
+  a10=(a10+a13);
+  a13=16.;
+  a12=(a12?a13:0);
+  a10=(a10+a12);
+  if (res[5]!=0) res[5][0]=a10;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f39(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_step_n_in(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_step_n_out(void) { return 6;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_redundancy_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_redundancy_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_zero_rad";
+    case 1: return "s_zeroed";
+    case 2: return "u_theta_motor_rad";
+    case 3: return "u_motor_usable";
+    case 4: return "u_theta_gear_rad";
+    case 5: return "u_gear_usable";
+    case 6: return "u_d_gear_rad_s2";
+    case 7: return "u_tau_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_redundancy_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_zero_rad";
+    case 1: return "next_zeroed";
+    case 2: return "y_agree";
+    case 3: return "y_apart_rad";
+    case 4: return "y_apart_Nm";
+    case 5: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_redundancy_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_redundancy_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8;
+  if (sz_res) *sz_res = 6;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
 /* esea_elbow_drive_casadi_stamp_init:()->(beats_0) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7181,7 +8189,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f40(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_checkout(void) {
@@ -7250,7 +8258,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_work_bytes(casadi_in
 }
 
 /* esea_elbow_drive_casadi_stamp_step:(s_beats,u_u_command_Nm)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -7288,7 +8296,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f41(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step_checkout(void) {

@@ -550,8 +550,10 @@ ESEA_ELBOW_MPC_JOINT_STATUS_ENCODER_UNUSABLE = 2
 enums["ESEA_ELBOW_MPC_JOINT_STATUS"][2] = EnumEntry("ESEA_ELBOW_MPC_JOINT_STATUS_ENCODER_UNUSABLE", """an encoder says that its angle cannot be used""")
 ESEA_ELBOW_MPC_JOINT_STATUS_DEFLECTION_OUTSIDE = 4
 enums["ESEA_ELBOW_MPC_JOINT_STATUS"][4] = EnumEntry("ESEA_ELBOW_MPC_JOINT_STATUS_DEFLECTION_OUTSIDE", """the deflection is beyond its physical range and was clipped""")
-ESEA_ELBOW_MPC_JOINT_STATUS_ENUM_END = 5
-enums["ESEA_ELBOW_MPC_JOINT_STATUS"][5] = EnumEntry("ESEA_ELBOW_MPC_JOINT_STATUS_ENUM_END", """""")
+ESEA_ELBOW_MPC_JOINT_STATUS_CONTRADICTED = 8
+enums["ESEA_ELBOW_MPC_JOINT_STATUS"][8] = EnumEntry("ESEA_ELBOW_MPC_JOINT_STATUS_CONTRADICTED", """another encoder or the motor's torque says otherwise, or has not been compared yet""")
+ESEA_ELBOW_MPC_JOINT_STATUS_ENUM_END = 9
+enums["ESEA_ELBOW_MPC_JOINT_STATUS"][9] = EnumEntry("ESEA_ELBOW_MPC_JOINT_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_MPC_VELOCITY_STATUS
 enums["ESEA_ELBOW_MPC_VELOCITY_STATUS"] = Enum()
@@ -612,6 +614,24 @@ ESEA_ELBOW_MPC_LOAD_RATE_STATUS_RATE_CLIPPED = 8
 enums["ESEA_ELBOW_MPC_LOAD_RATE_STATUS"][8] = EnumEntry("ESEA_ELBOW_MPC_LOAD_RATE_STATUS_RATE_CLIPPED", """the filtered rate was clipped at its physical range""")
 ESEA_ELBOW_MPC_LOAD_RATE_STATUS_ENUM_END = 9
 enums["ESEA_ELBOW_MPC_LOAD_RATE_STATUS"][9] = EnumEntry("ESEA_ELBOW_MPC_LOAD_RATE_STATUS_ENUM_END", """""")
+
+# ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"] = Enum()
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"].bitmask = True
+ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"][1] = EnumEntry("ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_INPUT_INVALID", """count or frame word was NaN or outside its range""")
+ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"][2] = EnumEntry("ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_STATE_REPAIRED", """the state was corrupt; the encoder was started afresh""")
+ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_FRAME_ERROR = 4
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"][4] = EnumEntry("ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_FRAME_ERROR", """the frame's own checks say that it is wrong; angle held""")
+ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_IMPLAUSIBLE_STEP = 8
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"][8] = EnumEntry("ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_IMPLAUSIBLE_STEP", """the shaft moved faster than it can; angle held""")
+ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_NOT_USABLE = 16
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"][16] = EnumEntry("ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_NOT_USABLE", """no frame yet, or more were bad than may be bridged: starts again""")
+ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_RANGE_LEFT = 32
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"][32] = EnumEntry("ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_RANGE_LEFT", """turned by more than the joint's whole range""")
+ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_ENUM_END = 33
+enums["ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS"][33] = EnumEntry("ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_MPC_REFERENCE_STATUS
 enums["ESEA_ELBOW_MPC_REFERENCE_STATUS"] = Enum()
@@ -687,6 +707,18 @@ enums["ESEA_ELBOW_MPC_DRIVE_STATUS"][4] = EnumEntry("ESEA_ELBOW_MPC_DRIVE_STATUS
 ESEA_ELBOW_MPC_DRIVE_STATUS_ENUM_END = 5
 enums["ESEA_ELBOW_MPC_DRIVE_STATUS"][5] = EnumEntry("ESEA_ELBOW_MPC_DRIVE_STATUS_ENUM_END", """""")
 
+# ESEA_ELBOW_MPC_GEAR_STATUS
+enums["ESEA_ELBOW_MPC_GEAR_STATUS"] = Enum()
+enums["ESEA_ELBOW_MPC_GEAR_STATUS"].bitmask = True
+ESEA_ELBOW_MPC_GEAR_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_MPC_GEAR_STATUS"][1] = EnumEntry("ESEA_ELBOW_MPC_GEAR_STATUS_INPUT_INVALID", """an input was NaN or outside its range; d4 is held""")
+ESEA_ELBOW_MPC_GEAR_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_MPC_GEAR_STATUS"][2] = EnumEntry("ESEA_ELBOW_MPC_GEAR_STATUS_STATE_REPAIRED", """the state was corrupt; the observer was started afresh""")
+ESEA_ELBOW_MPC_GEAR_STATUS_CLIPPED = 4
+enums["ESEA_ELBOW_MPC_GEAR_STATUS"][4] = EnumEntry("ESEA_ELBOW_MPC_GEAR_STATUS_CLIPPED", """the estimate was clipped at its range""")
+ESEA_ELBOW_MPC_GEAR_STATUS_ENUM_END = 5
+enums["ESEA_ELBOW_MPC_GEAR_STATUS"][5] = EnumEntry("ESEA_ELBOW_MPC_GEAR_STATUS_ENUM_END", """""")
+
 # ESEA_ELBOW_MPC_HUMAN_STATUS
 enums["ESEA_ELBOW_MPC_HUMAN_STATUS"] = Enum()
 enums["ESEA_ELBOW_MPC_HUMAN_STATUS"].bitmask = True
@@ -728,6 +760,22 @@ ESEA_ELBOW_MPC_PREDICTIVE_STATUS_NOT_OPTIMAL = 16
 enums["ESEA_ELBOW_MPC_PREDICTIVE_STATUS"][16] = EnumEntry("ESEA_ELBOW_MPC_PREDICTIVE_STATUS_NOT_OPTIMAL", """the QP's optimality check failed; the command is feasible""")
 ESEA_ELBOW_MPC_PREDICTIVE_STATUS_ENUM_END = 17
 enums["ESEA_ELBOW_MPC_PREDICTIVE_STATUS"][17] = EnumEntry("ESEA_ELBOW_MPC_PREDICTIVE_STATUS_ENUM_END", """""")
+
+# ESEA_ELBOW_MPC_REDUNDANCY_STATUS
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"] = Enum()
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"].bitmask = True
+ESEA_ELBOW_MPC_REDUNDANCY_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"][1] = EnumEntry("ESEA_ELBOW_MPC_REDUNDANCY_STATUS_INPUT_INVALID", """an input was NaN or outside its range""")
+ESEA_ELBOW_MPC_REDUNDANCY_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"][2] = EnumEntry("ESEA_ELBOW_MPC_REDUNDANCY_STATUS_STATE_REPAIRED", """the state was corrupt; the angles are compared afresh""")
+ESEA_ELBOW_MPC_REDUNDANCY_STATUS_NOT_COMPARED = 4
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"][4] = EnumEntry("ESEA_ELBOW_MPC_REDUNDANCY_STATUS_NOT_COMPARED", """an encoder cannot be used: nothing is vouched for""")
+ESEA_ELBOW_MPC_REDUNDANCY_STATUS_ANGLES_PART = 8
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"][8] = EnumEntry("ESEA_ELBOW_MPC_REDUNDANCY_STATUS_ANGLES_PART", """the motor's encoder and the motor-side one contradict each other""")
+ESEA_ELBOW_MPC_REDUNDANCY_STATUS_TORQUES_PART = 16
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"][16] = EnumEntry("ESEA_ELBOW_MPC_REDUNDANCY_STATUS_TORQUES_PART", """the drive moves otherwise than motor and coupling would move it""")
+ESEA_ELBOW_MPC_REDUNDANCY_STATUS_ENUM_END = 17
+enums["ESEA_ELBOW_MPC_REDUNDANCY_STATUS"][17] = EnumEntry("ESEA_ELBOW_MPC_REDUNDANCY_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_MPC_STAMP_STATUS
 enums["ESEA_ELBOW_MPC_STAMP_STATUS"] = Enum()
@@ -950,22 +998,22 @@ class MAVLink_esea_sense_in_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_IN
     msgname = "ESEA_SENSE_IN"
-    fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s"]
-    ordered_fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float"]
+    fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s", "count_gear", "frame_error_gear"]
+    ordered_fieldnames = ["sequence", "count_motor", "frame_error_motor", "count_load", "frame_error_load", "mode", "stop", "rearm", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s", "count_gear", "frame_error_gear"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {}
     fieldunits_by_name: Dict[str, str] = {"theta_desired_rad": "rad", "omega_desired_rad_s": "rad/s"}
-    native_format = bytearray(b"<Iffffffffff")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 48
-    unpacker = struct.Struct("<Iffffffffff")
+    native_format = bytearray(b"<Iffffffffffff")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 57
+    unpacker = struct.Struct("<Iffffffffffff")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float):
+    def __init__(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, count_gear: float, frame_error_gear: float):
         MAVLink_message.__init__(self, MAVLink_esea_sense_in_message.id, MAVLink_esea_sense_in_message.msgname)
         self._fieldnames = MAVLink_esea_sense_in_message.fieldnames
         self._instance_field = MAVLink_esea_sense_in_message.instance_field
@@ -981,9 +1029,11 @@ class MAVLink_esea_sense_in_message(MAVLink_message):
         self.tau_desired_Nm = tau_desired_Nm
         self.theta_desired_rad = theta_desired_rad
         self.omega_desired_rad_s = omega_desired_rad_s
+        self.count_gear = count_gear
+        self.frame_error_gear = frame_error_gear
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.count_motor, self.frame_error_motor, self.count_load, self.frame_error_load, self.mode, self.stop, self.rearm, self.tau_desired_Nm, self.theta_desired_rad, self.omega_desired_rad_s), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.count_motor, self.frame_error_motor, self.count_load, self.frame_error_load, self.mode, self.stop, self.rearm, self.tau_desired_Nm, self.theta_desired_rad, self.omega_desired_rad_s, self.count_gear, self.frame_error_gear), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -998,22 +1048,22 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_OUT
     msgname = "ESEA_SENSE_OUT"
-    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "reference_status", "limits_status", "drive_status", "human_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "reference_status", "limits_status", "drive_status", "human_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "reference_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "human_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_MPC_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_MPC_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_MPC_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_MPC_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_MPC_LOAD_RATE_STATUS", "reference_status": "ESEA_ELBOW_MPC_REFERENCE_STATUS", "limits_status": "ESEA_ELBOW_MPC_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_MPC_DRIVE_STATUS", "human_status": "ESEA_ELBOW_MPC_HUMAN_STATUS"}
+    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "limits_status", "drive_status", "gear_status", "human_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "limits_status", "drive_status", "gear_status", "human_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "reference_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_MPC_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_MPC_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_MPC_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_MPC_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_MPC_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_MPC_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS", "reference_status": "ESEA_ELBOW_MPC_REFERENCE_STATUS", "limits_status": "ESEA_ELBOW_MPC_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_MPC_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_MPC_GEAR_STATUS", "human_status": "ESEA_ELBOW_MPC_HUMAN_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"theta_rad": "rad", "theta_motor_rad": "rad", "theta_load_rad": "rad", "omega_motor_rad_s": "rad/s", "omega_load_rad_s": "rad/s"}
-    native_format = bytearray(b"<IfffffffffffffIIIIIIIIIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 174
-    unpacker = struct.Struct("<IfffffffffffffIIIIIIIIIIII")
+    native_format = bytearray(b"<IfffffffffffffIIIIIIIIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 100
+    unpacker = struct.Struct("<IfffffffffffffIIIIIIIIIIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, reference_status: int, limits_status: int, drive_status: int, human_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_sense_out_message.id, MAVLink_esea_sense_out_message.msgname)
         self._fieldnames = MAVLink_esea_sense_out_message.fieldnames
         self._instance_field = MAVLink_esea_sense_out_message.instance_field
@@ -1039,14 +1089,16 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.sensor_status = sensor_status
         self.motor_rate_status = motor_rate_status
         self.load_rate_status = load_rate_status
+        self.encoder_gear_status = encoder_gear_status
         self.reference_status = reference_status
         self.limits_status = limits_status
         self.drive_status = drive_status
+        self.gear_status = gear_status
         self.human_status = human_status
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.reference_status, self.limits_status, self.drive_status, self.human_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.reference_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1103,36 +1155,39 @@ class MAVLink_esea_control_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_CONTROL_OUT
     msgname = "ESEA_CONTROL_OUT"
-    fieldnames = ["sequence", "u_command_Nm", "iterations", "ahead_status", "predictive_status", "stamp_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_command_Nm", "iterations", "ahead_status", "predictive_status", "stamp_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"ahead_status": "bitmask", "predictive_status": "bitmask", "stamp_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"ahead_status": "ESEA_ELBOW_MPC_AHEAD_STATUS", "predictive_status": "ESEA_ELBOW_MPC_PREDICTIVE_STATUS", "stamp_status": "ESEA_ELBOW_MPC_STAMP_STATUS"}
-    fieldunits_by_name: Dict[str, str] = {}
-    native_format = bytearray(b"<IffIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6]
-    lengths = [1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 65
-    unpacker = struct.Struct("<IffIIII")
+    fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "iterations", "ahead_status", "predictive_status", "redundancy_status", "stamp_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "iterations", "ahead_status", "predictive_status", "redundancy_status", "stamp_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"ahead_status": "bitmask", "predictive_status": "bitmask", "redundancy_status": "bitmask", "stamp_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"ahead_status": "ESEA_ELBOW_MPC_AHEAD_STATUS", "predictive_status": "ESEA_ELBOW_MPC_PREDICTIVE_STATUS", "redundancy_status": "ESEA_ELBOW_MPC_REDUNDANCY_STATUS", "stamp_status": "ESEA_ELBOW_MPC_STAMP_STATUS"}
+    fieldunits_by_name: Dict[str, str] = {"apart_rad": "rad"}
+    native_format = bytearray(b"<IffffIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 248
+    unpacker = struct.Struct("<IffffIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_command_Nm: float, iterations: float, ahead_status: int, predictive_status: int, stamp_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_control_out_message.id, MAVLink_esea_control_out_message.msgname)
         self._fieldnames = MAVLink_esea_control_out_message.fieldnames
         self._instance_field = MAVLink_esea_control_out_message.instance_field
         self._instance_offset = MAVLink_esea_control_out_message.instance_offset
         self.sequence = sequence
         self.u_command_Nm = u_command_Nm
+        self.apart_rad = apart_rad
+        self.apart_Nm = apart_Nm
         self.iterations = iterations
         self.ahead_status = ahead_status
         self.predictive_status = predictive_status
+        self.redundancy_status = redundancy_status
         self.stamp_status = stamp_status
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.iterations, self.ahead_status, self.predictive_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.apart_rad, self.apart_Nm, self.iterations, self.ahead_status, self.predictive_status, self.redundancy_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1687,7 +1742,7 @@ class MAVLink(object):
         """
         self.send(self.esea_info_encode(tick_us, fault, steps, sequence_gaps, bad_frames, unknown_messages, lost_bytes, receive_buffer_bytes, empty_ticks, stack_bytes, stack_peak_bytes, content_hash, device, board), force_mavlink1=force_mavlink1)
 
-    def esea_sense_in_encode(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float) -> MAVLink_esea_sense_in_message:
+    def esea_sense_in_encode(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, count_gear: float, frame_error_gear: float) -> MAVLink_esea_sense_in_message:
         """
         Input of one run of task sense (period 1 ms); the board steps when it
         comes in.
@@ -1703,11 +1758,13 @@ class MAVLink(object):
         tau_desired_Nm            : wanted interaction torque; [Nm], range -20 to 20 (type:float)
         theta_desired_rad         : wanted angle of the joint; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
         omega_desired_rad_s        : wanted rate of the joint; [rad/s], range -12 to 12 [rad/s] (type:float)
+        count_gear                : raw count of the shaft, a whole number; [dimensionless], range 0 to 131071 (type:float)
+        frame_error_gear          : what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127 (type:float)
 
         """
-        return MAVLink_esea_sense_in_message(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s)
+        return MAVLink_esea_sense_in_message(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, count_gear, frame_error_gear)
 
-    def esea_sense_in_send(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, force_mavlink1: bool = False) -> None:
+    def esea_sense_in_send(self, sequence: int, count_motor: float, frame_error_motor: float, count_load: float, frame_error_load: float, mode: float, stop: float, rearm: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, count_gear: float, frame_error_gear: float, force_mavlink1: bool = False) -> None:
         """
         Input of one run of task sense (period 1 ms); the board steps when it
         comes in.
@@ -1723,11 +1780,13 @@ class MAVLink(object):
         tau_desired_Nm            : wanted interaction torque; [Nm], range -20 to 20 (type:float)
         theta_desired_rad         : wanted angle of the joint; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
         omega_desired_rad_s        : wanted rate of the joint; [rad/s], range -12 to 12 [rad/s] (type:float)
+        count_gear                : raw count of the shaft, a whole number; [dimensionless], range 0 to 131071 (type:float)
+        frame_error_gear          : what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127 (type:float)
 
         """
-        self.send(self.esea_sense_in_encode(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_in_encode(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, count_gear, frame_error_gear), force_mavlink1=force_mavlink1)
 
-    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, reference_status: int, limits_status: int, drive_status: int, human_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
+    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
         """
         Output of one run of task sense.
 
@@ -1752,16 +1811,18 @@ class MAVLink(object):
         sensor_status             : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_SENSOR_STATUS)
         motor_rate_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_MOTOR_RATE_STATUS)
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_LOAD_RATE_STATUS)
+        encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_REFERENCE_STATUS)
         limits_status             : which limits act, and what holds the latch; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_LIMITS_STATUS)
         drive_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_DRIVE_STATUS)
+        gear_status               : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_GEAR_STATUS)
         human_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_HUMAN_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, reference_status, limits_status, drive_status, human_status, step_ticks)
+        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, limits_status, drive_status, gear_status, human_status, step_ticks)
 
-    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, reference_status: int, limits_status: int, drive_status: int, human_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task sense.
 
@@ -1786,14 +1847,16 @@ class MAVLink(object):
         sensor_status             : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_SENSOR_STATUS)
         motor_rate_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_MOTOR_RATE_STATUS)
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_LOAD_RATE_STATUS)
+        encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_REFERENCE_STATUS)
         limits_status             : which limits act, and what holds the latch; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_LIMITS_STATUS)
         drive_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_DRIVE_STATUS)
+        gear_status               : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_GEAR_STATUS)
         human_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_HUMAN_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, reference_status, limits_status, drive_status, human_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, limits_status, drive_status, gear_status, human_status, step_ticks), force_mavlink1=force_mavlink1)
 
     def esea_control_in_encode(self, sequence: int, tau_preview_Nm: Sequence[float], theta_preview_rad: Sequence[float], omega_preview_rad_s: Sequence[float]) -> MAVLink_esea_control_in_message:
         """
@@ -1821,32 +1884,38 @@ class MAVLink(object):
         """
         self.send(self.esea_control_in_encode(sequence, tau_preview_Nm, theta_preview_rad, omega_preview_rad_s), force_mavlink1=force_mavlink1)
 
-    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, iterations: float, ahead_status: int, predictive_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
+    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
         """
         Output of one run of task control.
 
         sequence                  : Base tick of this run of the task. (type:uint32_t)
         u_command_Nm              : command; [Nm], range -0.220999986 to 0.220999986 (type:float)
+        apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
+        apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
         iterations                : QP: changes of its active set; [dimensionless], range 0 to 1000 (type:float)
         ahead_status              : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_AHEAD_STATUS)
         predictive_status         : what is known of the command; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_PREDICTIVE_STATUS)
+        redundancy_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_REDUNDANCY_STATUS)
         stamp_status              : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_STAMP_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_control_out_message(sequence, u_command_Nm, iterations, ahead_status, predictive_status, stamp_status, step_ticks)
+        return MAVLink_esea_control_out_message(sequence, u_command_Nm, apart_rad, apart_Nm, iterations, ahead_status, predictive_status, redundancy_status, stamp_status, step_ticks)
 
-    def esea_control_out_send(self, sequence: int, u_command_Nm: float, iterations: float, ahead_status: int, predictive_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_control_out_send(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task control.
 
         sequence                  : Base tick of this run of the task. (type:uint32_t)
         u_command_Nm              : command; [Nm], range -0.220999986 to 0.220999986 (type:float)
+        apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
+        apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
         iterations                : QP: changes of its active set; [dimensionless], range 0 to 1000 (type:float)
         ahead_status              : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_AHEAD_STATUS)
         predictive_status         : what is known of the command; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_PREDICTIVE_STATUS)
+        redundancy_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_REDUNDANCY_STATUS)
         stamp_status              : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_STAMP_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_control_out_encode(sequence, u_command_Nm, iterations, ahead_status, predictive_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_control_out_encode(sequence, u_command_Nm, apart_rad, apart_Nm, iterations, ahead_status, predictive_status, redundancy_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)

@@ -68,6 +68,12 @@ extern "C" {
 #define casadi_f130 CASADI_PREFIX(f130)
 #define casadi_f131 CASADI_PREFIX(f131)
 #define casadi_f132 CASADI_PREFIX(f132)
+#define casadi_f133 CASADI_PREFIX(f133)
+#define casadi_f134 CASADI_PREFIX(f134)
+#define casadi_f135 CASADI_PREFIX(f135)
+#define casadi_f136 CASADI_PREFIX(f136)
+#define casadi_f137 CASADI_PREFIX(f137)
+#define casadi_f138 CASADI_PREFIX(f138)
 #define casadi_f14 CASADI_PREFIX(f14)
 #define casadi_f15 CASADI_PREFIX(f15)
 #define casadi_f16 CASADI_PREFIX(f16)
@@ -869,9 +875,9 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_init_work_bytes(casadi_int 
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_joint_step:(u_theta_motor_rad,u_theta_load_rad,u_motor_usable,u_load_usable)->(y_theta_rad,y_sensing_ok,y_status) */
+/* esea_elbow_mpc_casadi_joint_step:(u_theta_motor_rad,u_theta_load_rad,u_motor_usable,u_load_usable,u_agree)->(y_theta_rad,y_sensing_ok,y_status) */
 static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=3.3499999046325684e+00;
   a02=(a00<=a01);
@@ -901,21 +907,29 @@ static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   a05=(a03<=a05);
   a09=arg[3]? arg[3][0] : 0;
   a10=(a09<=a06);
-  a08=(a08<=a09);
-  a10=(a10&&a08);
+  a11=(a08<=a09);
+  a10=(a10&&a11);
   a09=(a10?a09:0);
+  a09=(a03<=a09);
+  a05=(a05&&a09);
+  a09=arg[4]? arg[4][0] : 0;
+  a11=(a09<=a06);
+  a08=(a08<=a09);
+  a11=(a11&&a08);
+  a09=(a11?a09:0);
   a03=(a03<=a09);
-  a05=(a05&&a03);
+  a09=(a05&&a03);
   a00=casadi_fabs(a00);
   a04=(a04<a00);
   a00=(!a04);
-  a00=(a05&&a00);
+  a09=(a09&&a00);
   a02=(a02&&a01);
   a02=(a02&&a07);
   a02=(a02&&a10);
-  a00=(a00&&a02);
-  a00=(a00?a06:0);
-  if (res[1]!=0) res[1][0]=a00;
+  a02=(a02&&a11);
+  a09=(a09&&a02);
+  a09=(a09?a06:0);
+  if (res[1]!=0) res[1][0]=a09;
   a02=(!a02);
   a02=(a02?a06:0);
   a05=(!a05);
@@ -925,6 +939,10 @@ static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   a05=4.;
   a04=(a04?a05:0);
   a02=(a02+a04);
+  a03=(!a03);
+  a04=8.;
+  a03=(a03?a04:0);
+  a02=(a02+a03);
   if (res[2]!=0) res[2][0]=a02;
   return 0;
 }
@@ -946,7 +964,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_joint_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_joint_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_joint_step_n_in(void) { return 4;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_joint_step_n_in(void) { return 5;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_joint_step_n_out(void) { return 3;}
 
@@ -962,6 +980,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_joint_step_name_in(casadi
     case 1: return "u_theta_load_rad";
     case 2: return "u_motor_usable";
     case 3: return "u_load_usable";
+    case 4: return "u_agree";
     default: return 0;
   }
 }
@@ -981,6 +1000,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_joint_step_sparsity
     case 1: return casadi_s0;
     case 2: return casadi_s0;
     case 3: return casadi_s0;
+    case 4: return casadi_s0;
     default: return 0;
   }
 }
@@ -995,7 +1015,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_joint_step_sparsity
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 4;
+  if (sz_arg) *sz_arg = 5;
   if (sz_res) *sz_res = 3;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -1003,7 +1023,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_step_work(casadi_int *sz_ar
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_joint_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 4*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 5*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 3*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -2379,8 +2399,367 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_rate_step_work_bytes(casadi_int *
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+/* esea_elbow_mpc_casadi_encoder_gear_init:()->(count_last_0,moved_0,held_0,started_0,omega_rad_s_0) */
 static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f13(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_gear_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_gear_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_gear_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_gear_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_gear_init_n_out(void) { return 5;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_gear_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_gear_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_gear_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "count_last_0";
+    case 1: return "moved_0";
+    case 2: return "held_0";
+    case 3: return "started_0";
+    case 4: return "omega_rad_s_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_gear_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_gear_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 5;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_encoder_gear_step:(s_count_last,s_moved,s_held,s_started,s_omega_rad_s,u_count,u_frame_error)->(next_count_last,next_moved,next_held,next_started,next_omega_rad_s,y_theta_gear_rad,y_omega_gear_rad_s,y_gear_usable,y_status) */
+static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25;
+  a00=arg[5]? arg[5][0] : 0;
+  a01=131071.;
+  a02=(a00<=a01);
+  a03=0.;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[6]? arg[6][0] : 0;
+  a05=127.;
+  a05=(a04<=a05);
+  a06=(a03<=a04);
+  a05=(a05&&a06);
+  a06=(a02&&a05);
+  a07=5.0000000000000000e-01;
+  a05=(a05?a04:0);
+  a05=(a07<a05);
+  a04=(!a05);
+  a04=(a06&&a04);
+  a08=arg[0]? arg[0][0] : 0;
+  a01=(a08<=a01);
+  a09=(a03<=a08);
+  a01=(a01&&a09);
+  a09=arg[1]? arg[1][0] : 0;
+  a10=6637893.;
+  a11=(a09<=a10);
+  a12=-6637893.;
+  a13=(a12<=a09);
+  a11=(a11&&a13);
+  a01=(a01&&a11);
+  a11=arg[2]? arg[2][0] : 0;
+  a13=2.;
+  a14=(a11<=a13);
+  a15=(a03<=a11);
+  a14=(a14&&a15);
+  a01=(a01&&a14);
+  a14=arg[3]? arg[3][0] : 0;
+  a15=1.;
+  a16=(a14<=a15);
+  a03=(a03<=a14);
+  a16=(a16&&a03);
+  a01=(a01&&a16);
+  a16=arg[4]? arg[4][0] : 0;
+  a03=1.2119999885559082e+01;
+  a03=(a16<=a03);
+  a17=-1.2119999885559082e+01;
+  a17=(a17<=a16);
+  a03=(a03&&a17);
+  a01=(a01&&a03);
+  a14=(a01?a14:0);
+  a14=(a07<a14);
+  a02=(a02?a00:0);
+  a08=(a01?a08:0);
+  a00=(a02-a08);
+  a03=-65536.;
+  a03=(a00<a03);
+  a17=131072.;
+  a17=(a03?a17:0);
+  a03=(!a03);
+  a18=65536.;
+  a18=(a18<a00);
+  a19=-131072.;
+  a18=(a18?a19:0);
+  a03=(a03?a18:0);
+  a17=(a17+a03);
+  a00=(a00+a17);
+  a17=casadi_fabs(a00);
+  a03=1.5000000000000000e+00;
+  a11=(a01?a11:0);
+  a03=(a03<a11);
+  a18=5.5578500000000000e+04;
+  a18=(a03?a18:0);
+  a19=(!a03);
+  a20=(a07<a11);
+  a21=3.7052500000000000e+04;
+  a21=(a20?a21:0);
+  a22=(!a20);
+  a23=1.8526500000000000e+04;
+  a23=(a22?a23:0);
+  a21=(a21+a23);
+  a21=(a19?a21:0);
+  a18=(a18+a21);
+  a17=(a17<=a18);
+  a18=(a14&&a17);
+  a18=(a04&&a18);
+  a21=(!a14);
+  a21=(a21||a03);
+  a21=(a04&&a21);
+  a23=(!a18);
+  a21=(a21&&a23);
+  a24=(a18||a21);
+  a02=(a24?a02:0);
+  a25=(!a24);
+  a08=(a25?a08:0);
+  a02=(a02+a08);
+  if (res[0]!=0) res[0][0]=a02;
+  a09=(a01?a09:0);
+  a02=(a18?a00:0);
+  a09=(a09+a02);
+  a10=casadi_fmin(a09,a10);
+  a10=casadi_fmax(a10,a12);
+  if (res[1]!=0) res[1][0]=a10;
+  a11=(a11+a15);
+  a11=casadi_fmin(a11,a13);
+  a25=(a25?a11:0);
+  if (res[2]!=0) res[2][0]=a25;
+  a25=(a14||a24);
+  if (res[3]!=0) res[3][0]=a25;
+  a25=6.4779594083008501e-04;
+  a11=3.3333333333333331e-01;
+  a03=(a03?a11:0);
+  a20=(a20?a07:0);
+  a22=(a22?a15:0);
+  a20=(a20+a22);
+  a20=(a19?a20:0);
+  a03=(a03+a20);
+  a00=(a00*a03);
+  a25=(a25*a00);
+  a18=(a18?a25:0);
+  a25=(!a21);
+  a16=(a01?a16:0);
+  a25=(a25?a16:0);
+  a23=(a23?a25:0);
+  a18=(a18+a23);
+  a23=1.2120000000000001e+01;
+  a18=casadi_fmin(a18,a23);
+  a23=-1.2120000000000001e+01;
+  a18=casadi_fmax(a18,a23);
+  if (res[4]!=0) res[4][0]=a18;
+  a23=6.4779594083008494e-07;
+  a23=(a23*a10);
+  if (res[5]!=0) res[5][0]=a23;
+  if (res[6]!=0) res[6][0]=a18;
+  a19=(a14&&a19);
+  a24=(a24||a19);
+  a19=6.6378935000000000e+06;
+  a09=casadi_fabs(a09);
+  a19=(a19<a09);
+  a21=(a21||a19);
+  a21=(!a21);
+  a24=(a24&&a21);
+  if (res[7]!=0) res[7][0]=a24;
+  a21=(!a06);
+  a21=(a21?a15:0);
+  a01=(!a01);
+  a01=(a01?a13:0);
+  a21=(a21+a01);
+  a06=(a06&&a05);
+  a05=4.;
+  a06=(a06?a05:0);
+  a21=(a21+a06);
+  a14=(a14&&a04);
+  a17=(!a17);
+  a14=(a14&&a17);
+  a17=8.;
+  a14=(a14?a17:0);
+  a21=(a21+a14);
+  a24=(!a24);
+  a14=16.;
+  a24=(a24?a14:0);
+  a21=(a21+a24);
+  a24=32.;
+  a19=(a19?a24:0);
+  a21=(a21+a19);
+  if (res[8]!=0) res[8][0]=a21;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f14(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_gear_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_gear_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_encoder_gear_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_gear_step_n_in(void) { return 7;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_encoder_gear_step_n_out(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_encoder_gear_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_gear_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_count_last";
+    case 1: return "s_moved";
+    case 2: return "s_held";
+    case 3: return "s_started";
+    case 4: return "s_omega_rad_s";
+    case 5: return "u_count";
+    case 6: return "u_frame_error";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_encoder_gear_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_count_last";
+    case 1: return "next_moved";
+    case 2: return "next_held";
+    case 3: return "next_started";
+    case 4: return "next_omega_rad_s";
+    case 5: return "y_theta_gear_rad";
+    case 6: return "y_omega_gear_rad_s";
+    case 7: return "y_gear_usable";
+    case 8: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_gear_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_encoder_gear_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 7;
+  if (sz_res) *sz_res = 9;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 7*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -2397,7 +2776,7 @@ static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f13(arg, res, iw, w, mem);
+  return casadi_f15(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare_checkout(void) {
@@ -2480,7 +2859,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_reference_init:(Kp_Nm_rad,Kd_Nms_rad,keep,tau_range_Nm)->(mode_last_0,offset_Nm_0,tau_set_Nm_0) */
-static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -2490,7 +2869,7 @@ static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f14(arg, res, iw, w, mem);
+  return casadi_f16(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init_checkout(void) {
@@ -2571,7 +2950,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_offset_Nm,y_keep,y_tau_range_Nm,y_Kp_Nm_rad,y_Kd_Nms_rad,y_tau_wanted_Nm,y_theta_wanted_rad,y_omega_wanted_rad_s) */
-static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24;
@@ -2730,7 +3109,7 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f15(arg, res, iw, w, mem);
+  return casadi_f17(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_checkout(void) {
@@ -2855,7 +3234,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -2893,7 +3272,7 @@ static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f16(arg, res, iw, w, mem);
+  return casadi_f18(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_checkout(void) {
@@ -3002,7 +3381,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3033,7 +3412,7 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f17(arg, res, iw, w, mem);
+  return casadi_f19(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_checkout(void) {
@@ -3150,7 +3529,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -3899,7 +4278,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
+  return casadi_f20(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_checkout(void) {
@@ -4084,7 +4463,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -4099,7 +4478,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_checkout(void) {
@@ -4172,7 +4551,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4185,7 +4564,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_checkout(void) {
@@ -4268,7 +4647,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -4404,7 +4783,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_checkout(void) {
@@ -4510,8 +4889,336 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_work_bytes(ca
   return 0;
 }
 
+/* esea_elbow_mpc_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f24(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_init_n_out(void) { return 6;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_gear_observer_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_gear_observer_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_gear_observer_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "primed_0";
+    case 1: return "omega_last_rad_s_0";
+    case 2: return "passive_rad_s2_0";
+    case 3: return "u_held_Nm_0";
+    case 4: return "u_a_Nm_0";
+    case 5: return "d4_rad_s2_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_gear_observer_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_gear_observer_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 6;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d_gear_rad_s2,y_status) */
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  a00=arg[6]? arg[6][0] : 0;
+  a01=2.2099998593330383e-01;
+  a02=(a00<=a01);
+  a03=-2.2099998593330383e-01;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[7]? arg[7][0] : 0;
+  a05=12.;
+  a06=(a04<=a05);
+  a07=-12.;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a08=(a02&&a06);
+  a09=arg[8]? arg[8][0] : 0;
+  a10=20.;
+  a10=(a09<=a10);
+  a11=-20.;
+  a11=(a11<=a09);
+  a10=(a10&&a11);
+  a08=(a08&&a10);
+  if (res[0]!=0) res[0][0]=a08;
+  a04=(a06?a04:0);
+  a06=(!a06);
+  a11=arg[0]? arg[0][0] : 0;
+  a12=1.;
+  a13=(a11<=a12);
+  a14=0.;
+  a14=(a14<=a11);
+  a13=(a13&&a14);
+  a14=arg[1]? arg[1][0] : 0;
+  a05=(a14<=a05);
+  a07=(a07<=a14);
+  a05=(a05&&a07);
+  a13=(a13&&a05);
+  a05=arg[2]? arg[2][0] : 0;
+  a07=6.5652305603027344e+01;
+  a07=(a05<=a07);
+  a15=-6.5652305603027344e+01;
+  a15=(a15<=a05);
+  a07=(a07&&a15);
+  a13=(a13&&a07);
+  a07=arg[3]? arg[3][0] : 0;
+  a15=(a07<=a01);
+  a16=(a03<=a07);
+  a15=(a15&&a16);
+  a13=(a13&&a15);
+  a15=arg[4]? arg[4][0] : 0;
+  a01=(a15<=a01);
+  a03=(a03<=a15);
+  a01=(a01&&a03);
+  a13=(a13&&a01);
+  a01=arg[5]? arg[5][0] : 0;
+  a03=2.4666666030883789e+01;
+  a16=(a01<=a03);
+  a17=-2.4666666030883789e+01;
+  a18=(a17<=a01);
+  a16=(a16&&a18);
+  a13=(a13&&a16);
+  a14=(a13?a14:0);
+  a06=(a06?a14:0);
+  a04=(a04+a06);
+  if (res[1]!=0) res[1][0]=a04;
+  a06=-4.6879999999999999e-01;
+  a16=5.0000000000000003e-02;
+  a16=(a04/a16);
+  a16=tanh(a16);
+  a06=(a06*a16);
+  a16=5.5510000000000004e-01;
+  a16=(a16*a04);
+  a06=(a06-a16);
+  a10=(a10?a09:0);
+  a06=(a06-a10);
+  a10=6.6300000000000003e-01;
+  a06=(a06/a10);
+  if (res[2]!=0) res[2][0]=a06;
+  a02=(a02?a00:0);
+  if (res[3]!=0) res[3][0]=a02;
+  a07=(a13?a07:0);
+  a02=9.7173735224993463e-01;
+  a15=(a13?a15:0);
+  a15=(a15-a07);
+  a02=(a02*a15);
+  a02=(a07+a02);
+  if (res[4]!=0) res[4][0]=a02;
+  a11=(a13?a11:0);
+  a11=(a08&&a11);
+  a02=9.8019867330675525e-01;
+  a02=(a02*a01);
+  a02=(a13?a02:0);
+  a00=1.9801326693244747e-02;
+  a10=1000.;
+  a04=(a04-a14);
+  a10=(a10*a04);
+  a04=1.1161387631975867e+02;
+  a14=9.8580115352228026e-01;
+  a14=(a14*a15);
+  a07=(a07+a14);
+  a04=(a04*a07);
+  a07=5.0000000000000000e-01;
+  a05=(a13?a05:0);
+  a06=(a06+a05);
+  a07=(a07*a06);
+  a04=(a04+a07);
+  a10=(a10-a04);
+  a00=(a00*a10);
+  a02=(a02+a00);
+  a00=casadi_fmin(a02,a03);
+  a00=casadi_fmax(a00,a17);
+  a00=(a11?a00:0);
+  a17=(!a11);
+  a01=(a13?a01:0);
+  a17=(a17?a01:0);
+  a00=(a00+a17);
+  if (res[5]!=0) res[5][0]=a00;
+  if (res[6]!=0) res[6][0]=a00;
+  a08=(!a08);
+  a08=(a08?a12:0);
+  a13=(!a13);
+  a12=2.;
+  a13=(a13?a12:0);
+  a08=(a08+a13);
+  a02=casadi_fabs(a02);
+  a03=(a03<a02);
+  a11=(a11&&a03);
+  a03=4.;
+  a11=(a11?a03:0);
+  a08=(a08+a11);
+  if (res[7]!=0) res[7][0]=a08;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f25(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_in(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_out(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_gear_observer_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_gear_observer_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_primed";
+    case 1: return "s_omega_last_rad_s";
+    case 2: return "s_passive_rad_s2";
+    case 3: return "s_u_held_Nm";
+    case 4: return "s_u_a_Nm";
+    case 5: return "s_d4_rad_s2";
+    case 6: return "u_u_Nm";
+    case 7: return "u_omega_gear_rad_s";
+    case 8: return "u_tau_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_gear_observer_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_primed";
+    case 1: return "next_omega_last_rad_s";
+    case 2: return "next_passive_rad_s2";
+    case 3: return "next_u_held_Nm";
+    case 4: return "next_u_a_Nm";
+    case 5: return "next_d4_rad_s2";
+    case 6: return "y_d_gear_rad_s2";
+    case 7: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9;
+  if (sz_res) *sz_res = 8;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
 /* esea_elbow_mpc_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -4526,7 +5233,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_checkout(void) {
@@ -4599,7 +5306,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4612,7 +5319,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_checkout(void) {
@@ -4695,7 +5402,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
@@ -4866,7 +5573,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_checkout(void) {
@@ -4975,12 +5682,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_ahead_init:()->() */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_checkout(void) {
@@ -5047,7 +5754,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_ahead_step:(u_mode,u_tau_preview_Nm[10],u_offset_Nm,u_keep,u_tau_range_Nm,u_theta_preview_rad[10],u_omega_preview_rad_s[10],u_Kp_Nm_rad,u_Kd_Nms_rad,u_theta_load_rad,u_omega_load_rad_s)->(y_tau_d_Nm[10],y_theta_d_rad[10],y_omega_d_rad_s[10],y_Kp_Nm_rad,y_Kd_Nms_rad,y_mode,y_request_ok,y_status) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30;
@@ -6573,7 +7280,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_checkout(void) {
@@ -6678,7 +7385,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_predictive_prepare:(Q,R,load_free)->(c_root_q,c_root_r,c_load_1_kgm2) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a0=sqrt(a0);
@@ -6696,7 +7403,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_checkout(void) {
@@ -6775,7 +7482,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_init:(root_q,root_r,load_1_kgm2)->(plan_0[10]) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6792,7 +7499,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_checkout(void) {
@@ -6867,7 +7574,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_predictive_k1_copy:(i0)->(o0) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -6875,7 +7582,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_checkout(void) {
@@ -6946,7 +7653,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k2_pivot:(i0,i1,i2,i3,i4,i5,i6)->(o0[3],o1,o2,o3,o4) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=0.;
   a1=arg[2]? arg[2][0] : 0;
@@ -6995,7 +7702,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_checkout(void) {
@@ -7086,7 +7793,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k3_keep:(i0,i1)->(o0,o1) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -7096,7 +7803,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_checkout(void) {
@@ -7171,7 +7878,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k4_shift:(i0,i1,i2,i3[3])->(o0,o1) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -7188,7 +7895,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f36(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_checkout(void) {
@@ -7267,7 +7974,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k5_rank_one:(i0,i1,i2)->(o0) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -7279,7 +7986,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_checkout(void) {
@@ -7354,7 +8061,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k6_edge:(i0,i1[3])->(o0) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -7366,7 +8073,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f38(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_checkout(void) {
@@ -7439,7 +8146,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k7_begin:(i0)->(o0) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -7447,7 +8154,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f39(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_checkout(void) {
@@ -7518,7 +8225,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k8_own:(i0,i1,i2)->(o0) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -7530,7 +8237,7 @@ static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f40(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_checkout(void) {
@@ -7605,7 +8312,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k9_both:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -7622,7 +8329,7 @@ static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
+  return casadi_f41(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_checkout(void) {
@@ -7703,7 +8410,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k10_free_only:(i0,i1)->(o0) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -7715,7 +8422,7 @@ static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
+  return casadi_f42(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_checkout(void) {
@@ -7788,7 +8495,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k11_none:()->(o0) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7796,7 +8503,7 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
+  return casadi_f43(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_checkout(void) {
@@ -7865,7 +8572,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k12_refine:(i0,i1,i2,i3,i4)->(o0) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -7886,7 +8593,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f44(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_checkout(void) {
@@ -7965,7 +8672,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k13_good:()->(o0) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7973,7 +8680,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f45(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_checkout(void) {
@@ -8042,7 +8749,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k14_ready:()->(o0) */
-static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8050,7 +8757,7 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f42(arg, res, iw, w, mem);
+  return casadi_f46(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_checkout(void) {
@@ -8119,7 +8826,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k15_inside:(i0,i1,i2)->(o0,o1) */
-static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -8133,7 +8840,7 @@ static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f43(arg, res, iw, w, mem);
+  return casadi_f47(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_checkout(void) {
@@ -8210,7 +8917,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k16_whole:()->(o0) */
-static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8218,7 +8925,7 @@ static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f44(arg, res, iw, w, mem);
+  return casadi_f48(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_checkout(void) {
@@ -8287,7 +8994,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k17_reach:(i0,i1,i2,i3,i4,i5)->(o0,o1) */
-static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -8326,7 +9033,7 @@ static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f45(arg, res, iw, w, mem);
+  return casadi_f49(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_checkout(void) {
@@ -8409,7 +9116,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k18_advance:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -8439,7 +9146,7 @@ static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f46(arg, res, iw, w, mem);
+  return casadi_f50(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_checkout(void) {
@@ -8520,7 +9227,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k19_tie:(i0,i1,i2,i3)->(o0) */
-static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -8535,7 +9242,7 @@ static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f47(arg, res, iw, w, mem);
+  return casadi_f51(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_checkout(void) {
@@ -8612,7 +9319,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k20_promise:(i0,i1,i2,i3,i4,i5,i6,i7)->(o0,o1) */
-static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -8657,7 +9364,7 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f48(arg, res, iw, w, mem);
+  return casadi_f52(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_checkout(void) {
@@ -8744,7 +9451,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k21_finished:(i0)->(o0) */
-static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -8755,7 +9462,7 @@ static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f49(arg, res, iw, w, mem);
+  return casadi_f53(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_checkout(void) {
@@ -8826,7 +9533,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k22_done:()->(o0) */
-static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8834,7 +9541,7 @@ static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f50(arg, res, iw, w, mem);
+  return casadi_f54(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_checkout(void) {
@@ -8903,7 +9610,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k23_count:(i0)->(o0) */
-static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -8913,7 +9620,7 @@ static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f51(arg, res, iw, w, mem);
+  return casadi_f55(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_checkout(void) {
@@ -8984,7 +9691,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k24_lost:(i0)->(o0) */
-static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -8995,7 +9702,7 @@ static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f52(arg, res, iw, w, mem);
+  return casadi_f56(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_checkout(void) {
@@ -9066,7 +9773,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k25_residual:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[5]? arg[5][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -9107,7 +9814,7 @@ static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f53(arg, res, iw, w, mem);
+  return casadi_f57(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_checkout(void) {
@@ -9188,7 +9895,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k26_rough:(i0,i1,i2)->(o0) */
-static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   a1=arg[1]? arg[1][0] : 0;
@@ -9203,7 +9910,7 @@ static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f54(arg, res, iw, w, mem);
+  return casadi_f58(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_checkout(void) {
@@ -9278,7 +9985,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k27_verdict:(i0,i1,i2,i3)->(o0) */
-static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9293,7 +10000,7 @@ static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f55(arg, res, iw, w, mem);
+  return casadi_f59(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_checkout(void) {
@@ -9370,7 +10077,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k28_lose:(i0,i1,i2)->(o0) */
-static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9382,7 +10089,7 @@ static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f56(arg, res, iw, w, mem);
+  return casadi_f60(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_checkout(void) {
@@ -9457,7 +10164,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k29_let_go:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9474,7 +10181,7 @@ static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f57(arg, res, iw, w, mem);
+  return casadi_f61(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_checkout(void) {
@@ -9555,7 +10262,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k30_push:(i0,i1,i2,i3,i4)->(o0,o1,o2,o3,o4,o5) */
-static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -9576,7 +10283,7 @@ static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f58(arg, res, iw, w, mem);
+  return casadi_f62(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_checkout(void) {
@@ -9665,7 +10372,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k31_gain:(i0,i1,i2)->(o0) */
-static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9677,7 +10384,7 @@ static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f59(arg, res, iw, w, mem);
+  return casadi_f63(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_checkout(void) {
@@ -9752,7 +10459,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k32_first:(i0)->(o0) */
-static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -9760,7 +10467,7 @@ static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f60(arg, res, iw, w, mem);
+  return casadi_f64(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_checkout(void) {
@@ -9831,7 +10538,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k33_stays:(i0,i1,i2,i3)->(o0) */
-static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9846,7 +10553,7 @@ static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f61(arg, res, iw, w, mem);
+  return casadi_f65(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_checkout(void) {
@@ -9923,7 +10630,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k34_tie:(i0,i1,i2,i3)->(o0,o1) */
-static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9939,7 +10646,7 @@ static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f62(arg, res, iw, w, mem);
+  return casadi_f66(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_checkout(void) {
@@ -10018,7 +10725,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k35_whole:(i0,i1)->(o0) */
-static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10028,7 +10735,7 @@ static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f63(arg, res, iw, w, mem);
+  return casadi_f67(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_checkout(void) {
@@ -10101,7 +10808,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k36_weight:(i0,i1,i2)->(o0,o1) */
-static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10113,7 +10820,7 @@ static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f64(arg, res, iw, w, mem);
+  return casadi_f68(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_checkout(void) {
@@ -10190,7 +10897,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k37_pop:(i0)->(o0) */
-static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -10200,7 +10907,7 @@ static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f65(arg, res, iw, w, mem);
+  return casadi_f69(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_checkout(void) {
@@ -10271,7 +10978,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k38_weight:(i0,i1)->(o0) */
-static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10281,7 +10988,7 @@ static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f66(arg, res, iw, w, mem);
+  return casadi_f70(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_checkout(void) {
@@ -10354,7 +11061,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k39_turned:(i0,i1,i2)->(o0) */
-static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10368,7 +11075,7 @@ static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f67(arg, res, iw, w, mem);
+  return casadi_f71(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_checkout(void) {
@@ -10443,7 +11150,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k40_direction:(i0,i1)->(o0) */
-static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10459,7 +11166,7 @@ static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f68(arg, res, iw, w, mem);
+  return casadi_f72(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_checkout(void) {
@@ -10532,7 +11239,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k41_beyond:(i0,i1,i2,i3)->(o0) */
-static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10546,7 +11253,7 @@ static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f69(arg, res, iw, w, mem);
+  return casadi_f73(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_checkout(void) {
@@ -10623,7 +11330,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k42_torque:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10640,7 +11347,7 @@ static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f70(arg, res, iw, w, mem);
+  return casadi_f74(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_checkout(void) {
@@ -10721,7 +11428,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k43_on:(i0)->(o0) */
-static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -10729,7 +11436,7 @@ static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f71(arg, res, iw, w, mem);
+  return casadi_f75(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_checkout(void) {
@@ -10800,7 +11507,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k44_all_ok:()->(o0) */
-static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -10808,7 +11515,7 @@ static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f72(arg, res, iw, w, mem);
+  return casadi_f76(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_checkout(void) {
@@ -10877,7 +11584,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad:(i0,i1)->(o0,o1) */
-static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=3.4999999403953552e-01;
@@ -10894,7 +11601,7 @@ static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f73(arg, res, iw, w, mem);
+  return casadi_f77(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_checkout(void) {
@@ -10969,7 +11676,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=25.;
@@ -10986,7 +11693,7 @@ static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f74(arg, res, iw, w, mem);
+  return casadi_f78(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_checkout(void) {
@@ -11061,7 +11768,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad:(i0,i1)->(o0,o1) */
-static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=3.3499999046325684e+00;
@@ -11078,7 +11785,7 @@ static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f75(arg, res, iw, w, mem);
+  return casadi_f79(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_checkout(void) {
@@ -11153,7 +11860,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=12.;
@@ -11170,7 +11877,7 @@ static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f76(arg, res, iw, w, mem);
+  return casadi_f80(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_checkout(void) {
@@ -11245,7 +11952,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -11262,7 +11969,7 @@ static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f77(arg, res, iw, w, mem);
+  return casadi_f81(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_checkout(void) {
@@ -11337,7 +12044,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -11354,7 +12061,7 @@ static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f78(arg, res, iw, w, mem);
+  return casadi_f82(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_checkout(void) {
@@ -11429,7 +12136,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_N
 }
 
 /* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -11446,7 +12153,7 @@ static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f79(arg, res, iw, w, mem);
+  return casadi_f83(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_checkout(void) {
@@ -11521,7 +12228,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -11581,7 +12288,7 @@ static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f80(arg, res, iw, w, mem);
+  return casadi_f84(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_checkout(void) {
@@ -11656,7 +12363,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2:(i0,i1)->(o0,o1) */
-static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.4666666030883789e+01;
@@ -11673,7 +12380,7 @@ static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f81(arg, res, iw, w, mem);
+  return casadi_f85(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_checkout(void) {
@@ -11748,7 +12455,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -11765,7 +12472,7 @@ static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f82(arg, res, iw, w, mem);
+  return casadi_f86(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_checkout(void) {
@@ -11840,7 +12547,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s:(i0,i1)->(o0,o1) */
-static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=10000.;
@@ -11857,7 +12564,7 @@ static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f83(arg, res, iw, w, mem);
+  return casadi_f87(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_checkout(void) {
@@ -11932,7 +12639,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_N
 }
 
 /* esea_elbow_mpc_casadi_predictive_k56_guard_mode:(i0,i1)->(o0,o1) */
-static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.;
@@ -11949,7 +12656,7 @@ static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f84(arg, res, iw, w, mem);
+  return casadi_f88(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_checkout(void) {
@@ -12024,7 +12731,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -12084,7 +12791,7 @@ static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f85(arg, res, iw, w, mem);
+  return casadi_f89(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_checkout(void) {
@@ -12159,7 +12866,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -12219,7 +12926,7 @@ static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f86(arg, res, iw, w, mem);
+  return casadi_f90(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_checkout(void) {
@@ -12294,7 +13001,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -12354,7 +13061,7 @@ static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f87(arg, res, iw, w, mem);
+  return casadi_f91(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_checkout(void) {
@@ -12429,7 +13136,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad:(i0,i1)->(o0,o1) */
-static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -12446,7 +13153,7 @@ static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f88(arg, res, iw, w, mem);
+  return casadi_f92(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_checkout(void) {
@@ -12521,7 +13228,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad:(i0,i1)->(o0,o1) */
-static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.;
@@ -12538,7 +13245,7 @@ static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f89(arg, res, iw, w, mem);
+  return casadi_f93(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_checkout(void) {
@@ -12613,7 +13320,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_w
 }
 
 /* esea_elbow_mpc_casadi_predictive_k62_before:(i0[7],i1,i2[6],i3)->(o0[8],o1) */
-static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=2.5000000000000001e-03;
   a1=1.1161387631975867e+02;
@@ -12681,7 +13388,7 @@ static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f90(arg, res, iw, w, mem);
+  return casadi_f94(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_checkout(void) {
@@ -12760,7 +13467,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k63_after:(i0[7],i1,i2[6],i3,i4[8],i5,i6)->(o0[7],o1[6]) */
-static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25;
@@ -12918,7 +13625,7 @@ static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f91(arg, res, iw, w, mem);
+  return casadi_f95(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_checkout(void) {
@@ -13003,7 +13710,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k64_column:(i0[7],i1[6],i2)->(o0[7],o1) */
-static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
@@ -13066,7 +13773,7 @@ static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f92(arg, res, iw, w, mem);
+  return casadi_f96(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_checkout(void) {
@@ -13143,7 +13850,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k65_newest:(i0[7],i1[6],i2)->(o0[7],o1) */
-static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
@@ -13210,7 +13917,7 @@ static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f93(arg, res, iw, w, mem);
+  return casadi_f97(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_checkout(void) {
@@ -13287,7 +13994,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k66_effort_0:(i0[7],i1,i2[6],i3[3])->(o0,o1) */
-static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][2] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -13301,7 +14008,7 @@ static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f94(arg, res, iw, w, mem);
+  return casadi_f98(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_checkout(void) {
@@ -13380,7 +14087,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k67_effort_0_column:(i0[7],i1)->(o0) */
-static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][4] : 0;
@@ -13390,7 +14097,7 @@ static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f95(arg, res, iw, w, mem);
+  return casadi_f99(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_checkout(void) {
@@ -13463,7 +14170,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k68_effort_0_own:(i0[7],i1,i2[6])->(o0) */
-static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[2]? arg[2][2] : 0;
@@ -13473,7 +14180,7 @@ static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f96(arg, res, iw, w, mem);
+  return casadi_f100(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_checkout(void) {
@@ -13548,7 +14255,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k69_reference:(i0)->(o0) */
-static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -13556,7 +14263,7 @@ static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f97(arg, res, iw, w, mem);
+  return casadi_f101(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_checkout(void) {
@@ -13627,7 +14334,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k70_error_0:(i0[7],i1,i2[6],i3[3])->(o0,o1[3]) */
-static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[2]? arg[2][1] : 0;
   a1=arg[0]? arg[0][6] : 0;
@@ -13656,7 +14363,7 @@ static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f98(arg, res, iw, w, mem);
+  return casadi_f102(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_checkout(void) {
@@ -13735,7 +14442,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k71_error_0_column:(i0[7],i1[3])->(o0) */
-static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -13753,7 +14460,7 @@ static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f99(arg, res, iw, w, mem);
+  return casadi_f103(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_checkout(void) {
@@ -13826,7 +14533,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k72_begin:(i0)->(o0) */
-static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -13834,7 +14541,7 @@ static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f100(arg, res, iw, w, mem);
+  return casadi_f104(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_checkout(void) {
@@ -13905,7 +14612,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k73_at_plan:(i0,i1,i2)->(o0) */
-static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -13917,7 +14624,7 @@ static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f101(arg, res, iw, w, mem);
+  return casadi_f105(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_checkout(void) {
@@ -13992,7 +14699,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k74_end:(i0)->(o0) */
-static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -14000,7 +14707,7 @@ static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f102(arg, res, iw, w, mem);
+  return casadi_f106(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_checkout(void) {
@@ -14071,7 +14778,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k75_none:()->(o0) */
-static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -14079,7 +14786,7 @@ static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f103(arg, res, iw, w, mem);
+  return casadi_f107(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_checkout(void) {
@@ -14148,7 +14855,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k76_gradient:(i0,i1,i2)->(o0) */
-static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -14160,7 +14867,7 @@ static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f104(arg, res, iw, w, mem);
+  return casadi_f108(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_checkout(void) {
@@ -14235,7 +14942,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k77_gram:(i0,i1,i2)->(o0) */
-static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -14247,7 +14954,7 @@ static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f105(arg, res, iw, w, mem);
+  return casadi_f109(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_checkout(void) {
@@ -14322,7 +15029,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k78_good:()->(o0) */
-static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -14330,7 +15037,7 @@ static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f106(arg, res, iw, w, mem);
+  return casadi_f110(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_checkout(void) {
@@ -14399,7 +15106,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k79_plan_ok:(i0,i1)->(o0) */
-static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -14414,7 +15121,7 @@ static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f107(arg, res, iw, w, mem);
+  return casadi_f111(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_checkout(void) {
@@ -14487,7 +15194,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k80_plan_used:(i0,i1)->(o0) */
-static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -14497,7 +15204,7 @@ static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f108(arg, res, iw, w, mem);
+  return casadi_f112(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_checkout(void) {
@@ -14570,7 +15277,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k81_shift_plan:(i0,i1)->(o0) */
-static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.5000000000000000e-01;
@@ -14583,7 +15290,7 @@ static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f109(arg, res, iw, w, mem);
+  return casadi_f113(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_checkout(void) {
@@ -14656,7 +15363,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low:()->(o0) */
-static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=-1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -14664,7 +15371,7 @@ static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f110(arg, res, iw, w, mem);
+  return casadi_f114(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_checkout(void) {
@@ -14733,7 +15440,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work_b
 }
 
 /* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high:()->(o0) */
-static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -14741,7 +15448,7 @@ static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f111(arg, res, iw, w, mem);
+  return casadi_f115(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_checkout(void) {
@@ -14810,7 +15517,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k84_deflection:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12)->(o0) */
-static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -14818,7 +15525,7 @@ static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f112(arg, res, iw, w, mem);
+  return casadi_f116(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection_checkout(void) {
@@ -14913,7 +15620,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k85_nest:(i0,i1,i2,i3,i4,i5)->(o0,o1,o2) */
-static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -14936,7 +15643,7 @@ static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f113(arg, res, iw, w, mem);
+  return casadi_f117(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_checkout(void) {
@@ -15021,7 +15728,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k86_bottom:()->(o0,o1,o2) */
-static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -15033,7 +15740,7 @@ static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f114(arg, res, iw, w, mem);
+  return casadi_f118(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_checkout(void) {
@@ -15106,7 +15813,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k87_loose:(i0,i1,i2)->(o0,o1,o2,o3) */
-static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -15123,7 +15830,7 @@ static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f115(arg, res, iw, w, mem);
+  return casadi_f119(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_checkout(void) {
@@ -15204,7 +15911,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k88_start:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13)->(o0[7]) */
-static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -15233,7 +15940,7 @@ static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f116(arg, res, iw, w, mem);
+  return casadi_f120(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start_checkout(void) {
@@ -15330,7 +16037,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k89_parameter:(i0)->(o0) */
-static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -15338,7 +16045,7 @@ static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f117(arg, res, iw, w, mem);
+  return casadi_f121(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter_checkout(void) {
@@ -15409,7 +16116,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k90_in_force:(i0)->(o0) */
-static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -15417,7 +16124,7 @@ static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f118(arg, res, iw, w, mem);
+  return casadi_f122(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force_checkout(void) {
@@ -15488,7 +16195,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k91_forecast:(i0,i1[6],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14)->(o0) */
-static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[10]? arg[10][0] : 0;
   a1=arg[11]? arg[11][0] : 0;
@@ -15500,7 +16207,7 @@ static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f119(arg, res, iw, w, mem);
+  return casadi_f123(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_checkout(void) {
@@ -15599,7 +16306,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k92_before:(i0[7],i1,i2[6],i3)->(o0[8],o1) */
-static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=1.0000000000000000e-03;
   a1=1.1161387631975867e+02;
@@ -15667,7 +16374,7 @@ static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f120(arg, res, iw, w, mem);
+  return casadi_f124(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_checkout(void) {
@@ -15746,7 +16453,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k93_onward:(i0[7],i1,i2[6],i3,i4[8],i5)->(o0[7]) */
-static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12;
   a00=arg[0]? arg[0][0] : 0;
@@ -15836,7 +16543,7 @@ static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f121(arg, res, iw, w, mem);
+  return casadi_f125(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_checkout(void) {
@@ -15917,7 +16624,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k94_input:(i0)->(o0) */
-static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -15927,7 +16634,7 @@ static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f122(arg, res, iw, w, mem);
+  return casadi_f126(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_checkout(void) {
@@ -15998,7 +16705,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k95_forecast:(i0,i1[6],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14)->(o0) */
-static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[10]? arg[10][0] : 0;
   a1=arg[11]? arg[11][0] : 0;
@@ -16010,7 +16717,7 @@ static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f123(arg, res, iw, w, mem);
+  return casadi_f127(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast_checkout(void) {
@@ -16109,7 +16816,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k96_usable:(i0,i1)->(o0) */
-static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -16119,7 +16826,7 @@ static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f124(arg, res, iw, w, mem);
+  return casadi_f128(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_checkout(void) {
@@ -16192,7 +16899,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k97_plan_fine:(i0,i1)->(o0) */
-static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -16207,7 +16914,7 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f125(arg, res, iw, w, mem);
+  return casadi_f129(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_checkout(void) {
@@ -16280,7 +16987,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k98_acts:(i0)->(o0) */
-static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -16288,7 +16995,7 @@ static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f126(arg, res, iw, w, mem);
+  return casadi_f130(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_checkout(void) {
@@ -16359,7 +17066,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k99_enabled:(i0,i1)->(o0) */
-static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.0000000000000000e-01;
@@ -16371,7 +17078,7 @@ static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f127(arg, res, iw, w, mem);
+  return casadi_f131(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_checkout(void) {
@@ -16444,7 +17151,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k100_plan_next:(i0,i1)->(o0) */
-static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -16458,7 +17165,7 @@ static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f128(arg, res, iw, w, mem);
+  return casadi_f132(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_checkout(void) {
@@ -16531,7 +17238,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k101_command:(i0,i1,i2)->(o0,o1,o2) */
-static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -16554,7 +17261,7 @@ static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f129(arg, res, iw, w, mem);
+  return casadi_f133(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_checkout(void) {
@@ -16633,7 +17340,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k102_report:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=(!a0);
@@ -16668,7 +17375,7 @@ static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f130(arg, res, iw, w, mem);
+  return casadi_f134(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_checkout(void) {
@@ -16748,8 +17455,309 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_work_bytes
   return 0;
 }
 
+/* esea_elbow_mpc_casadi_redundancy_init:()->(zero_rad_0,zeroed_0) */
+static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f135(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_init_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_redundancy_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_redundancy_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_redundancy_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "zero_rad_0";
+    case 1: return "zeroed_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_redundancy_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_redundancy_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_status) */
+static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  a00=5.0000000000000000e-01;
+  a01=arg[0]? arg[0][0] : 0;
+  a02=7.9045963287353516e+00;
+  a02=(a01<=a02);
+  a03=-7.9045963287353516e+00;
+  a03=(a03<=a01);
+  a02=(a02&&a03);
+  a03=arg[1]? arg[1][0] : 0;
+  a04=1.;
+  a05=(a03<=a04);
+  a06=0.;
+  a07=(a06<=a03);
+  a05=(a05&&a07);
+  a02=(a02&&a05);
+  a03=(a02?a03:0);
+  a03=(a00<a03);
+  a05=arg[2]? arg[2][0] : 0;
+  a07=3.3499999046325684e+00;
+  a07=(a05<=a07);
+  a08=-9.4999998807907104e-01;
+  a08=(a08<=a05);
+  a07=(a07&&a08);
+  a08=arg[3]? arg[3][0] : 0;
+  a09=(a08<=a04);
+  a10=(a06<=a08);
+  a09=(a09&&a10);
+  a10=(a07&&a09);
+  a11=arg[4]? arg[4][0] : 0;
+  a12=4.3429994583129883e+00;
+  a12=(a11<=a12);
+  a13=-4.3429994583129883e+00;
+  a13=(a13<=a11);
+  a12=(a12&&a13);
+  a10=(a10&&a12);
+  a13=arg[5]? arg[5][0] : 0;
+  a14=(a13<=a04);
+  a06=(a06<=a13);
+  a14=(a14&&a06);
+  a10=(a10&&a14);
+  a06=arg[6]? arg[6][0] : 0;
+  a15=2.4666666030883789e+01;
+  a15=(a06<=a15);
+  a16=-2.4666666030883789e+01;
+  a16=(a16<=a06);
+  a15=(a15&&a16);
+  a10=(a10&&a15);
+  a16=arg[7]? arg[7][0] : 0;
+  a17=20.;
+  a17=(a16<=a17);
+  a18=-20.;
+  a18=(a18<=a16);
+  a17=(a17&&a18);
+  a10=(a10&&a17);
+  a09=(a09?a08:0);
+  a09=(a00<=a09);
+  a14=(a14?a13:0);
+  a00=(a00<=a14);
+  a09=(a09&&a00);
+  a09=(a10&&a09);
+  a00=(!a09);
+  a14=(a03||a00);
+  a01=(a02?a01:0);
+  a13=(a14?a01:0);
+  a14=(!a14);
+  a12=(a12?a11:0);
+  a07=(a07?a05:0);
+  a12=(a12-a07);
+  a07=6.6666666666666671e-03;
+  a07=(a07*a16);
+  a07=(a17?a07:0);
+  a12=(a12-a07);
+  a14=(a14?a12:0);
+  a13=(a13+a14);
+  if (res[0]!=0) res[0][0]=a13;
+  if (res[1]!=0) res[1][0]=a09;
+  a13=5.9999999999999998e-02;
+  a14=5.8333333333333336e-03;
+  a17=(a17?a16:0);
+  a17=casadi_fabs(a17);
+  a14=(a14*a17);
+  a13=(a13+a14);
+  a12=(a12-a01);
+  a03=(a03?a12:0);
+  a12=casadi_fabs(a03);
+  a13=(a13<a12);
+  a13=(a09&&a13);
+  a12=2.5000000000000000e+00;
+  a01=2.5000000000000000e-01;
+  a01=(a01*a17);
+  a12=(a12+a01);
+  a01=6.6300000000000003e-01;
+  a01=(a01*a06);
+  a15=(a15?a01:0);
+  a01=casadi_fabs(a15);
+  a12=(a12<a01);
+  a12=(a09&&a12);
+  a01=(a13||a12);
+  a01=(!a01);
+  a01=(a09&&a01);
+  if (res[2]!=0) res[2][0]=a01;
+  a09=(a09?a03:0);
+  if (res[3]!=0) res[3][0]=a09;
+  if (res[4]!=0) res[4][0]=a15;
+  a10=(!a10);
+  a10=(a10?a04:0);
+  a02=(!a02);
+  a04=2.;
+  a02=(a02?a04:0);
+  a10=(a10+a02);
+  a02=4.;
+  a00=(a00?a02:0);
+  a10=(a10+a00);
+  a00=8.;
+  a13=(a13?a00:0);
+  a10=(a10+a13);
+  a13=16.;
+  a12=(a12?a13:0);
+  a10=(a10+a12);
+  if (res[5]!=0) res[5][0]=a10;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f136(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_step_n_in(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_step_n_out(void) { return 6;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_redundancy_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_redundancy_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_zero_rad";
+    case 1: return "s_zeroed";
+    case 2: return "u_theta_motor_rad";
+    case 3: return "u_motor_usable";
+    case 4: return "u_theta_gear_rad";
+    case 5: return "u_gear_usable";
+    case 6: return "u_d_gear_rad_s2";
+    case 7: return "u_tau_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_redundancy_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_zero_rad";
+    case 1: return "next_zeroed";
+    case 2: return "y_agree";
+    case 3: return "y_apart_rad";
+    case 4: return "y_apart_Nm";
+    case 5: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_redundancy_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_redundancy_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8;
+  if (sz_res) *sz_res = 6;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
 /* esea_elbow_mpc_casadi_stamp_init:()->(beats_0) */
-static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -16757,7 +17765,7 @@ static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f131(arg, res, iw, w, mem);
+  return casadi_f137(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_checkout(void) {
@@ -16826,7 +17834,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_stamp_step:(s_beats,u_u_command_Nm,u_request_ok)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -16873,7 +17881,7 @@ static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f132(arg, res, iw, w, mem);
+  return casadi_f138(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step_checkout(void) {

@@ -103,7 +103,7 @@ const casadi_int* esea_elbow_mpc_casadi_joint_step_sparsity_in(casadi_int i);
 const casadi_int* esea_elbow_mpc_casadi_joint_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_joint_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_joint_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_joint_step_SZ_ARG 4
+#define esea_elbow_mpc_casadi_joint_step_SZ_ARG 5
 #define esea_elbow_mpc_casadi_joint_step_SZ_RES 3
 #define esea_elbow_mpc_casadi_joint_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_joint_step_SZ_W 0
@@ -251,6 +251,42 @@ int esea_elbow_mpc_casadi_rate_step_work_bytes(casadi_int *sz_arg, casadi_int* s
 #define esea_elbow_mpc_casadi_rate_step_SZ_RES 7
 #define esea_elbow_mpc_casadi_rate_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_rate_step_SZ_W 0
+int esea_elbow_mpc_casadi_encoder_gear_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_encoder_gear_init_checkout(void);
+void esea_elbow_mpc_casadi_encoder_gear_init_release(int mem);
+void esea_elbow_mpc_casadi_encoder_gear_init_incref(void);
+void esea_elbow_mpc_casadi_encoder_gear_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_encoder_gear_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_encoder_gear_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_encoder_gear_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_gear_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_gear_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_gear_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_gear_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_encoder_gear_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_encoder_gear_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_encoder_gear_init_SZ_ARG 0
+#define esea_elbow_mpc_casadi_encoder_gear_init_SZ_RES 5
+#define esea_elbow_mpc_casadi_encoder_gear_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_encoder_gear_init_SZ_W 0
+int esea_elbow_mpc_casadi_encoder_gear_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_encoder_gear_step_checkout(void);
+void esea_elbow_mpc_casadi_encoder_gear_step_release(int mem);
+void esea_elbow_mpc_casadi_encoder_gear_step_incref(void);
+void esea_elbow_mpc_casadi_encoder_gear_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_encoder_gear_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_encoder_gear_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_encoder_gear_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_gear_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_encoder_gear_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_gear_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_encoder_gear_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_encoder_gear_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_encoder_gear_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_encoder_gear_step_SZ_ARG 7
+#define esea_elbow_mpc_casadi_encoder_gear_step_SZ_RES 9
+#define esea_elbow_mpc_casadi_encoder_gear_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_encoder_gear_step_SZ_W 0
 int esea_elbow_mpc_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_reference_prepare_checkout(void);
 void esea_elbow_mpc_casadi_reference_prepare_release(int mem);
@@ -413,6 +449,42 @@ int esea_elbow_mpc_casadi_drive_observer_step_work_bytes(casadi_int *sz_arg, cas
 #define esea_elbow_mpc_casadi_drive_observer_step_SZ_RES 9
 #define esea_elbow_mpc_casadi_drive_observer_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_drive_observer_step_SZ_W 0
+int esea_elbow_mpc_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_gear_observer_init_checkout(void);
+void esea_elbow_mpc_casadi_gear_observer_init_release(int mem);
+void esea_elbow_mpc_casadi_gear_observer_init_incref(void);
+void esea_elbow_mpc_casadi_gear_observer_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_gear_observer_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_gear_observer_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_gear_observer_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_gear_observer_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_gear_observer_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_gear_observer_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_gear_observer_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_gear_observer_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_gear_observer_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_gear_observer_init_SZ_ARG 0
+#define esea_elbow_mpc_casadi_gear_observer_init_SZ_RES 6
+#define esea_elbow_mpc_casadi_gear_observer_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_gear_observer_init_SZ_W 0
+int esea_elbow_mpc_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_gear_observer_step_checkout(void);
+void esea_elbow_mpc_casadi_gear_observer_step_release(int mem);
+void esea_elbow_mpc_casadi_gear_observer_step_incref(void);
+void esea_elbow_mpc_casadi_gear_observer_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_gear_observer_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_gear_observer_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_gear_observer_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_gear_observer_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_gear_observer_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_gear_observer_step_SZ_ARG 9
+#define esea_elbow_mpc_casadi_gear_observer_step_SZ_RES 8
+#define esea_elbow_mpc_casadi_gear_observer_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_gear_observer_step_SZ_W 0
 int esea_elbow_mpc_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_human_eso_prepare_checkout(void);
 void esea_elbow_mpc_casadi_human_eso_prepare_release(int mem);
@@ -2375,6 +2447,42 @@ int esea_elbow_mpc_casadi_predictive_k102_report_work_bytes(casadi_int *sz_arg, 
 #define esea_elbow_mpc_casadi_predictive_k102_report_SZ_RES 1
 #define esea_elbow_mpc_casadi_predictive_k102_report_SZ_IW 0
 #define esea_elbow_mpc_casadi_predictive_k102_report_SZ_W 0
+int esea_elbow_mpc_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_redundancy_init_checkout(void);
+void esea_elbow_mpc_casadi_redundancy_init_release(int mem);
+void esea_elbow_mpc_casadi_redundancy_init_incref(void);
+void esea_elbow_mpc_casadi_redundancy_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_redundancy_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_redundancy_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_redundancy_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_redundancy_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_redundancy_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_redundancy_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_redundancy_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_redundancy_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_redundancy_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_redundancy_init_SZ_ARG 0
+#define esea_elbow_mpc_casadi_redundancy_init_SZ_RES 2
+#define esea_elbow_mpc_casadi_redundancy_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_redundancy_init_SZ_W 0
+int esea_elbow_mpc_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_redundancy_step_checkout(void);
+void esea_elbow_mpc_casadi_redundancy_step_release(int mem);
+void esea_elbow_mpc_casadi_redundancy_step_incref(void);
+void esea_elbow_mpc_casadi_redundancy_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_redundancy_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_redundancy_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_redundancy_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_redundancy_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_redundancy_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_redundancy_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_redundancy_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_redundancy_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_redundancy_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_redundancy_step_SZ_ARG 8
+#define esea_elbow_mpc_casadi_redundancy_step_SZ_RES 6
+#define esea_elbow_mpc_casadi_redundancy_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_redundancy_step_SZ_W 0
 int esea_elbow_mpc_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_stamp_init_checkout(void);
 void esea_elbow_mpc_casadi_stamp_init_release(int mem);

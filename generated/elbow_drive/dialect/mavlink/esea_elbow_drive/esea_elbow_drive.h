@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 48, 44, 44, 0, 0, 0}, {42602, 58, 120, 120, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 247, 32, 32, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 238, 128, 128, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 0, 44, 44, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -185,7 +185,8 @@ typedef enum ESEA_ELBOW_DRIVE_JOINT_STATUS
    ESEA_ELBOW_DRIVE_JOINT_STATUS_INPUT_INVALID=1, /* an angle was NaN or outside its range | */
    ESEA_ELBOW_DRIVE_JOINT_STATUS_ENCODER_UNUSABLE=2, /* an encoder says that its angle cannot be used | */
    ESEA_ELBOW_DRIVE_JOINT_STATUS_DEFLECTION_OUTSIDE=4, /* the deflection is beyond its physical range and was clipped | */
-   ESEA_ELBOW_DRIVE_JOINT_STATUS_ENUM_END=5, /*  | */
+   ESEA_ELBOW_DRIVE_JOINT_STATUS_CONTRADICTED=8, /* another encoder or the motor's torque says otherwise, or has not been compared yet | */
+   ESEA_ELBOW_DRIVE_JOINT_STATUS_ENUM_END=9, /*  | */
 } ESEA_ELBOW_DRIVE_JOINT_STATUS;
 #endif
 
@@ -241,6 +242,21 @@ typedef enum ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS
    ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS_RATE_CLIPPED=8, /* the filtered rate was clipped at its physical range | */
    ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS_ENUM_END=9, /*  | */
 } ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS
+typedef enum ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS
+{
+   ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_INPUT_INVALID=1, /* count or frame word was NaN or outside its range | */
+   ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the encoder was started afresh | */
+   ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_FRAME_ERROR=4, /* the frame's own checks say that it is wrong; angle held | */
+   ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_IMPLAUSIBLE_STEP=8, /* the shaft moved faster than it can; angle held | */
+   ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_NOT_USABLE=16, /* no frame yet, or more were bad than may be bridged: starts again | */
+   ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_RANGE_LEFT=32, /* turned by more than the joint's whole range | */
+   ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_ENUM_END=33, /*  | */
+} ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS;
 #endif
 
 /** @brief what is known of this set torque */
@@ -329,6 +345,18 @@ typedef enum ESEA_ELBOW_DRIVE_DRIVE_STATUS
 #endif
 
 /** @brief what is known of this estimate */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_GEAR_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_GEAR_STATUS
+typedef enum ESEA_ELBOW_DRIVE_GEAR_STATUS
+{
+   ESEA_ELBOW_DRIVE_GEAR_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; d4 is held | */
+   ESEA_ELBOW_DRIVE_GEAR_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
+   ESEA_ELBOW_DRIVE_GEAR_STATUS_CLIPPED=4, /* the estimate was clipped at its range | */
+   ESEA_ELBOW_DRIVE_GEAR_STATUS_ENUM_END=5, /*  | */
+} ESEA_ELBOW_DRIVE_GEAR_STATUS;
+#endif
+
+/** @brief what is known of this estimate */
 #ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_HUMAN_STATUS
 #define HAVE_ENUM_ESEA_ELBOW_DRIVE_HUMAN_STATUS
 typedef enum ESEA_ELBOW_DRIVE_HUMAN_STATUS
@@ -370,6 +398,20 @@ typedef enum ESEA_ELBOW_DRIVE_SMC_STATUS
    ESEA_ELBOW_DRIVE_SMC_STATUS_ENTERED=64, /* the controller took over in this step, from the applied command | */
    ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END=65, /*  | */
 } ESEA_ELBOW_DRIVE_SMC_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS
+typedef enum ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS
+{
+   ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range | */
+   ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the angles are compared afresh | */
+   ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_NOT_COMPARED=4, /* an encoder cannot be used: nothing is vouched for | */
+   ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_ANGLES_PART=8, /* the motor's encoder and the motor-side one contradict each other | */
+   ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_TORQUES_PART=16, /* the drive moves otherwise than motor and coupling would move it | */
+   ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS_ENUM_END=17, /*  | */
+} ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS;
 #endif
 
 /** @brief what is known of this command */

@@ -29,23 +29,25 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t sensor_status; /*<  what is known of this sample; bits below*/
  uint32_t motor_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t load_rate_status; /*<  what is known of this sample; bits below*/
+ uint32_t encoder_gear_status; /*<  what is known of this sample; bits below*/
  uint32_t reference_status; /*<  what is known of this set torque; bits below*/
  uint32_t inverse_status; /*<  what is known of this set-point; bits below*/
  uint32_t setpoint_status; /*<  what is known of this set-point; bits below*/
  uint32_t limits_status; /*<  which limits act, and what holds the latch; bits below*/
  uint32_t drive_status; /*<  what is known of this estimate; bits below*/
+ uint32_t gear_status; /*<  what is known of this estimate; bits below*/
  uint32_t human_status; /*<  what is known of this estimate; bits below*/
  uint32_t set_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 120
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 120
-#define MAVLINK_MSG_ID_42602_LEN 120
-#define MAVLINK_MSG_ID_42602_MIN_LEN 120
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 128
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 128
+#define MAVLINK_MSG_ID_42602_LEN 128
+#define MAVLINK_MSG_ID_42602_MIN_LEN 128
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 58
-#define MAVLINK_MSG_ID_42602_CRC 58
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 238
+#define MAVLINK_MSG_ID_42602_CRC 238
 
 
 
@@ -53,7 +55,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    30, \
+    32, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -76,20 +78,22 @@ typedef struct __mavlink_esea_sense_out_t {
          { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
          { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
          { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
-         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
+         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    30, \
+    32, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -112,14 +116,16 @@ typedef struct __mavlink_esea_sense_out_t {
          { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
          { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
          { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
-         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
+         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -152,18 +158,20 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param set_rate_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -189,14 +197,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_uint32_t(buf, 76, sensor_status);
     _mav_put_uint32_t(buf, 80, motor_rate_status);
     _mav_put_uint32_t(buf, 84, load_rate_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, inverse_status);
-    _mav_put_uint32_t(buf, 96, setpoint_status);
-    _mav_put_uint32_t(buf, 100, limits_status);
-    _mav_put_uint32_t(buf, 104, drive_status);
-    _mav_put_uint32_t(buf, 108, human_status);
-    _mav_put_uint32_t(buf, 112, set_rate_status);
-    _mav_put_uint32_t(buf, 116, step_ticks);
+    _mav_put_uint32_t(buf, 88, encoder_gear_status);
+    _mav_put_uint32_t(buf, 92, reference_status);
+    _mav_put_uint32_t(buf, 96, inverse_status);
+    _mav_put_uint32_t(buf, 100, setpoint_status);
+    _mav_put_uint32_t(buf, 104, limits_status);
+    _mav_put_uint32_t(buf, 108, drive_status);
+    _mav_put_uint32_t(buf, 112, gear_status);
+    _mav_put_uint32_t(buf, 116, human_status);
+    _mav_put_uint32_t(buf, 120, set_rate_status);
+    _mav_put_uint32_t(buf, 124, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -223,11 +233,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.set_rate_status = set_rate_status;
     packet.step_ticks = step_ticks;
@@ -268,18 +280,20 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param set_rate_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -305,14 +319,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_uint32_t(buf, 76, sensor_status);
     _mav_put_uint32_t(buf, 80, motor_rate_status);
     _mav_put_uint32_t(buf, 84, load_rate_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, inverse_status);
-    _mav_put_uint32_t(buf, 96, setpoint_status);
-    _mav_put_uint32_t(buf, 100, limits_status);
-    _mav_put_uint32_t(buf, 104, drive_status);
-    _mav_put_uint32_t(buf, 108, human_status);
-    _mav_put_uint32_t(buf, 112, set_rate_status);
-    _mav_put_uint32_t(buf, 116, step_ticks);
+    _mav_put_uint32_t(buf, 88, encoder_gear_status);
+    _mav_put_uint32_t(buf, 92, reference_status);
+    _mav_put_uint32_t(buf, 96, inverse_status);
+    _mav_put_uint32_t(buf, 100, setpoint_status);
+    _mav_put_uint32_t(buf, 104, limits_status);
+    _mav_put_uint32_t(buf, 108, drive_status);
+    _mav_put_uint32_t(buf, 112, gear_status);
+    _mav_put_uint32_t(buf, 116, human_status);
+    _mav_put_uint32_t(buf, 120, set_rate_status);
+    _mav_put_uint32_t(buf, 124, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -339,11 +355,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.set_rate_status = set_rate_status;
     packet.step_ticks = step_ticks;
@@ -387,11 +405,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param set_rate_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
@@ -399,7 +419,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float delta_set_rad,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t reference_status,uint32_t inverse_status,uint32_t setpoint_status,uint32_t limits_status,uint32_t drive_status,uint32_t human_status,uint32_t set_rate_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float delta_set_rad,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t inverse_status,uint32_t setpoint_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t set_rate_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -425,14 +445,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_uint32_t(buf, 76, sensor_status);
     _mav_put_uint32_t(buf, 80, motor_rate_status);
     _mav_put_uint32_t(buf, 84, load_rate_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, inverse_status);
-    _mav_put_uint32_t(buf, 96, setpoint_status);
-    _mav_put_uint32_t(buf, 100, limits_status);
-    _mav_put_uint32_t(buf, 104, drive_status);
-    _mav_put_uint32_t(buf, 108, human_status);
-    _mav_put_uint32_t(buf, 112, set_rate_status);
-    _mav_put_uint32_t(buf, 116, step_ticks);
+    _mav_put_uint32_t(buf, 88, encoder_gear_status);
+    _mav_put_uint32_t(buf, 92, reference_status);
+    _mav_put_uint32_t(buf, 96, inverse_status);
+    _mav_put_uint32_t(buf, 100, setpoint_status);
+    _mav_put_uint32_t(buf, 104, limits_status);
+    _mav_put_uint32_t(buf, 108, drive_status);
+    _mav_put_uint32_t(buf, 112, gear_status);
+    _mav_put_uint32_t(buf, 116, human_status);
+    _mav_put_uint32_t(buf, 120, set_rate_status);
+    _mav_put_uint32_t(buf, 124, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -459,11 +481,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.set_rate_status = set_rate_status;
     packet.step_ticks = step_ticks;
@@ -485,7 +509,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -499,7 +523,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -513,7 +537,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -542,18 +566,20 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param set_rate_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -579,14 +605,16 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_uint32_t(buf, 76, sensor_status);
     _mav_put_uint32_t(buf, 80, motor_rate_status);
     _mav_put_uint32_t(buf, 84, load_rate_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, inverse_status);
-    _mav_put_uint32_t(buf, 96, setpoint_status);
-    _mav_put_uint32_t(buf, 100, limits_status);
-    _mav_put_uint32_t(buf, 104, drive_status);
-    _mav_put_uint32_t(buf, 108, human_status);
-    _mav_put_uint32_t(buf, 112, set_rate_status);
-    _mav_put_uint32_t(buf, 116, step_ticks);
+    _mav_put_uint32_t(buf, 88, encoder_gear_status);
+    _mav_put_uint32_t(buf, 92, reference_status);
+    _mav_put_uint32_t(buf, 96, inverse_status);
+    _mav_put_uint32_t(buf, 100, setpoint_status);
+    _mav_put_uint32_t(buf, 104, limits_status);
+    _mav_put_uint32_t(buf, 108, drive_status);
+    _mav_put_uint32_t(buf, 112, gear_status);
+    _mav_put_uint32_t(buf, 116, human_status);
+    _mav_put_uint32_t(buf, 120, set_rate_status);
+    _mav_put_uint32_t(buf, 124, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -613,11 +641,13 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.set_rate_status = set_rate_status;
     packet.step_ticks = step_ticks;
@@ -634,7 +664,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -648,7 +678,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -674,14 +704,16 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_uint32_t(buf, 76, sensor_status);
     _mav_put_uint32_t(buf, 80, motor_rate_status);
     _mav_put_uint32_t(buf, 84, load_rate_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, inverse_status);
-    _mav_put_uint32_t(buf, 96, setpoint_status);
-    _mav_put_uint32_t(buf, 100, limits_status);
-    _mav_put_uint32_t(buf, 104, drive_status);
-    _mav_put_uint32_t(buf, 108, human_status);
-    _mav_put_uint32_t(buf, 112, set_rate_status);
-    _mav_put_uint32_t(buf, 116, step_ticks);
+    _mav_put_uint32_t(buf, 88, encoder_gear_status);
+    _mav_put_uint32_t(buf, 92, reference_status);
+    _mav_put_uint32_t(buf, 96, inverse_status);
+    _mav_put_uint32_t(buf, 100, setpoint_status);
+    _mav_put_uint32_t(buf, 104, limits_status);
+    _mav_put_uint32_t(buf, 108, drive_status);
+    _mav_put_uint32_t(buf, 112, gear_status);
+    _mav_put_uint32_t(buf, 116, human_status);
+    _mav_put_uint32_t(buf, 120, set_rate_status);
+    _mav_put_uint32_t(buf, 124, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -708,11 +740,13 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->sensor_status = sensor_status;
     packet->motor_rate_status = motor_rate_status;
     packet->load_rate_status = load_rate_status;
+    packet->encoder_gear_status = encoder_gear_status;
     packet->reference_status = reference_status;
     packet->inverse_status = inverse_status;
     packet->setpoint_status = setpoint_status;
     packet->limits_status = limits_status;
     packet->drive_status = drive_status;
+    packet->gear_status = gear_status;
     packet->human_status = human_status;
     packet->set_rate_status = set_rate_status;
     packet->step_ticks = step_ticks;
@@ -948,13 +982,23 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mav
 }
 
 /**
+ * @brief Get field encoder_gear_status from esea_sense_out message
+ *
+ * @return  what is known of this sample; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  88);
+}
+
+/**
  * @brief Get field reference_status from esea_sense_out message
  *
  * @return  what is known of this set torque; bits below
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  88);
+    return _MAV_RETURN_uint32_t(msg,  92);
 }
 
 /**
@@ -964,7 +1008,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_inverse_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  92);
+    return _MAV_RETURN_uint32_t(msg,  96);
 }
 
 /**
@@ -974,7 +1018,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_inverse_status(const mavli
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_setpoint_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  96);
+    return _MAV_RETURN_uint32_t(msg,  100);
 }
 
 /**
@@ -984,7 +1028,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_setpoint_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  100);
+    return _MAV_RETURN_uint32_t(msg,  104);
 }
 
 /**
@@ -994,7 +1038,17 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  104);
+    return _MAV_RETURN_uint32_t(msg,  108);
+}
+
+/**
+ * @brief Get field gear_status from esea_sense_out message
+ *
+ * @return  what is known of this estimate; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  112);
 }
 
 /**
@@ -1004,7 +1058,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  108);
+    return _MAV_RETURN_uint32_t(msg,  116);
 }
 
 /**
@@ -1014,7 +1068,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_set_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  112);
+    return _MAV_RETURN_uint32_t(msg,  120);
 }
 
 /**
@@ -1024,7 +1078,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_set_rate_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  116);
+    return _MAV_RETURN_uint32_t(msg,  124);
 }
 
 /**
@@ -1058,11 +1112,13 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->sensor_status = mavlink_msg_esea_sense_out_get_sensor_status(msg);
     esea_sense_out->motor_rate_status = mavlink_msg_esea_sense_out_get_motor_rate_status(msg);
     esea_sense_out->load_rate_status = mavlink_msg_esea_sense_out_get_load_rate_status(msg);
+    esea_sense_out->encoder_gear_status = mavlink_msg_esea_sense_out_get_encoder_gear_status(msg);
     esea_sense_out->reference_status = mavlink_msg_esea_sense_out_get_reference_status(msg);
     esea_sense_out->inverse_status = mavlink_msg_esea_sense_out_get_inverse_status(msg);
     esea_sense_out->setpoint_status = mavlink_msg_esea_sense_out_get_setpoint_status(msg);
     esea_sense_out->limits_status = mavlink_msg_esea_sense_out_get_limits_status(msg);
     esea_sense_out->drive_status = mavlink_msg_esea_sense_out_get_drive_status(msg);
+    esea_sense_out->gear_status = mavlink_msg_esea_sense_out_get_gear_status(msg);
     esea_sense_out->human_status = mavlink_msg_esea_sense_out_get_human_status(msg);
     esea_sense_out->set_rate_status = mavlink_msg_esea_sense_out_get_set_rate_status(msg);
     esea_sense_out->step_ticks = mavlink_msg_esea_sense_out_get_step_ticks(msg);

@@ -18,15 +18,17 @@ typedef struct __mavlink_esea_sense_in_t {
  float tau_desired_Nm; /*<  wanted interaction torque; [Nm], range -20 to 20*/
  float theta_desired_rad; /*< [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999*/
  float omega_desired_rad_s; /*< [rad/s] wanted rate of the joint; [rad/s], range -12 to 12*/
+ float count_gear; /*<  raw count of the shaft, a whole number; [dimensionless], range 0 to 131071*/
+ float frame_error_gear; /*<  what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127*/
 } mavlink_esea_sense_in_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN 44
-#define MAVLINK_MSG_ID_ESEA_SENSE_IN_MIN_LEN 44
-#define MAVLINK_MSG_ID_42601_LEN 44
-#define MAVLINK_MSG_ID_42601_MIN_LEN 44
+#define MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN 52
+#define MAVLINK_MSG_ID_ESEA_SENSE_IN_MIN_LEN 52
+#define MAVLINK_MSG_ID_42601_LEN 52
+#define MAVLINK_MSG_ID_42601_MIN_LEN 52
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_IN_CRC 48
-#define MAVLINK_MSG_ID_42601_CRC 48
+#define MAVLINK_MSG_ID_ESEA_SENSE_IN_CRC 57
+#define MAVLINK_MSG_ID_42601_CRC 57
 
 
 
@@ -34,7 +36,7 @@ typedef struct __mavlink_esea_sense_in_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN { \
     42601, \
     "ESEA_SENSE_IN", \
-    11, \
+    13, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_in_t, sequence) }, \
          { "count_motor", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_in_t, count_motor) }, \
          { "frame_error_motor", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_in_t, frame_error_motor) }, \
@@ -46,12 +48,14 @@ typedef struct __mavlink_esea_sense_in_t {
          { "tau_desired_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 32, offsetof(mavlink_esea_sense_in_t, tau_desired_Nm) }, \
          { "theta_desired_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 36, offsetof(mavlink_esea_sense_in_t, theta_desired_rad) }, \
          { "omega_desired_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 40, offsetof(mavlink_esea_sense_in_t, omega_desired_rad_s) }, \
+         { "count_gear", NULL, MAVLINK_TYPE_FLOAT, 0, 44, offsetof(mavlink_esea_sense_in_t, count_gear) }, \
+         { "frame_error_gear", NULL, MAVLINK_TYPE_FLOAT, 0, 48, offsetof(mavlink_esea_sense_in_t, frame_error_gear) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN { \
     "ESEA_SENSE_IN", \
-    11, \
+    13, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_in_t, sequence) }, \
          { "count_motor", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_in_t, count_motor) }, \
          { "frame_error_motor", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_in_t, frame_error_motor) }, \
@@ -63,6 +67,8 @@ typedef struct __mavlink_esea_sense_in_t {
          { "tau_desired_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 32, offsetof(mavlink_esea_sense_in_t, tau_desired_Nm) }, \
          { "theta_desired_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 36, offsetof(mavlink_esea_sense_in_t, theta_desired_rad) }, \
          { "omega_desired_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 40, offsetof(mavlink_esea_sense_in_t, omega_desired_rad_s) }, \
+         { "count_gear", NULL, MAVLINK_TYPE_FLOAT, 0, 44, offsetof(mavlink_esea_sense_in_t, count_gear) }, \
+         { "frame_error_gear", NULL, MAVLINK_TYPE_FLOAT, 0, 48, offsetof(mavlink_esea_sense_in_t, frame_error_gear) }, \
          } \
 }
 #endif
@@ -84,10 +90,12 @@ typedef struct __mavlink_esea_sense_in_t {
  * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
  * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
  * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param count_gear  raw count of the shaft, a whole number; [dimensionless], range 0 to 131071
+ * @param frame_error_gear  what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_in_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s)
+                               uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, float count_gear, float frame_error_gear)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN];
@@ -102,6 +110,8 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack(uint8_t system_id, uint8_t
     _mav_put_float(buf, 32, tau_desired_Nm);
     _mav_put_float(buf, 36, theta_desired_rad);
     _mav_put_float(buf, 40, omega_desired_rad_s);
+    _mav_put_float(buf, 44, count_gear);
+    _mav_put_float(buf, 48, frame_error_gear);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN);
 #else
@@ -117,6 +127,8 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack(uint8_t system_id, uint8_t
     packet.tau_desired_Nm = tau_desired_Nm;
     packet.theta_desired_rad = theta_desired_rad;
     packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.count_gear = count_gear;
+    packet.frame_error_gear = frame_error_gear;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN);
 #endif
@@ -143,10 +155,12 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack(uint8_t system_id, uint8_t
  * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
  * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
  * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param count_gear  raw count of the shaft, a whole number; [dimensionless], range 0 to 131071
+ * @param frame_error_gear  what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_in_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s)
+                               uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, float count_gear, float frame_error_gear)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN];
@@ -161,6 +175,8 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack_status(uint8_t system_id, 
     _mav_put_float(buf, 32, tau_desired_Nm);
     _mav_put_float(buf, 36, theta_desired_rad);
     _mav_put_float(buf, 40, omega_desired_rad_s);
+    _mav_put_float(buf, 44, count_gear);
+    _mav_put_float(buf, 48, frame_error_gear);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN);
 #else
@@ -176,6 +192,8 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack_status(uint8_t system_id, 
     packet.tau_desired_Nm = tau_desired_Nm;
     packet.theta_desired_rad = theta_desired_rad;
     packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.count_gear = count_gear;
+    packet.frame_error_gear = frame_error_gear;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN);
 #endif
@@ -205,11 +223,13 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack_status(uint8_t system_id, 
  * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
  * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
  * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param count_gear  raw count of the shaft, a whole number; [dimensionless], range 0 to 131071
+ * @param frame_error_gear  what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_in_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float count_motor,float frame_error_motor,float count_load,float frame_error_load,float mode,float stop,float rearm,float tau_desired_Nm,float theta_desired_rad,float omega_desired_rad_s)
+                                   uint32_t sequence,float count_motor,float frame_error_motor,float count_load,float frame_error_load,float mode,float stop,float rearm,float tau_desired_Nm,float theta_desired_rad,float omega_desired_rad_s,float count_gear,float frame_error_gear)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN];
@@ -224,6 +244,8 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack_chan(uint8_t system_id, ui
     _mav_put_float(buf, 32, tau_desired_Nm);
     _mav_put_float(buf, 36, theta_desired_rad);
     _mav_put_float(buf, 40, omega_desired_rad_s);
+    _mav_put_float(buf, 44, count_gear);
+    _mav_put_float(buf, 48, frame_error_gear);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN);
 #else
@@ -239,6 +261,8 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack_chan(uint8_t system_id, ui
     packet.tau_desired_Nm = tau_desired_Nm;
     packet.theta_desired_rad = theta_desired_rad;
     packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.count_gear = count_gear;
+    packet.frame_error_gear = frame_error_gear;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN);
 #endif
@@ -257,7 +281,7 @@ static inline uint16_t mavlink_msg_esea_sense_in_pack_chan(uint8_t system_id, ui
  */
 static inline uint16_t mavlink_msg_esea_sense_in_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_in_t* esea_sense_in)
 {
-    return mavlink_msg_esea_sense_in_pack(system_id, component_id, msg, esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s);
+    return mavlink_msg_esea_sense_in_pack(system_id, component_id, msg, esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s, esea_sense_in->count_gear, esea_sense_in->frame_error_gear);
 }
 
 /**
@@ -271,7 +295,7 @@ static inline uint16_t mavlink_msg_esea_sense_in_encode(uint8_t system_id, uint8
  */
 static inline uint16_t mavlink_msg_esea_sense_in_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_in_t* esea_sense_in)
 {
-    return mavlink_msg_esea_sense_in_pack_chan(system_id, component_id, chan, msg, esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s);
+    return mavlink_msg_esea_sense_in_pack_chan(system_id, component_id, chan, msg, esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s, esea_sense_in->count_gear, esea_sense_in->frame_error_gear);
 }
 
 /**
@@ -285,7 +309,7 @@ static inline uint16_t mavlink_msg_esea_sense_in_encode_chan(uint8_t system_id, 
  */
 static inline uint16_t mavlink_msg_esea_sense_in_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_in_t* esea_sense_in)
 {
-    return mavlink_msg_esea_sense_in_pack_status(system_id, component_id, _status, msg,  esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s);
+    return mavlink_msg_esea_sense_in_pack_status(system_id, component_id, _status, msg,  esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s, esea_sense_in->count_gear, esea_sense_in->frame_error_gear);
 }
 
 /**
@@ -303,10 +327,12 @@ static inline uint16_t mavlink_msg_esea_sense_in_encode_status(uint8_t system_id
  * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
  * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
  * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param count_gear  raw count of the shaft, a whole number; [dimensionless], range 0 to 131071
+ * @param frame_error_gear  what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_in_send(mavlink_channel_t chan, uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s)
+static inline void mavlink_msg_esea_sense_in_send(mavlink_channel_t chan, uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, float count_gear, float frame_error_gear)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN];
@@ -321,6 +347,8 @@ static inline void mavlink_msg_esea_sense_in_send(mavlink_channel_t chan, uint32
     _mav_put_float(buf, 32, tau_desired_Nm);
     _mav_put_float(buf, 36, theta_desired_rad);
     _mav_put_float(buf, 40, omega_desired_rad_s);
+    _mav_put_float(buf, 44, count_gear);
+    _mav_put_float(buf, 48, frame_error_gear);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_IN, buf, MAVLINK_MSG_ID_ESEA_SENSE_IN_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_CRC);
 #else
@@ -336,6 +364,8 @@ static inline void mavlink_msg_esea_sense_in_send(mavlink_channel_t chan, uint32
     packet.tau_desired_Nm = tau_desired_Nm;
     packet.theta_desired_rad = theta_desired_rad;
     packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.count_gear = count_gear;
+    packet.frame_error_gear = frame_error_gear;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_IN, (const char *)&packet, MAVLINK_MSG_ID_ESEA_SENSE_IN_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_CRC);
 #endif
@@ -349,7 +379,7 @@ static inline void mavlink_msg_esea_sense_in_send(mavlink_channel_t chan, uint32
 static inline void mavlink_msg_esea_sense_in_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_in_t* esea_sense_in)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_in_send(chan, esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s);
+    mavlink_msg_esea_sense_in_send(chan, esea_sense_in->sequence, esea_sense_in->count_motor, esea_sense_in->frame_error_motor, esea_sense_in->count_load, esea_sense_in->frame_error_load, esea_sense_in->mode, esea_sense_in->stop, esea_sense_in->rearm, esea_sense_in->tau_desired_Nm, esea_sense_in->theta_desired_rad, esea_sense_in->omega_desired_rad_s, esea_sense_in->count_gear, esea_sense_in->frame_error_gear);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_IN, (const char *)esea_sense_in, MAVLINK_MSG_ID_ESEA_SENSE_IN_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_CRC);
 #endif
@@ -363,7 +393,7 @@ static inline void mavlink_msg_esea_sense_in_send_struct(mavlink_channel_t chan,
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_in_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s)
+static inline void mavlink_msg_esea_sense_in_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float count_motor, float frame_error_motor, float count_load, float frame_error_load, float mode, float stop, float rearm, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, float count_gear, float frame_error_gear)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -378,6 +408,8 @@ static inline void mavlink_msg_esea_sense_in_send_buf(mavlink_message_t *msgbuf,
     _mav_put_float(buf, 32, tau_desired_Nm);
     _mav_put_float(buf, 36, theta_desired_rad);
     _mav_put_float(buf, 40, omega_desired_rad_s);
+    _mav_put_float(buf, 44, count_gear);
+    _mav_put_float(buf, 48, frame_error_gear);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_IN, buf, MAVLINK_MSG_ID_ESEA_SENSE_IN_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_CRC);
 #else
@@ -393,6 +425,8 @@ static inline void mavlink_msg_esea_sense_in_send_buf(mavlink_message_t *msgbuf,
     packet->tau_desired_Nm = tau_desired_Nm;
     packet->theta_desired_rad = theta_desired_rad;
     packet->omega_desired_rad_s = omega_desired_rad_s;
+    packet->count_gear = count_gear;
+    packet->frame_error_gear = frame_error_gear;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_IN, (const char *)packet, MAVLINK_MSG_ID_ESEA_SENSE_IN_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_IN_CRC);
 #endif
@@ -515,6 +549,26 @@ static inline float mavlink_msg_esea_sense_in_get_omega_desired_rad_s(const mavl
 }
 
 /**
+ * @brief Get field count_gear from esea_sense_in message
+ *
+ * @return  raw count of the shaft, a whole number; [dimensionless], range 0 to 131071
+ */
+static inline float mavlink_msg_esea_sense_in_get_count_gear(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  44);
+}
+
+/**
+ * @brief Get field frame_error_gear from esea_sense_in message
+ *
+ * @return  what is wrong with the frame; 0 when good; [dimensionless], range 0 to 127
+ */
+static inline float mavlink_msg_esea_sense_in_get_frame_error_gear(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  48);
+}
+
+/**
  * @brief Decode a esea_sense_in message into a struct
  *
  * @param msg The message to decode
@@ -534,6 +588,8 @@ static inline void mavlink_msg_esea_sense_in_decode(const mavlink_message_t* msg
     esea_sense_in->tau_desired_Nm = mavlink_msg_esea_sense_in_get_tau_desired_Nm(msg);
     esea_sense_in->theta_desired_rad = mavlink_msg_esea_sense_in_get_theta_desired_rad(msg);
     esea_sense_in->omega_desired_rad_s = mavlink_msg_esea_sense_in_get_omega_desired_rad_s(msg);
+    esea_sense_in->count_gear = mavlink_msg_esea_sense_in_get_count_gear(msg);
+    esea_sense_in->frame_error_gear = mavlink_msg_esea_sense_in_get_frame_error_gear(msg);
 #else
         uint8_t len = msg->len < MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN? msg->len : MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN;
         memset(esea_sense_in, 0, MAVLINK_MSG_ID_ESEA_SENSE_IN_LEN);

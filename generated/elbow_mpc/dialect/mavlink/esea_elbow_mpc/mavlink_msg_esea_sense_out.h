@@ -28,20 +28,22 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t sensor_status; /*<  what is known of this sample; bits below*/
  uint32_t motor_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t load_rate_status; /*<  what is known of this sample; bits below*/
+ uint32_t encoder_gear_status; /*<  what is known of this sample; bits below*/
  uint32_t reference_status; /*<  what is known of this set torque; bits below*/
  uint32_t limits_status; /*<  which limits act, and what holds the latch; bits below*/
  uint32_t drive_status; /*<  what is known of this estimate; bits below*/
+ uint32_t gear_status; /*<  what is known of this estimate; bits below*/
  uint32_t human_status; /*<  what is known of this estimate; bits below*/
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 104
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 104
-#define MAVLINK_MSG_ID_42602_LEN 104
-#define MAVLINK_MSG_ID_42602_MIN_LEN 104
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 112
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 112
+#define MAVLINK_MSG_ID_42602_LEN 112
+#define MAVLINK_MSG_ID_42602_MIN_LEN 112
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 174
-#define MAVLINK_MSG_ID_42602_CRC 174
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 100
+#define MAVLINK_MSG_ID_42602_CRC 100
 
 
 
@@ -49,7 +51,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    26, \
+    28, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -71,17 +73,19 @@ typedef struct __mavlink_esea_sense_out_t {
          { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
          { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
          { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    26, \
+    28, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -103,11 +107,13 @@ typedef struct __mavlink_esea_sense_out_t {
          { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
          { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
          { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -139,15 +145,17 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -172,11 +180,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_uint32_t(buf, 72, sensor_status);
     _mav_put_uint32_t(buf, 76, motor_rate_status);
     _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, reference_status);
-    _mav_put_uint32_t(buf, 88, limits_status);
-    _mav_put_uint32_t(buf, 92, drive_status);
-    _mav_put_uint32_t(buf, 96, human_status);
-    _mav_put_uint32_t(buf, 100, step_ticks);
+    _mav_put_uint32_t(buf, 84, encoder_gear_status);
+    _mav_put_uint32_t(buf, 88, reference_status);
+    _mav_put_uint32_t(buf, 92, limits_status);
+    _mav_put_uint32_t(buf, 96, drive_status);
+    _mav_put_uint32_t(buf, 100, gear_status);
+    _mav_put_uint32_t(buf, 104, human_status);
+    _mav_put_uint32_t(buf, 108, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -202,9 +212,11 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.step_ticks = step_ticks;
 
@@ -243,15 +255,17 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -276,11 +290,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_uint32_t(buf, 72, sensor_status);
     _mav_put_uint32_t(buf, 76, motor_rate_status);
     _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, reference_status);
-    _mav_put_uint32_t(buf, 88, limits_status);
-    _mav_put_uint32_t(buf, 92, drive_status);
-    _mav_put_uint32_t(buf, 96, human_status);
-    _mav_put_uint32_t(buf, 100, step_ticks);
+    _mav_put_uint32_t(buf, 84, encoder_gear_status);
+    _mav_put_uint32_t(buf, 88, reference_status);
+    _mav_put_uint32_t(buf, 92, limits_status);
+    _mav_put_uint32_t(buf, 96, drive_status);
+    _mav_put_uint32_t(buf, 100, gear_status);
+    _mav_put_uint32_t(buf, 104, human_status);
+    _mav_put_uint32_t(buf, 108, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -306,9 +322,11 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.step_ticks = step_ticks;
 
@@ -350,16 +368,18 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t reference_status,uint32_t limits_status,uint32_t drive_status,uint32_t human_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -384,11 +404,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_uint32_t(buf, 72, sensor_status);
     _mav_put_uint32_t(buf, 76, motor_rate_status);
     _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, reference_status);
-    _mav_put_uint32_t(buf, 88, limits_status);
-    _mav_put_uint32_t(buf, 92, drive_status);
-    _mav_put_uint32_t(buf, 96, human_status);
-    _mav_put_uint32_t(buf, 100, step_ticks);
+    _mav_put_uint32_t(buf, 84, encoder_gear_status);
+    _mav_put_uint32_t(buf, 88, reference_status);
+    _mav_put_uint32_t(buf, 92, limits_status);
+    _mav_put_uint32_t(buf, 96, drive_status);
+    _mav_put_uint32_t(buf, 100, gear_status);
+    _mav_put_uint32_t(buf, 104, human_status);
+    _mav_put_uint32_t(buf, 108, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -414,9 +436,11 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.step_ticks = step_ticks;
 
@@ -437,7 +461,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -451,7 +475,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -465,7 +489,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -493,15 +517,17 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param sensor_status  what is known of this sample; bits below
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
+ * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
+ * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -526,11 +552,13 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_uint32_t(buf, 72, sensor_status);
     _mav_put_uint32_t(buf, 76, motor_rate_status);
     _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, reference_status);
-    _mav_put_uint32_t(buf, 88, limits_status);
-    _mav_put_uint32_t(buf, 92, drive_status);
-    _mav_put_uint32_t(buf, 96, human_status);
-    _mav_put_uint32_t(buf, 100, step_ticks);
+    _mav_put_uint32_t(buf, 84, encoder_gear_status);
+    _mav_put_uint32_t(buf, 88, reference_status);
+    _mav_put_uint32_t(buf, 92, limits_status);
+    _mav_put_uint32_t(buf, 96, drive_status);
+    _mav_put_uint32_t(buf, 100, gear_status);
+    _mav_put_uint32_t(buf, 104, human_status);
+    _mav_put_uint32_t(buf, 108, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -556,9 +584,11 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.sensor_status = sensor_status;
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
+    packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
+    packet.gear_status = gear_status;
     packet.human_status = human_status;
     packet.step_ticks = step_ticks;
 
@@ -574,7 +604,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -588,7 +618,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t human_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -613,11 +643,13 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_uint32_t(buf, 72, sensor_status);
     _mav_put_uint32_t(buf, 76, motor_rate_status);
     _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, reference_status);
-    _mav_put_uint32_t(buf, 88, limits_status);
-    _mav_put_uint32_t(buf, 92, drive_status);
-    _mav_put_uint32_t(buf, 96, human_status);
-    _mav_put_uint32_t(buf, 100, step_ticks);
+    _mav_put_uint32_t(buf, 84, encoder_gear_status);
+    _mav_put_uint32_t(buf, 88, reference_status);
+    _mav_put_uint32_t(buf, 92, limits_status);
+    _mav_put_uint32_t(buf, 96, drive_status);
+    _mav_put_uint32_t(buf, 100, gear_status);
+    _mav_put_uint32_t(buf, 104, human_status);
+    _mav_put_uint32_t(buf, 108, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -643,9 +675,11 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->sensor_status = sensor_status;
     packet->motor_rate_status = motor_rate_status;
     packet->load_rate_status = load_rate_status;
+    packet->encoder_gear_status = encoder_gear_status;
     packet->reference_status = reference_status;
     packet->limits_status = limits_status;
     packet->drive_status = drive_status;
+    packet->gear_status = gear_status;
     packet->human_status = human_status;
     packet->step_ticks = step_ticks;
 
@@ -870,13 +904,23 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mav
 }
 
 /**
+ * @brief Get field encoder_gear_status from esea_sense_out message
+ *
+ * @return  what is known of this sample; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  84);
+}
+
+/**
  * @brief Get field reference_status from esea_sense_out message
  *
  * @return  what is known of this set torque; bits below
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  84);
+    return _MAV_RETURN_uint32_t(msg,  88);
 }
 
 /**
@@ -886,7 +930,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  88);
+    return _MAV_RETURN_uint32_t(msg,  92);
 }
 
 /**
@@ -896,7 +940,17 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  92);
+    return _MAV_RETURN_uint32_t(msg,  96);
+}
+
+/**
+ * @brief Get field gear_status from esea_sense_out message
+ *
+ * @return  what is known of this estimate; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  100);
 }
 
 /**
@@ -906,7 +960,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  96);
+    return _MAV_RETURN_uint32_t(msg,  104);
 }
 
 /**
@@ -916,7 +970,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  100);
+    return _MAV_RETURN_uint32_t(msg,  108);
 }
 
 /**
@@ -949,9 +1003,11 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->sensor_status = mavlink_msg_esea_sense_out_get_sensor_status(msg);
     esea_sense_out->motor_rate_status = mavlink_msg_esea_sense_out_get_motor_rate_status(msg);
     esea_sense_out->load_rate_status = mavlink_msg_esea_sense_out_get_load_rate_status(msg);
+    esea_sense_out->encoder_gear_status = mavlink_msg_esea_sense_out_get_encoder_gear_status(msg);
     esea_sense_out->reference_status = mavlink_msg_esea_sense_out_get_reference_status(msg);
     esea_sense_out->limits_status = mavlink_msg_esea_sense_out_get_limits_status(msg);
     esea_sense_out->drive_status = mavlink_msg_esea_sense_out_get_drive_status(msg);
+    esea_sense_out->gear_status = mavlink_msg_esea_sense_out_get_gear_status(msg);
     esea_sense_out->human_status = mavlink_msg_esea_sense_out_get_human_status(msg);
     esea_sense_out->step_ticks = mavlink_msg_esea_sense_out_get_step_ticks(msg);
 #else
