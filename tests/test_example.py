@@ -129,7 +129,7 @@ def test_motor_and_torque_move_and_the_command_is_no_constant(drive, rows):
     assert max(command) > 0.01
     within = [u for u in command if 0 < abs(u) < 0.22]  # neither off nor at the motor's limit
     assert len(set(within)) > 10
-    assert len({r["count_motor"] for r in rows}) > 20
+    assert len({r["count_motor"] for r in rows}) > 15
     assert len({r["count_load"] for r in rows}) > 5
 
 

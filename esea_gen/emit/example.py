@@ -17,7 +17,7 @@ import numpy as np
 
 from esea_gen.control.faults import FAULT_TEXT, Fault
 from esea_gen.control.reference import OFF, TORQUE
-from esea_gen.emit.example_encoders import SETTLE_TICKS, Encoder, encoder_of
+from esea_gen.emit.example_encoders import SETTLE_TICKS, ExampleEncoder, encoder_of
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System, Task
@@ -343,7 +343,7 @@ class _Recording:
 
             def count(
                 k: int,
-                encoder: Encoder = encoder,
+                encoder: ExampleEncoder = encoder,
                 angle: Callable[[int], float] = angle,
             ) -> float:
                 return encoder.count(angle(k))

@@ -12,7 +12,7 @@ SETTLE_TICKS = 20  # encoders and rates have settled
 
 
 @dataclass(frozen=True)
-class Encoder:
+class ExampleEncoder:
     """Count of an encoder by angle."""
 
     at_zero_rad: float
@@ -24,7 +24,7 @@ class Encoder:
         return float(round(turns * self.full) % self.full)
 
 
-def encoder_of(block: Block, tunables: Mapping[str, float]) -> Encoder:
+def encoder_of(block: Block, tunables: Mapping[str, float]) -> ExampleEncoder:
     """From its Block, with tunables as the example sets them."""
     full = int(next(p for p in block.inputs if p.name == "count").high) + 1
 
@@ -35,8 +35,8 @@ def encoder_of(block: Block, tunables: Mapping[str, float]) -> Encoder:
         return float(out["theta_rad"])
 
     if block.name == "encoder_gear":  # counts on from wherever it starts
-        return Encoder(0.0, 1.0, full)
+        return ExampleEncoder(0.0, 1.0, full)
 
     # A hundredth of a turn on, the short way round.
     rise = math.remainder(angle(full // 100) - angle(0), 2 * math.pi)
-    return Encoder(angle(0), math.copysign(1.0, rise), full)
+    return ExampleEncoder(angle(0), math.copysign(1.0, rise), full)
