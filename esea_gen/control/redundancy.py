@@ -8,15 +8,17 @@ wrong, for which nothing else stands.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, around, flag_word
+from esea_gen.language.ports import Array, Flag, Port, around, flag_word
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -166,6 +168,28 @@ class _Redundancy:
         )
 
 
+def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Array, Array]:
+    """How near a run came to an alarm.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with ``[redundancy]``.
+    shown : mapping of str to ndarray
+        ``apart_rad``, ``apart_Nm`` and ``tau_Nm``, one number a tick.
+
+    Returns
+    -------
+    angle, torque : ndarray
+        Share of what each may be apart; above 1 they contradict.
+    """
+    law = _Redundancy(device)
+    tau = np.abs(shown["tau_Nm"])
+    angle = np.abs(shown["apart_rad"]) / (law.own.apart_rad.value + law.softer * tau)
+    room_Nm = law.own.torque_Nm.value + law.own.torque_share.value * tau
+    return np.asarray(angle), np.asarray(np.abs(shown["apart_Nm"]) / room_Nm)
+
+
 def _flags() -> tuple[Flag, ...]:
     return (
         Flag("INPUT_INVALID", "an input was NaN or outside its range", True),
@@ -197,4 +221,4 @@ def _equations() -> tuple[Any, ...]:
     )
 
 
-__all__ = ["redundancy"]
+__all__ = ["redundancy", "shares_of_room"]
