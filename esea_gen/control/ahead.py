@@ -74,6 +74,7 @@ class _Ahead:
         self.widest = threshold(
             1.01 * (2 * self.tau_lim + self.kp_high * angle + 2 * self.kd_high * self.omega_lim)
         )
+        self.passive = device.file.passivity is not None
         self.ticks = [round(t / device.period_s) for t in horizon.ends_s]
 
     def fades(self, keep: Any) -> list[Any]:
@@ -120,6 +121,9 @@ class _Ahead:
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
         )
+        if self.passive:
+            # Along the horizon, not as a torque that holds: the law knows how the limb will move.
+            inputs.append(Port("damping_Nms_rad", 0.0, self.kd_high, "damping that was added"))
         flags = (Flag("INPUT_INVALID", "an input was NaN or outside its range; off", True),)
         outputs = [around("tau_d_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)]
         if self.one_layer:
@@ -144,6 +148,8 @@ class _Ahead:
             ]
         else:
             inputs.append(around("tau_set_Nm", self.full_scale, "set torque, impedance mode"))
+            if self.passive:
+                inputs.append(around("omega_load_rad_s", self.omega_lim, "load side's rate"))
         outputs += [
             Port("mode", 0.0, 2.0, "mode that holds; 0 with an invalid input"),
             Port("request_ok", 0, 1, "1 while every input is sound; else the limits latch"),
@@ -161,6 +167,10 @@ class _Ahead:
             for w, f in zip(self.along(wanted), self.fades(u.keep), strict=True)
         ]
         if not self.one_layer:
+            if self.passive:
+                resists = label("resists_Nm", u.damping_Nms_rad * u.omega_load_rad_s)
+                reach = u.tau_range_Nm
+                tau = [clip(t - resists, -reach, reach) for t in tau]
             tau = [ca.if_else(law, u.tau_set_Nm, t) for t in tau]
         outputs: dict[str, Any] = {"tau_d_Nm": tau}
         if self.one_layer:
@@ -170,6 +180,15 @@ class _Ahead:
             )
             omega = self.along(u.omega_preview_rad_s if self.given else u.omega_wanted_rad_s)
             start = self.along(u.theta_preview_rad if self.given else u.theta_wanted_rad)
+            kd = ca.if_else(law, u.Kd_Nms_rad, 0)
+            if self.passive:
+                # Against the wanted rate the law damps as before, so that this one damps all.
+                tau = [
+                    clip(t - u.damping_Nms_rad * w, -self.tau_lim, self.tau_lim)
+                    for t, w in zip(tau, omega, strict=True)
+                ]
+                outputs["tau_d_Nm"] = tau
+                kd = clip(kd + u.damping_Nms_rad, 0.0, self.kd_high)
             path = []
             for k, end in enumerate(self.horizon.ends_s):
                 theta = (
@@ -182,7 +201,7 @@ class _Ahead:
                 "theta_d_rad": path,
                 "omega_d_rad_s": omega,
                 "Kp_Nm_rad": kp,
-                "Kd_Nms_rad": ca.if_else(law, u.Kd_Nms_rad, 0),
+                "Kd_Nms_rad": kd,
             }
         outputs |= {
             "mode": label(

@@ -60,6 +60,13 @@ def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
     return with_outputs(block, [(shown, f"next_{name}")])
 
 
+def damped_reference(block: Block) -> Block:
+    """The reference with the damping of its impedance law."""
+    kd = next(p for p in block.coefficients if p.name == "Kd_Nms_rad")
+    shown = Port("damping_Nms_rad", kd.low, kd.high, kd.meaning, kd.size, kd.equation)
+    return with_outputs(block, [(shown, "c_Kd_Nms_rad")])
+
+
 def shown_reference(block: Block) -> Block:
     """The reference with what it makes of a change of mode, and its tunables, for a horizon."""
 

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import command_stamp, limits
+from esea_gen.control.passivity import passivity
 from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
+from esea_gen.control.shown import damped_reference
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.alike import emitted_once
@@ -85,6 +87,20 @@ SIGNALS_REDUNDANT = {
 INPUTS_REDUNDANT = {
     "count_gear": ("encoder_gear.count",),
     "frame_error_gear": ("encoder_gear.frame_error",),
+}
+# What a device with [passivity] has besides: the Block stands between set torque and law, and
+# between command and limits.
+SIGNALS_PASSIVE = {"tau_set_Nm": "passivity.tau_set_Nm"}
+WIRES_PASSIVE = {
+    "passivity.tau_set_Nm": "reference.tau_set_Nm",
+    "passivity.Kd_Nms_rad": "reference.damping_Nms_rad",
+    "passivity.u_command_Nm": "stamp.u_command_Nm",
+    "limits.u_command_Nm": "passivity.u_command_Nm",
+}
+GIVEN = {
+    "damping_Nms_rad": "passivity.damping_Nms_rad",
+    "given_J": "passivity.given_J",
+    "held_J": "passivity.held_J",
 }
 COMPARED = {"apart_rad": "redundancy.apart_rad", "apart_Nm": "redundancy.apart_Nm"}
 # What ends the control task, whatever the law.
@@ -168,6 +184,7 @@ def control_system(
 
 def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:
     redundant = device.file.redundancy is not None
+    passive = device.file.passivity is not None
     blocks: dict[str, Component] = {
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
@@ -177,7 +194,8 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "motor_rate": motor_rate(device),
         "load_rate": load_rate(device),
         **({"encoder_gear": gear_encoder(device)} if redundant else {}),
-        "reference": reference(device),
+        "reference": damped_reference(reference(device)) if passive else reference(device),
+        **({"passivity": passivity(device)} if passive else {}),
         "limits": limits(device),
         "drive": drive_observer(device),
         **({"gear": gear_observer(device)} if redundant else {}),
@@ -228,8 +246,10 @@ def _wired(
     every = sense | control
     redundant = "redundancy" in control
     inputs = INPUTS | (INPUTS_REDUNDANT if redundant else {})
-    wires = dict(WIRES)
+    passive = "passivity" in sense
+    wires = WIRES | (WIRES_PASSIVE if passive else {})
     known = SIGNALS | (SIGNALS_REDUNDANT if redundant else {})
+    known |= SIGNALS_PASSIVE if passive else {}
     signals = dict.fromkeys(every, known)
     for part in parts:
         wires |= part.wires
@@ -247,10 +267,15 @@ def _wired(
                 if port.name not in signals[name]:
                     raise ValueError(f"no wire for {sink}; signals are {sorted(signals[name])}")
                 wires[sink] = signals[name][port.name]
+    if passive:
+        # A law that names the reference itself is damped as well.
+        bare, damped = "reference.tau_set_Nm", "passivity.tau_set_Nm"
+        wires |= {r: damped for r, w in wires.items() if w == bare and r != damped}
     outputs = dict(MEASURED)
     for part in parts:
         outputs |= part.setpoints
     outputs |= ESTIMATED | told | (COMPARED if redundant else {})
+    outputs |= GIVEN if passive else {}
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}

@@ -361,6 +361,21 @@ class Redundancy(Section):
     rate_1_s: Quantity = _number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
 
+class Passivity(Section):
+    """What keeps every law from giving a hand energy that is not wanted."""
+
+    damping_Nms_rad: Quantity = _number(
+        1e-3, 5, "Largest damping added to what is wanted; less where Kd is there already."
+    )
+    least_Nms_rad: Quantity = _number(0, 1, "Damping that a hand feels at least.")
+    window_s: Quantity = _number(1e-2, 10, "Time over which power and speed are averaged.")
+    energy_J: Quantity = _number(
+        0.1, 1e3, "Energy that drive and command may hold before the command is closed."
+    )
+    Kp_max_Nm_rad: Quantity = _number(0, 20, "Largest stiffness that is passive; compiled in.")
+    Kd_max_Nms_rad: Quantity = _number(1e-3, 5, "Largest damping that is passive; compiled in.")
+
+
 class DeviceFile(Section):
     """A device file, as written."""
 
@@ -397,6 +412,11 @@ class DeviceFile(Section):
         default=None,
         description="Comparison of all encoders and the motor's torque; left out, a joint encoder "
         "that is wrong but plausible is not found.",
+    )
+    passivity: Passivity | None = Field(
+        default=None,
+        description="Damping that a law lacks, and a bound of the energy that the drive gives; "
+        "left out, a law may swing a limp hand up.",
     )
 
 

@@ -109,7 +109,8 @@ def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
     return {
         "parabola": {"tau_h_Nm": "human.tau_h_Nm"},
         "ahead": {n: f"reference.{n}" for n in shown}
-        | {"theta_load_rad": "encoder_load.theta_rad", "omega_load_rad_s": omega_load},
+        | {"theta_load_rad": "encoder_load.theta_rad", "omega_load_rad_s": omega_load}
+        | {"damping_Nms_rad": "passivity.damping_Nms_rad"},
         "predictive": {
             "delta_rad": "joint.theta_rad",
             "omega_rad_s": "velocity.omega_rad_s",

@@ -1,0 +1,376 @@
+"""Passivity of what a hand meets, whatever the law.
+
+Two guards, for two ways in which a law can be active.  A law that swings up gives a little energy in
+every period: the Block measures the mean power that its error gives to the limb, as a damping, and
+adds that damping to what is wanted.  A law that runs away gives much at once: the Block adds up what
+the drive has given and closes the command in time, so that the sum stays below a bound.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import (
+    Constant,
+    Equation,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
+from esea_gen.model.symbolic import equation
+from esea_gen.observe import drive_of
+
+if TYPE_CHECKING:
+    from esea_gen.devices.fields import Passivity
+    from esea_gen.devices.file import DeviceData
+
+RISE_1_S, FALL_1_S = 6.0, 3.0
+"""How fast the added damping follows what is missing, and what is too much."""
+STILL_RAD_S, REST_S = 0.02, 1.0
+"""Below that speed a limb rests: nothing can be told, and all damping comes back in that time."""
+FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
+
+
+def passivity_section(device: DeviceData) -> Passivity:
+    """Section ``[passivity]``, without which there is no such Block."""
+    found = device.file.passivity
+    if found is None:
+        raise UserError(
+            f"{device.origin}: section [passivity] is missing.",
+            'Add it, or write extends = "elbow_drive" and give what differs.',
+        )
+    return found
+
+
+def passivity(device: DeviceData) -> Block:
+    r"""Damping that the error of a law lacks, and a bound of the energy that the drive gives.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive, ``[safety]`` and ``[passivity]``.
+
+    Returns
+    -------
+    Block
+        Inputs: ``mode``, ``sensing_ok``, the set torque and the damping in it, torque, both joint
+        angles and speeds, the stamped command.  Outputs: the set torque with the damping added for
+        the law, that damping alone, the command for the limits, ``given_J``, ``held_J`` and a
+        status word.
+
+    Raises
+    ------
+    UserError
+        When a section is missing.
+
+    Notes
+    -----
+    Error is the torque beyond what is wanted; a wanted damping Kd counts as none, so that what it
+    takes in may be given.  With means over ``window_s``, P of the error's power and N of the joint
+    speed's square, -P/N is the damping that the hand feels.  The added damping b goes up while that
+    is below ``least_Nms_rad``, down while it is above:
+
+    .. math:: \dot b = \frac{\gamma (P + b_0 N) + (b_1 - b) n_0/T_r}{N + n_0}, \quad
+        0 \le b \le b_1 = \max(0, b_m - K_d)
+
+    It asks for ratios only: a swing is met at any size.  A limb at rest finds all of b_m.
+
+    Given is :math:`E = \max(0, E + \tau \Delta\theta_m - \max(0, \tau_w \Delta\theta_m))`, held
+    :math:`V = E + J \omega_m^2/2 + \Omega (\tau_c |v| + h \kappa n m)` with the motor's torque v
+    behind its lag and the largest command m that the rate limit can leave.  The command is at most
+    :math:`(E_m - V + \Omega h \kappa n m)/(\Omega h (1 + \kappa) n)`: then V never passes
+    :math:`E_m` by what the law commands, proven in ``docs/stability.md``.
+    """
+    law = _Passivity(device)
+    return Block.define(
+        "passivity",
+        "Damping that a law lacks, and a bound of the energy that the drive gives",
+        period_s=law.h,
+        constants=(*device.constants("passivity"), *law.constants()),
+        tunables=law.tunables(),
+        coefficients=law.coefficients(),
+        prepare=lambda t: {"least_Nms_rad": t.least_Nms_rad, "energy_J": t.energy_J},
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=law.outputs(),
+        equations=_equations(),
+        step=law.step,
+    )
+
+
+class _Passivity:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData) -> None:
+        self.own, self.drive = passivity_section(device), drive_of(device)
+        safety = device.file.safety
+        if safety is None:
+            raise UserError(f"{device.origin}: section [safety] is missing.", "Add it.")
+        actuator = self.drive.actuator
+        self.h = device.period_s
+        self.low, self.high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        self.tau_set_lim = threshold(device.tau_full_scale_Nm)
+        self.kd_high = threshold(self.own.Kd_max_Nms_rad.value)
+        self.damping = threshold(self.own.damping_Nms_rad.value)
+        self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
+        self.error_lim = threshold(
+            1.01 * (self.tau_lim + self.tau_set_lim + self.kd_high * self.omega_lim)
+        )
+        self.power_lim = threshold(1.01 * self.error_lim * self.omega_lim)
+        self.keep = math.exp(-self.h / self.own.window_s.value)
+        self.still = STILL_RAD_S**2
+        # The drive.
+        self.J, self.ratio = actuator.J_kgm2.value, actuator.gear_ratio.value
+        self.lag_s = actuator.tau_c_s.value
+        self.lag_keep = math.exp(-self.h / self.lag_s)
+        self.u_max = threshold(safety.u_max_Nm.value)
+        self.u_lim = threshold(4 * max(self.u_max, self.drive.u_Nm))
+        self.u_step = safety.u_rate_Nm_s.value * self.h
+        self.ticks = self.u_max / self.u_step
+        self.energy = threshold(self.own.energy_J.value)
+        self.omega_most = math.sqrt(2 * self.energy / self.J)
+        self.given_lim = threshold(FULL * self.energy)
+        # Energy that one Nm of motor torque may still bring: by its lag, by the rate limit.
+        self.by_lag_J_Nm = self.omega_most * self.lag_s * self.ratio
+        self.by_rate_J_Nm = self.omega_most * self.h * self.ticks * self.ratio
+        self.open_Nm_J = 1 / (self.omega_most * self.h * (1 + self.ticks) * self.ratio)
+        self.held_lim = threshold(
+            1.01
+            * (
+                self.given_lim
+                + 0.5 * self.J * self.omega_lim**2
+                + (self.by_lag_J_Nm + self.by_rate_J_Nm) * self.u_max
+            )
+        )
+
+    def constants(self) -> tuple[Constant, ...]:
+        def derived(name: str, value: float, source: str) -> Constant:
+            return Constant(name, value, source, "derived")
+
+        return (
+            derived("omega_most_rad_s", self.omega_most, "speed of the drive at energy_J"),
+            derived("by_lag_J_Nm", self.by_lag_J_Nm, "what the motor's lag may still bring"),
+            derived("by_rate_J_Nm", self.by_rate_J_Nm, "what the rate limit may still bring"),
+        )
+
+    def step(
+        self,
+        c: SimpleNamespace,
+        s: SimpleNamespace,
+        u: SimpleNamespace,
+        guard: Guard,
+        label: Labels,
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
+        going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
+        on = label("on", ca.logic_and(seen, u.mode > 0.5), "a law acts")
+        kd = label("Kd_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
+        damped, told = self._damping(c, s, u, SimpleNamespace(going=going, on=on, kd=kd), label)
+        held, gated = self._gate(c, s, u, going, label)
+        passed = label("passed_Nm", ca.if_else(guard.inputs_ok, gated.u_Nm, 0.0))
+        m = label(
+            "most_Nm",
+            ca.fmin(ca.fmax(ca.fabs(passed), s.most_Nm - self.u_step), self.u_max),
+            "the largest that the rate limit can have left",
+        )
+        next_state = {
+            **damped,
+            **held,
+            "v_Nm": m + (s.v_Nm - m) * self.lag_keep,
+            "most_Nm": ca.fmax(m, 0.0),
+            "seen": seen,
+        }
+        closed = ca.logic_not(passed == u.u_command_Nm)
+        flags = [
+            ca.logic_not(guard.inputs_ok),
+            ca.logic_not(guard.state_ok),
+            ca.logic_and(on, told["damping_Nms_rad"] > 0),
+            ca.logic_and(guard.inputs_ok, closed),
+            ca.fabs(u.omega_motor_rad_s) > self.omega_most,
+        ]
+        outputs = told | {
+            "u_command_Nm": passed,
+            "given_J": held["given_J"],
+            "held_J": gated.held_J,
+            "status": flag_word(flags),
+        }
+        return next_state, outputs
+
+    def _damping(
+        self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        error = label(
+            "error_Nm",
+            u.tau_Nm - u.tau_set_Nm - now.kd * u.omega_load_rad_s,
+            "[pas 1] beyond what is wanted, wanted damping aside",
+        )
+        reach = self.omega_lim * self.h
+        moved = clip(u.theta_load_rad - s.theta_load_last_rad, -reach, reach)
+        # Angles, not speeds: a speed's filter delays it against the torque.
+        power = 0.5 * (error + s.error_last_Nm) * moved * (1 / self.h)
+        counted = ca.logic_and(now.going, now.on)
+        gain = 1 - self.keep
+        P = label(
+            "power_W", s.power_W + gain * (ca.if_else(counted, power, 0.0) - s.power_W), "[pas 2]"
+        )
+        speed2 = ca.if_else(counted, u.omega_load_rad_s * u.omega_load_rad_s, 0.0)
+        N = label(
+            "square_rad2_s2", s.square_rad2_s2 + gain * (speed2 - s.square_rad2_s2), "[pas 2]"
+        )
+        most = label("most_Nms_rad", ca.fmax(self.damping - now.kd, 0.0), "all that may be added")
+        missing = label("missing_W", P + c.least_Nms_rad * N, "above 0: the hand feels too little")
+        rate = ca.if_else(missing > 0, RISE_1_S, FALL_1_S)
+        rest = (most - s.damping_Nms_rad) * (self.still / REST_S)
+        change = self.h * (rate * missing + rest) / (ca.fmax(N, 0.0) + self.still)
+        b = label("damping_Nms_rad", clip(s.damping_Nms_rad + change, 0.0, most), "[pas 3]")
+        added = ca.if_else(now.on, b, 0.0)
+        limit = self.tau_set_lim
+        tau_set = clip(u.tau_set_Nm - added * u.omega_load_rad_s, -limit, limit)
+        next_state = {
+            "power_W": P,
+            "square_rad2_s2": ca.fmax(N, 0.0),
+            "damping_Nms_rad": b,
+            "theta_load_last_rad": u.theta_load_rad,
+            "error_last_Nm": error,
+        }
+        return next_state, {"tau_set_Nm": tau_set, "damping_Nms_rad": added}
+
+    def _gate(
+        self, c: Any, s: Any, u: Any, going: Any, label: Labels
+    ) -> tuple[dict[str, Any], SimpleNamespace]:
+        reach = self.omega_lim * self.h
+        moved = clip(u.theta_motor_rad - s.theta_motor_last_rad, -reach, reach)
+        mean = 0.5 * (u.tau_Nm + s.tau_last_Nm)
+        wanted = ca.fmax(u.tau_set_Nm * moved, 0.0)
+        given = label(
+            "given_J",
+            clip(s.given_J + ca.if_else(going, mean * moved - wanted, 0.0), 0.0, self.given_lim),
+            "[pas 4] beyond what the wanted torque gives",
+        )
+        moving = 0.5 * self.J * u.omega_motor_rad_s * u.omega_motor_rad_s
+        base = given + moving + self.by_lag_J_Nm * s.v_Nm
+        held = label("held_J", base + self.by_rate_J_Nm * s.most_Nm, "[pas 5]")
+        most = label(
+            "open_Nm", ca.fmax((c.energy_J - base) * self.open_Nm_J, 0.0), "[pas 6] largest command"
+        )
+        most = ca.fmin(most, self.u_lim)
+        next_state = {
+            "given_J": given,
+            "theta_motor_last_rad": u.theta_motor_rad,
+            "tau_last_Nm": u.tau_Nm,
+        }
+        return next_state, SimpleNamespace(u_Nm=clip(u.u_command_Nm, -most, most), held_J=held)
+
+    def tunables(self) -> tuple[Tunable, ...]:
+        least, energy = self.own.least_Nms_rad, self.own.energy_J
+        return (
+            Tunable(
+                "least_Nms_rad",
+                least.value,
+                least.value,
+                self.damping,
+                "damping that a hand feels at least: more is calmer and less transparent",
+                least.source,
+                least.status,
+            ),
+            Tunable(
+                "energy_J",
+                self.energy,
+                0.1 * self.energy,
+                self.energy,
+                "energy that drive and command may hold and give: less is weaker",
+                energy.source,
+                energy.status,
+            ),
+        )
+
+    def coefficients(self) -> tuple[Port, ...]:
+        return tuple(
+            Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables()
+        )
+
+    def state(self) -> tuple[Port, ...]:
+        return (
+            around("power_W", self.power_lim, "mean power that the error gives to the limb"),
+            Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
+            Port("damping_Nms_rad", 0.0, self.damping, "damping added", init=self.damping),
+            Port("theta_load_last_rad", self.low, self.high, "load side's angle a step ago"),
+            around("error_last_Nm", self.error_lim, "error a step ago"),
+            Port("theta_motor_last_rad", self.low, self.high, "motor side's angle a step ago"),
+            around("tau_last_Nm", self.tau_lim, "interaction torque a step ago"),
+            Port("given_J", 0.0, self.given_lim, "energy that the drive has given"),
+            Port("v_Nm", 0.0, self.u_max, "largest |motor torque| behind the lag, at the shaft"),
+            Port("most_Nm", 0.0, self.u_max, "largest |command| that the rate limit left"),
+            Port("seen", 0.0, 1.0, "1 when the last sample was good"),
+        )
+
+    def inputs(self) -> tuple[Port, ...]:
+        return (
+            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
+            around("tau_set_Nm", self.tau_set_lim, "set torque"),
+            Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
+            around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
+            Port("theta_load_rad", self.low, self.high, "load side's angle"),
+            around("omega_load_rad_s", self.omega_lim, "load side's speed"),
+            Port("theta_motor_rad", self.low, self.high, "motor side's angle"),
+            around("omega_motor_rad_s", self.omega_lim, "motor side's speed"),
+            around("u_command_Nm", self.u_lim, "stamped command, at the motor shaft"),
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        flags = (
+            Flag("INPUT_INVALID", "an input was NaN or outside its range; the command is 0", True),
+            Flag("STATE_REPAIRED", "the state was corrupt; all is counted afresh", True),
+            Flag("DAMPED", "damping is added to what is wanted"),
+            Flag("COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"),
+            Flag("FAST", "the drive is faster than the bound reckons with"),
+        )
+        return (
+            around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
+            Port("damping_Nms_rad", 0.0, self.damping, "damping added to what is wanted"),
+            around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
+            Port("given_J", 0.0, self.given_lim, "energy given beyond what the wanted torque gives"),
+            Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
+            Port("status", 0, 31, "what is known of this step", flags=flags),
+        )
+
+
+def _equations() -> tuple[Equation, ...]:
+    tau, tau_w, kd, w = sp.symbols("tau_e tau_w K_d omega_l")
+    P, N, b0, b1, b = sp.symbols("P N b_0 b_1 b")
+    gamma, n0, tr = sp.symbols("gamma n_0 T_r")
+    E, d, J, wm, big, lag, v = sp.symbols("E Delta_theta_m J omega_m Omega tau_c v")
+    h, k, n, m, most = sp.symbols("h kappa n m E_m")
+    base = E + J * wm**2 / 2 + big * lag * n * v
+    return (
+        equation("[pas 1]", "e", tau - tau_w - kd * w, "torque beyond what is wanted"),
+        equation("[pas 2]", "-P/N", -P / N, "damping that the hand feels, by the error"),
+        equation(
+            "[pas 3]",
+            "b'",
+            (gamma * (P + b0 * N) + (b1 - b) * n0 / tr) / (N + n0),
+            "damping that is added, between 0 and b_1",
+        ),
+        equation(
+            "[pas 4]", "E", sp.Max(0, E + tau * d - sp.Max(0, tau_w * d)), "energy that was given"
+        ),
+        equation("[pas 5]", "V", base + big * h * k * n * m, "given, and what may still follow"),
+        equation(
+            "[pas 6]", "u_most", (most - base) / (big * h * (1 + k) * n), "largest command let by"
+        ),
+    )
+
+
+__all__ = ["passivity", "passivity_section"]
