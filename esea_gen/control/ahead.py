@@ -66,6 +66,7 @@ class _Ahead:
         self.many = self.n if given else 1
         self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
         self.full_scale = threshold(device.tau_full_scale_Nm)
+        # Gains as a law may get them: the damping that is added comes on top.
         self.kp_high, self.kd_high = (
             field_facts(f"impedance.{k}")["high"] for k in ("Kp_Nm_rad", "Kd_Nms_rad")
         )

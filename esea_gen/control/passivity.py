@@ -28,6 +28,7 @@ from esea_gen.language.ports import (
     flag_word,
     threshold,
 )
+from esea_gen.control.reference import largest_gains
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -35,9 +36,9 @@ if TYPE_CHECKING:
     from esea_gen.devices.fields import Passivity
     from esea_gen.devices.file import DeviceData
 
-RISE_1_S, FALL_1_S = 6.0, 3.0
+RISE_1_S, FALL_1_S = 6.0, 0.7
 """How fast the added damping follows what is missing, and what is too much."""
-STILL_RAD_S, REST_S = 0.02, 1.0
+STILL_RAD_S, REST_S = 0.04, 1.0
 """Below that speed a limb rests: nothing can be told, and all damping comes back in that time."""
 FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
 
@@ -121,7 +122,7 @@ class _Passivity:
         self.h = device.period_s
         self.low, self.high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.tau_set_lim = threshold(device.tau_full_scale_Nm)
-        self.kd_high = threshold(self.own.Kd_max_Nms_rad.value)
+        self.kp_high, self.kd_high = largest_gains(device)
         self.damping = threshold(self.own.damping_Nms_rad.value)
         self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
         self.error_lim = threshold(
@@ -175,8 +176,9 @@ class _Passivity:
         seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
         going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
         on = label("on", ca.logic_and(seen, u.mode > 0.5), "a law acts")
-        kd = label("Kd_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
-        damped, told = self._damping(c, s, u, SimpleNamespace(going=going, on=on, kd=kd), label)
+        kp = label("stiffness_Nm_rad", ca.if_else(u.mode > 1.5, u.Kp_Nm_rad, 0.0))
+        kd = label("wanted_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
+        damped, told = self._damping(c, s, u, SimpleNamespace(going=going, on=on, kp=kp, kd=kd), label)
         held, gated = self._gate(c, s, u, going, label)
         passed = label("passed_Nm", ca.if_else(guard.inputs_ok, gated.u_Nm, 0.0))
         m = label(
@@ -229,7 +231,9 @@ class _Passivity:
             "square_rad2_s2", s.square_rad2_s2 + gain * (speed2 - s.square_rad2_s2), "[pas 2]"
         )
         most = label("most_Nms_rad", ca.fmax(self.damping - now.kd, 0.0), "all that may be added")
-        missing = label("missing_W", P + c.least_Nms_rad * N, "above 0: the hand feels too little")
+        # A spring that comes late by the motor's lag pushes on behind the turning point.
+        least = label("least_Nms_rad", c.least_Nms_rad + self.lag_s * now.kp)
+        missing = label("missing_W", P + least * N, "above 0: the hand feels too little")
         rate = ca.if_else(missing > 0, RISE_1_S, FALL_1_S)
         rest = (most - s.damping_Nms_rad) * (self.still / REST_S)
         change = self.h * (rate * missing + rest) / (ca.fmax(N, 0.0) + self.still)
@@ -320,6 +324,7 @@ class _Passivity:
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
             around("tau_set_Nm", self.tau_set_lim, "set torque"),
+            Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness of the impedance law"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
             around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
             Port("theta_load_rad", self.low, self.high, "load side's angle"),

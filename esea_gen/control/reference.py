@@ -39,6 +39,15 @@ IMPEDANCE_LAW = TAU_D + KP * (THETA_D - THETA_L) + KD * (OMEGA_D - OMEGA_L)
 BLEND_S, BLEND_LOW_S, BLEND_HIGH_S = 0.2, 0.02, 5.0
 
 
+def largest_gains(device: DeviceData) -> tuple[float, float]:
+    """Largest stiffness and damping that may be rendered: what is passive, where that is known."""
+    passive = device.file.passivity
+    if passive is not None:
+        return threshold(passive.Kp_max_Nm_rad.value), threshold(passive.Kd_max_Nms_rad.value)
+    kp, kd = (field_facts(f"impedance.{k}")["high"] for k in ("Kp_Nm_rad", "Kd_Nms_rad"))
+    return kp, kd
+
+
 def reference(device: DeviceData) -> Block:
     """Set torque from the mode, the wanted torque and the impedance law.
 
@@ -100,9 +109,7 @@ class _Reference:
         self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
         self.full_scale = threshold(device.tau_full_scale_Nm)
         self.kp, self.kd = self.drive.impedance.Kp_Nm_rad, self.drive.impedance.Kd_Nms_rad
-        self.kp_high, self.kd_high = (
-            field_facts(f"impedance.{k}")["high"] for k in ("Kp_Nm_rad", "Kd_Nms_rad")
-        )
+        self.kp_high, self.kd_high = largest_gains(device)
         angle = self.drive.theta_high_rad - self.drive.theta_low_rad
         # The widest that the law can ask for, and its offset from any measured torque.
         self.widest = threshold(

@@ -60,11 +60,13 @@ def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
     return with_outputs(block, [(shown, f"next_{name}")])
 
 
-def damped_reference(block: Block) -> Block:
-    """The reference with the damping of its impedance law."""
-    kd = next(p for p in block.coefficients if p.name == "Kd_Nms_rad")
-    shown = Port("damping_Nms_rad", kd.low, kd.high, kd.meaning, kd.size, kd.equation)
-    return with_outputs(block, [(shown, "c_Kd_Nms_rad")])
+def gains_reference(block: Block) -> Block:
+    """The reference with the gains of its impedance law, for the Block that keeps it passive."""
+    more = []
+    for name, shown in (("Kp_Nm_rad", "stiffness_Nm_rad"), ("Kd_Nms_rad", "damping_Nms_rad")):
+        p = next(p for p in block.coefficients if p.name == name)
+        more.append((Port(shown, p.low, p.high, p.meaning, p.size, p.equation), f"c_{name}"))
+    return with_outputs(block, more)
 
 
 def shown_reference(block: Block) -> Block:

@@ -17,7 +17,7 @@ from esea_gen.control.limits import command_stamp, limits
 from esea_gen.control.passivity import passivity
 from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
-from esea_gen.control.shown import damped_reference
+from esea_gen.control.shown import gains_reference
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.alike import emitted_once
@@ -93,6 +93,7 @@ INPUTS_REDUNDANT = {
 SIGNALS_PASSIVE = {"tau_set_Nm": "passivity.tau_set_Nm"}
 WIRES_PASSIVE = {
     "passivity.tau_set_Nm": "reference.tau_set_Nm",
+    "passivity.Kp_Nm_rad": "reference.stiffness_Nm_rad",
     "passivity.Kd_Nms_rad": "reference.damping_Nms_rad",
     "passivity.u_command_Nm": "stamp.u_command_Nm",
     "limits.u_command_Nm": "passivity.u_command_Nm",
@@ -194,7 +195,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "motor_rate": motor_rate(device),
         "load_rate": load_rate(device),
         **({"encoder_gear": gear_encoder(device)} if redundant else {}),
-        "reference": damped_reference(reference(device)) if passive else reference(device),
+        "reference": gains_reference(reference(device)) if passive else reference(device),
         **({"passivity": passivity(device)} if passive else {}),
         "limits": limits(device),
         "drive": drive_observer(device),

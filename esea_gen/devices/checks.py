@@ -136,6 +136,8 @@ def _check_control(origin: str, file: DeviceFile) -> None:
             f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
         )
+    if file.passivity is not None:
+        _check_passivity(origin, file)
     for law in laws:
         control = (*drive, *LAW_SECTIONS[law])
         needed = [k for k in control if getattr(file, k) is None]
@@ -155,6 +157,7 @@ def _check_control(origin: str, file: DeviceFile) -> None:
         ("safety.rom_max_rad", "joint.theta_max_rad"),
         ("joint.theta_min_rad", "safety.rom_min_rad"),
         ("redundancy.cable_least_Nm_rad", "redundancy.cable_Nm_rad"),
+        ("passivity.least_Nms_rad", "passivity.damping_Nms_rad"),
     ]
     for low, high in pairs:
         if low in values and high in values and values[low] > values[high]:
@@ -187,6 +190,26 @@ def _check_control(origin: str, file: DeviceFile) -> None:
             f"periods ({1 / sense:g} s) up to the control period ({1 / rate:g} s).",
             "Give such a number, or leave it out.",
         )
+
+
+def _check_passivity(origin: str, file: DeviceFile) -> None:
+    for name in ("actuator", "joint", "disturbance", "impedance", "safety"):
+        if getattr(file, name) is None:
+            raise UserError(
+                f"{origin}: [passivity] bounds what a drive gives, but section [{name}] is "
+                "missing.",
+                'Add it, or write extends = "elbow_drive" and give what differs.',
+            )
+    values = {k: q.value for k, q in quantities_of(file)}
+    for gain, most in (("Kp_Nm_rad", "Kp_max_Nm_rad"), ("Kd_Nms_rad", "Kd_max_Nms_rad")):
+        if values[f"impedance.{gain}"] > values[f"passivity.{most}"]:
+            raise UserError(
+                f"{origin}: impedance.{gain} = {values[f'impedance.{gain}']:g} is above "
+                f"passivity.{most} = {values[f'passivity.{most}']:g}: not every hand would be "
+                "stable with it.",
+                f"Lower it; raise passivity.{most} only after esea-gen passivity has found the "
+                "gains up to there passive.",
+            )
 
 
 def _dividing(sense: float, every: float) -> float:
