@@ -1,9 +1,9 @@
 """Passivity of what a hand meets, whatever the law.
 
-Two guards, for two ways in which a law can be active.  A law that swings up gives a little energy in
-every period: the Block measures the mean power that its error gives to the limb, as a damping, and
-adds that damping to what is wanted.  A law that runs away gives much at once: the Block adds up what
-the drive has given and closes the command in time, so that the sum stays below a bound.
+Two guards, for two ways in which a law can be active.  A law that swings a limb up gives a little
+energy in every period: the Block measures the mean power that its error gives, as a damping, and
+adds what is missing to what is wanted.  A law that runs away gives much at once: the Block adds up
+what the drive has given and closes the command in time, so that the sum stays below a bound.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
+from esea_gen.control.reference import largest_gains
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import (
@@ -28,7 +29,6 @@ from esea_gen.language.ports import (
     flag_word,
     threshold,
 )
-from esea_gen.control.reference import largest_gains
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -85,7 +85,8 @@ def passivity(device: DeviceData) -> Block:
     .. math:: \dot b = \frac{\gamma (P + b_0 N) + (b_1 - b) n_0/T_r}{N + n_0}, \quad
         0 \le b \le b_1 = \max(0, b_m - K_d)
 
-    It asks for ratios only: a swing is met at any size.  A limb at rest finds all of b_m.
+    It asks for ratios only: a swing is met at any size.  A limb at rest finds all of b_m.  To b_0
+    comes Kp times the motor's lag: so much a spring takes that comes late.
 
     Given is :math:`E = \max(0, E + \tau \Delta\theta_m - \max(0, \tau_w \Delta\theta_m))`, held
     :math:`V = E + J \omega_m^2/2 + \Omega (\tau_c |v| + h \kappa n m)` with the motor's torque v
@@ -178,7 +179,8 @@ class _Passivity:
         on = label("on", ca.logic_and(seen, u.mode > 0.5), "a law acts")
         kp = label("stiffness_Nm_rad", ca.if_else(u.mode > 1.5, u.Kp_Nm_rad, 0.0))
         kd = label("wanted_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
-        damped, told = self._damping(c, s, u, SimpleNamespace(going=going, on=on, kp=kp, kd=kd), label)
+        now = SimpleNamespace(going=going, on=on, kp=kp, kd=kd)
+        damped, told = self._damping(c, s, u, now, label)
         held, gated = self._gate(c, s, u, going, label)
         passed = label("passed_Nm", ca.if_else(guard.inputs_ok, gated.u_Nm, 0.0))
         m = label(
@@ -300,9 +302,7 @@ class _Passivity:
         )
 
     def coefficients(self) -> tuple[Port, ...]:
-        return tuple(
-            Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables()
-        )
+        return tuple(Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables())
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -346,7 +346,7 @@ class _Passivity:
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, self.damping, "damping added to what is wanted"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
-            Port("given_J", 0.0, self.given_lim, "energy given beyond what the wanted torque gives"),
+            Port("given_J", 0.0, self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
             Port("status", 0, 31, "what is known of this step", flags=flags),
         )
