@@ -308,14 +308,20 @@ class _Passivity:
         return (
             around("power_W", self.power_lim, "mean power that the error gives to the limb"),
             Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
-            Port("damping_Nms_rad", 0.0, self.damping, "damping added", init=self.damping),
+            # Room for a fixed-point clip, which rounds its ends.
+            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added", init=self.damping),
             Port("theta_load_last_rad", self.low, self.high, "load side's angle a step ago"),
             around("error_last_Nm", self.error_lim, "error a step ago"),
             Port("theta_motor_last_rad", self.low, self.high, "motor side's angle a step ago"),
             around("tau_last_Nm", self.tau_lim, "interaction torque a step ago"),
-            Port("given_J", 0.0, self.given_lim, "energy that the drive has given"),
-            Port("v_Nm", 0.0, self.u_max, "largest |motor torque| behind the lag, at the shaft"),
-            Port("most_Nm", 0.0, self.u_max, "largest |command| that the rate limit left"),
+            Port("given_J", 0.0, 1.001 * self.given_lim, "energy that the drive has given"),
+            Port(
+                "v_Nm",
+                0.0,
+                1.001 * self.u_max,
+                "largest |motor torque| behind the lag, at the shaft",
+            ),
+            Port("most_Nm", 0.0, 1.001 * self.u_max, "largest |command| that the rate limit left"),
             Port("seen", 0.0, 1.0, "1 when the last sample was good"),
         )
 
@@ -344,9 +350,9 @@ class _Passivity:
         )
         return (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
-            Port("damping_Nms_rad", 0.0, self.damping, "damping added to what is wanted"),
+            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
-            Port("given_J", 0.0, self.given_lim, "energy given beyond the wanted torque's"),
+            Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
             Port("status", 0, 31, "what is known of this step", flags=flags),
         )
