@@ -89,10 +89,11 @@ def passivity(device: DeviceData) -> Block:
     comes Kp times the motor's lag: so much a spring takes that comes late.
 
     Given is :math:`E = \max(0, E + \tau \Delta\theta_m - \max(0, \tau_w \Delta\theta_m))`, held
-    :math:`V = E + J \omega_m^2/2 + \Omega (\tau_c |v| + h \kappa n m)` with the motor's torque v
-    behind its lag and the largest command m that the rate limit can leave.  The command is at most
-    :math:`(E_m - V + \Omega h \kappa n m)/(\Omega h (1 + \kappa) n)`: then V never passes
-    :math:`E_m` by what the law commands, proven in ``docs/stability.md``.
+    :math:`V = E + J \omega_m^2/2 + \Omega n (T v + h \kappa m)` with the most that the motor
+    may give behind its lag, v, and the most that the rate limit may have left of a command, m; T is
+    the lag and the delay of the speed's filter.  The command is at most
+    :math:`(E_m - V + \Omega n h \kappa m)/(\Omega n h (1 + \epsilon + \kappa))`: then V never
+    passes :math:`E_m` by what a law commands, proven in ``docs/stability.md``.
     """
     law = _Passivity(device)
     return Block.define(
@@ -139,14 +140,18 @@ class _Passivity:
         self.u_max = threshold(safety.u_max_Nm.value)
         self.u_lim = threshold(4 * max(self.u_max, self.drive.u_Nm))
         self.u_step = safety.u_rate_Nm_s.value * self.h
-        self.ticks = self.u_max / self.u_step
+        # The speed is seen late, by its Butterworth filter's delay at rest.
+        self.late_s = math.sqrt(2) / (2 * math.pi * self.drive.joint.motor_velocity_Hz.value)
+        self.extra = self.late_s * (1 - self.lag_keep) / self.h
+        self.ticks = (1 + self.extra) * self.u_max / self.u_step
         self.energy = threshold(self.own.energy_J.value)
         self.omega_most = math.sqrt(2 * self.energy / self.J)
         self.given_lim = threshold(FULL * self.energy)
         # Energy that one Nm of motor torque may still bring: by its lag, by the rate limit.
-        self.by_lag_J_Nm = self.omega_most * self.lag_s * self.ratio
-        self.by_rate_J_Nm = self.omega_most * self.h * self.ticks * self.ratio
-        self.open_Nm_J = 1 / (self.omega_most * self.h * (1 + self.ticks) * self.ratio)
+        a_tick = self.omega_most * self.h * self.ratio
+        self.by_lag_J_Nm = self.omega_most * (self.lag_s + self.late_s) * self.ratio
+        self.by_rate_J_Nm = a_tick * self.ticks
+        self.open_Nm_J = 1 / (a_tick * (1 + self.extra + self.ticks))
         self.held_lim = threshold(
             1.01
             * (
@@ -362,12 +367,12 @@ def _equations() -> tuple[Equation, ...]:
     tau, tau_w, kd, w = sp.symbols("tau_e tau_w K_d omega_l")
     P, N, b0, b1, b = sp.symbols("P N b_0 b_1 b")
     gamma, n0, tr = sp.symbols("gamma n_0 T_r")
-    E, d, J, wm, big, lag, v = sp.symbols("E Delta_theta_m J omega_m Omega tau_c v")
-    h, k, n, m, most = sp.symbols("h kappa n m E_m")
-    base = E + J * wm**2 / 2 + big * lag * n * v
+    E, d, J, wm, big, late, v = sp.symbols("E Delta_theta_m J omega_m Omega T v")
+    h, k, n, m, most, extra = sp.symbols("h kappa n m E_m epsilon")
+    base = E + J * wm**2 / 2 + big * n * late * v
     return (
         equation("[pas 1]", "e", tau - tau_w - kd * w, "torque beyond what is wanted"),
-        equation("[pas 2]", "-P/N", -P / N, "damping that the hand feels, by the error"),
+        equation("[pas 2]", "b_felt", -P / N, "damping that the hand feels, by the error"),
         equation(
             "[pas 3]",
             "b'",
@@ -377,9 +382,12 @@ def _equations() -> tuple[Equation, ...]:
         equation(
             "[pas 4]", "E", sp.Max(0, E + tau * d - sp.Max(0, tau_w * d)), "energy that was given"
         ),
-        equation("[pas 5]", "V", base + big * h * k * n * m, "given, and what may still follow"),
+        equation("[pas 5]", "V", base + big * n * h * k * m, "given, and what may still follow"),
         equation(
-            "[pas 6]", "u_most", (most - base) / (big * h * (1 + k) * n), "largest command let by"
+            "[pas 6]",
+            "u_most",
+            (most - base) / (big * n * h * (1 + extra + k)),
+            "largest command let by",
         ),
     )
 
