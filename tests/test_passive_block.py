@@ -1,0 +1,416 @@
+"""The Block that keeps every law passive: damping, bound and its proof, limp hands."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import esea_gen
+from esea_gen.analysis.passivity import Hand
+from esea_gen.control.passivity import passivity
+from esea_gen.device import Device, parse_device
+from esea_gen.errors import UserError
+from esea_gen.studies.passivity.push import PushRun, push_case, run_push
+from esea_gen.twin.case import TORQUE, Setting
+from esea_gen.twin.run import run_case
+from esea_gen.verify.tools import tool
+
+from .conftest import require_tool
+
+H, J, RATIO, LAG_S, U_MAX, U_STEP = 1e-3, 0.663, 74.0, 0.03488, 0.221, 0.05
+ENERGY_J = 4.0
+OMEGA = math.sqrt(2 * ENERGY_J / J)  # of a drive that has all of it
+LATE_S = math.sqrt(2) / (2 * math.pi * 30.0)  # of a Butterworth filter of 30 Hz, at rest
+SHIPPED = Path(esea_gen.__file__).parent / "devices" / "elbow_drive.toml"
+
+
+@pytest.fixture(scope="module")
+def drive() -> Device:
+    return esea_gen.load_device("elbow_drive")
+
+
+def mine(text: str) -> Device:
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
+    return parse_device(head + text, "mine.toml")
+
+
+def q(value: float) -> str:
+    return f'{{ value = {value}, status = "assumed", source = "a test" }}'
+
+
+def sample(**changed: float) -> dict[str, float]:
+    rest = {
+        "mode": 1.0,
+        "sensing_ok": 1.0,
+        "tau_set_Nm": 0.0,
+        "Kp_Nm_rad": 0.0,
+        "Kd_Nms_rad": 0.0,
+        "tau_Nm": 0.0,
+        "theta_load_rad": 1.0,
+        "omega_load_rad_s": 0.0,
+        "theta_motor_rad": 1.0,
+        "omega_motor_rad_s": 0.0,
+        "u_command_Nm": 0.0,
+    }
+    return rest | changed
+
+
+# -- damping ---------------------------------------------------------------------------------------
+
+
+def swing(drive: Device, active: float, size_rad: float, seconds: float, **more: float) -> list:
+    """A hand that swings at 2 Hz on a law which pushes along, and which takes the damping over."""
+    block, w, added = passivity(drive).simulator(), 4 * math.pi, 0.0
+    out = []
+    for k in range(round(seconds / H)):
+        speed = size_rad * w * math.cos(w * k * H)
+        y = block.step(
+            **sample(
+                theta_load_rad=1.0 + size_rad * math.sin(w * k * H),
+                omega_load_rad_s=speed,
+                tau_Nm=(active - added) * speed,
+                **more,
+            )
+        )
+        added = float(y["damping_Nms_rad"])
+        out.append(added)
+    return out
+
+
+@pytest.mark.parametrize("size_rad", [0.05, 0.4])
+def test_the_damping_settles_where_the_hand_feels_the_least(drive, size_rad):
+    """It pushes with 0.1 Nms/rad and is to take 0.01: 0.11, at any size of the swing."""
+    added = swing(drive, 0.1, size_rad, 8.0)
+    assert added[0] == pytest.approx(0.3, rel=1e-2)
+    assert np.mean(added[-1000:]) == pytest.approx(0.11, abs=0.01)
+
+
+def test_a_law_that_damps_by_itself_gets_none(drive):
+    assert np.max(swing(drive, -0.1, 0.2, 8.0)[-1000:]) < 1e-3
+
+
+def test_what_the_law_is_more_active_than_all_damping_leaves_all_of_it(drive):
+    assert np.min(swing(drive, 0.5, 0.2, 3.0)[100:]) == pytest.approx(0.3, rel=1e-2)
+
+
+def test_a_spring_asks_for_its_own_lag(drive):
+    """2 Nm/rad that come 34.88 ms late push with 0.070 Nms/rad."""
+    added = swing(drive, 0.1, 0.2, 8.0, mode=2.0, Kp_Nm_rad=2.0)
+    assert np.mean(added[-1000:]) == pytest.approx(0.1 + 0.01 + 2 * LAG_S, abs=0.01)
+
+
+def test_a_wanted_damping_counts_as_felt(drive):
+    """Kd 0.2 leaves 0.1 to be added, and what it should take counts: the set torque has it."""
+    block = passivity(drive).simulator()
+    y = block.step(**sample(mode=2.0, Kd_Nms_rad=0.2, omega_load_rad_s=1.0, tau_set_Nm=-0.2))
+    assert y["damping_Nms_rad"] == pytest.approx(0.1, rel=1e-6)
+    assert y["tau_set_Nm"] == pytest.approx(-0.3, rel=1e-6)
+    off = passivity(drive).simulator().step(**sample(mode=0.0, omega_load_rad_s=1.0))
+    assert off["damping_Nms_rad"] == 0
+    assert off["tau_set_Nm"] == 0
+
+
+def test_bad_samples_neither_count_nor_move_it(drive):
+    block = passivity(drive).simulator()
+    block.step(**sample())
+    block.step(**sample(sensing_ok=0.0, theta_motor_rad=2.0, tau_Nm=5.0))
+    y = block.step(**sample(theta_motor_rad=2.0, tau_Nm=5.0))
+    assert y["given_J"] == 0
+    bad = block.step(**sample(tau_Nm=math.nan, u_command_Nm=0.1))
+    assert bad["u_command_Nm"] == 0
+    assert int(bad["status"]) & 1
+
+
+# -- what the drive may give -----------------------------------------------------------------------
+
+
+def test_given_is_the_work_of_the_torque_less_that_of_the_wanted_one(drive):
+    """2 Nm over 0.01 rad of the motor side; half of it is wanted; taken back, nothing is owed."""
+    block = passivity(drive).simulator()
+    block.step(**sample(tau_Nm=2.0, tau_set_Nm=1.0))
+    y = block.step(**sample(tau_Nm=2.0, tau_set_Nm=1.0, theta_motor_rad=1.01))
+    assert y["given_J"] == pytest.approx(0.01, rel=1e-6)
+    for _ in range(3):
+        y = block.step(**sample(tau_Nm=2.0, tau_set_Nm=1.0, theta_motor_rad=0.9))
+    assert y["given_J"] == 0
+
+
+def runaway(device: Device, command, seconds: float = 1.5, gate: bool = True) -> np.ndarray:
+    """Energy of the drive alone, without friction, with commands as they come; shape (n,).
+
+    The worst there is: all that the motor gives stays.  The speed is seen at once.
+    """
+    block = passivity(device).simulator()
+    v = last = speed = 0.0
+    found = []
+    for k in range(round(seconds / H)):
+        asked = float(np.clip(command(k, speed), -U_MAX, U_MAX))
+        y = block.step(**sample(omega_motor_rad_s=speed, u_command_Nm=asked))
+        let = float(y["u_command_Nm"]) if gate else asked
+        last += float(np.clip(let - last, -U_STEP, U_STEP))
+        # (5.1) exactly, and J omega' = n v by its mean over the tick.
+        keep = math.exp(-H / LAG_S)
+        mean = last + (v - last) * (1 - keep) * LAG_S / H
+        v = last + (v - last) * keep
+        speed += RATIO * mean * H / J
+        found.append(0.5 * J * speed**2)
+        if abs(speed) > 11:
+            break
+    return np.array(found)
+
+
+def random_commands(seed: int):
+    rng = np.random.default_rng(seed)
+    held = rng.uniform(-U_MAX, U_MAX, 2000)
+    return lambda k, speed: held[k // 5] if seed % 2 else math.copysign(abs(held[k // 7]), speed)
+
+
+LAWS = {
+    "all there is": lambda _k, _speed: U_MAX,
+    "always along": lambda _k, speed: math.copysign(U_MAX, speed),
+    "in bursts": lambda k, _speed: U_MAX if k % 60 < 30 else 0.0,
+    **{f"random {s}": random_commands(s) for s in range(8)},
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_no_law_brings_the_drive_beyond_its_energy(drive, name):
+    assert np.max(runaway(drive, LAWS[name])) <= ENERGY_J * (1 + 1e-6)
+
+
+def test_the_bound_is_used_and_it_is_the_block_that_holds_it(drive):
+    assert np.max(runaway(drive, LAWS["all there is"])) > 0.8 * ENERGY_J
+    assert np.max(runaway(drive, LAWS["all there is"], gate=False)) > 5 * ENERGY_J
+
+
+def test_a_link_can_only_lower_it(drive):
+    narrowed = passivity(drive)
+    bounds = {t.name: (t.low, t.high) for t in narrowed.tunables}
+    assert bounds["energy_J"] == pytest.approx((0.4, 4.0))
+    assert bounds["least_Nms_rad"] == pytest.approx((0.01, 0.3))
+    assert "damping_Nms_rad" not in bounds
+    y = narrowed.simulator({"energy_J": 1.0}).step(
+        **sample(omega_motor_rad_s=1.8, u_command_Nm=0.2)
+    )
+    assert y["u_command_Nm"] == 0  # 0.663 * 1.8**2 / 2 = 1.07 J
+
+
+# -- the proof -------------------------------------------------------------------------------------
+
+
+def test_what_a_tick_gives_and_what_the_lag_still_holds_make_the_command():
+    """Power at most Omega n |v|: work of a tick and change of the reserve are Omega n h m, exactly.
+
+    The reserve of the filter's delay adds Omega n t (1 - a)(m - v), at most epsilon of it.
+    """
+    h, tau, late, v, m, u = sp.symbols("h tau t v m u", positive=True)
+    a = sp.exp(-h / tau)
+    torque = m + (v - m) * sp.exp(-u / tau)
+    work = sp.integrate(torque, (u, 0, h))
+    after = m + (v - m) * a
+    assert sp.simplify(work + tau * (after - v) - h * m) == 0
+    rest = late * (after - v)
+    assert sp.simplify(rest - late * (1 - a) * (m - v)) == 0
+
+
+def proof(least_ticks: float) -> str:
+    """Z3 on one tick: can the sum pass the energy, and grow?  All reals, the Block's constants."""
+    a = math.exp(-H / LAG_S)
+    extra = LATE_S * (1 - a) / H
+    ticks = least_ticks * (1 + extra) * U_MAX / U_STEP
+    n = OMEGA * H * RATIO
+    by_lag, by_rate = OMEGA * (LAG_S + LATE_S) * RATIO, n * ticks
+    opened = n * (1 + extra + ticks)
+    lines = [
+        "(set-logic QF_LRA)",
+        *(f"(declare-const {x} Real)" for x in ("S", "v", "m0", "m1", "c", "S1")),
+        f"(assert (and (>= S 0) (>= v 0) (<= v {U_MAX}) (>= m0 0) (<= m0 {U_MAX})))",
+        f"(define-fun base () Real (+ S (* {by_lag:.15f} v)))",
+        # The Block: the command's size.
+        f"(assert (and (>= c 0) (<= c {U_MAX})))",
+        f"(assert (or (= c 0) (<= (* {opened:.15f} c) (- {ENERGY_J} base))))",
+        # The limits: what is sent is at most the command, or what their rate has left.
+        f"(assert (= m1 (ite (> c (- m0 {U_STEP})) c (- m0 {U_STEP}))))",
+        "(assert (>= m1 0))",
+        # The drive: what is given and held grows by the motor's work at most.
+        f"(define-fun work () Real (* {OMEGA * RATIO:.15f}"
+        f" (+ (* {LAG_S * (1 - a):.15f} v) (* {H - LAG_S * (1 - a):.15f} m1))))",
+        "(assert (<= S1 (+ S work)))",
+        f"(define-fun v1 () Real (+ (* {a:.15f} v) (* {1 - a:.15f} m1)))",
+        f"(define-fun V0 () Real (+ base (* {by_rate:.15f} m0)))",
+        f"(define-fun V1 () Real (+ S1 (* {by_lag:.15f} v1) (* {by_rate:.15f} m1)))",
+        f"(assert (and (> V1 (+ V0 0.000000001)) (> V1 {ENERGY_J + 1e-9:.12f})))",
+        "(check-sat)",
+    ]
+    done = subprocess.run(
+        [tool("z3", "z3"), "-in"],
+        input="\n".join(lines),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip()
+
+
+def test_the_sum_never_passes_the_energy_by_what_a_law_commands():
+    """By induction over ticks: above the energy it does not grow, below it does not pass."""
+    require_tool("z3")
+    assert proof(1.0) == "unsat"
+
+
+def test_the_proof_needs_the_reserve_of_the_rate_limit():
+    require_tool("z3")
+    assert proof(0.5) == "sat"
+
+
+def test_the_proof_is_of_the_blocks_own_constants(drive):
+    found = {c.name: c.value for c in passivity(drive).constants}
+    a = math.exp(-H / LAG_S)
+    ticks = (1 + LATE_S * (1 - a) / H) * U_MAX / U_STEP
+    assert found["omega_most_rad_s"] == pytest.approx(OMEGA)
+    assert found["by_lag_J_Nm"] == pytest.approx(OMEGA * (LAG_S + LATE_S) * RATIO)
+    assert found["by_rate_J_Nm"] == pytest.approx(OMEGA * H * ticks * RATIO, rel=1e-6)
+
+
+# -- on the twin -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory) -> str:
+    """The same device without the section, and so without the Block."""
+    text = SHIPPED.read_text(encoding="utf-8")
+    path = tmp_path_factory.mktemp("bare") / "bare.toml"
+    text = text[: text.index("[passivity]")].replace('name = "elbow_drive"', 'name = "bare"')
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+LIMP = tuple(
+    {"name": f"J {j} K {k}", "inertia_kgm2": j, "damping_Nms_rad": 0.0, "stiffness_Nm_rad": k}
+    for j, k in ((0.05, 10.0), (0.1, 20.0), (0.1, 30.0), (0.2, 30.0), (0.4, 100.0), (0.05, 1000.0))
+)
+
+
+def verdicts(controller: str) -> list[bool]:
+    require_tool("gcc")
+    found = []
+    for hand in LIMP:
+        run = PushRun(**run_push(0.0, 0.0, hand, controller, "real", 0.5, 0))
+        push_J = 0.5 * hand["inertia_kgm2"] * 0.25
+        found.append(run.swings_up(push_J) or run.stopped or run.generated_J > 0.01 * push_J)
+    return found
+
+
+@pytest.mark.parametrize("controller", ["smc", "mpc"])
+def test_limp_hands_get_nothing_at_gains_of_zero(controller):
+    assert not any(verdicts(controller))
+
+
+@pytest.mark.parametrize("controller", ["smc", "mpc"])
+def test_without_the_block_they_swing_up(controller, bare):
+    assert sum(verdicts(f"{controller}@{bare}")) >= 5
+
+
+STUCK = """
+from esea_gen.control.law import Law, Parts
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, around
+import casadi as ca
+
+
+def parts(base):
+    def step(c, s, u, guard, label):
+        return {"runs": s.runs}, {"u_command_Nm": ca.if_else(u.mode > 0.5, 0.221, 0.0)}
+
+    block = Block.define(
+        "stuck",
+        "All torque, whatever is measured",
+        period_s=base.control_period_s,
+        state=(Port("runs", 0, 1, "nothing"),),
+        inputs=(Port("mode", 0, 2, "mode"),),
+        outputs=(around("u_command_Nm", 0.221, "command"),),
+        step=step,
+    )
+    return Parts(control={"stuck": block}, command="stuck.u_command_Nm")
+
+
+LAW = Law("stuck", "All torque, whatever is measured", parts)
+"""
+
+
+def runaway_on_the_twin(controller: str, hand: Hand) -> tuple[float, float]:
+    """True energy given to the limb, and to coupling and limb with the drive's own; largest."""
+    require_tool("gcc")
+    device = esea_gen.load_device("elbow_drive")
+    run = run_case(
+        push_case(device, hand, 0.0, 0.0, 0.5, TORQUE), Setting(controller, "real", "ideal"), 0
+    )
+    tau = run.plant["tau_e_Nm"]
+    limb = np.cumsum(tau * run.plant["omega_l_rad_s"]) * H
+    both = np.cumsum(tau * run.plant["omega_m_rad_s"]) * H
+    return float(np.max(limb)), float(np.max(both + 0.5 * J * run.plant["omega_g_rad_s"] ** 2))
+
+
+def test_a_law_that_runs_away_gives_no_more_than_the_energy(tmp_path, bare):
+    """True values, cable and all; what is measured late and wrong has 10 % here."""
+    path = tmp_path / "stuck.py"
+    path.write_text(STUCK, encoding="utf-8")
+    for hand in (Hand("light", 0.1), Hand("arm", 0.4), Hand("held", 0.22, 1.0, 20.0)):
+        limb, both = runaway_on_the_twin(f"{path}:LAW", hand)
+        assert limb <= ENERGY_J
+        assert both <= 1.1 * ENERGY_J
+        without, _ = runaway_on_the_twin(f"{path}:LAW@{bare}", hand)
+        assert without > 1.02 * ENERGY_J
+
+
+@pytest.mark.parametrize("controller", ["smc", "mpc"])
+@pytest.mark.parametrize("plant", ["real", "ideal"])
+def test_the_drive_does_as_the_proof_assumes(controller, plant):
+    """The motor's torque stays below the model's, and given and held grow by its work at most."""
+    require_tool("gcc")
+    device = esea_gen.load_device("elbow_drive")
+    hand = Hand("limp", 0.1, 0.0, 30.0)
+    run = run_case(push_case(device, hand, 0.0, 0.0), Setting(controller, plant, "ideal"), 0)
+    sent, given = run.controller["u_Nm"], run.plant["u_a_Nm"]
+    keep, v = math.exp(-H / LAG_S), 0.0
+    most = []
+    for u in sent:
+        most.append(v)
+        v = abs(u) + (v - abs(u)) * keep
+    assert np.all(np.abs(given) <= np.array(most) + 0.02 * U_MAX)
+    tau, speed = run.plant["tau_e_Nm"], run.plant["omega_g_rad_s"]
+    held = np.cumsum(tau * run.plant["omega_m_rad_s"]) * H + 0.5 * J * speed**2
+    work = np.cumsum(RATIO * given * speed) * H
+    # Down from any earlier tick: friction only takes.  The gear's disturbance and the cable give
+    # back what they hold.
+    grown = held - work
+    assert np.max(grown - np.minimum.accumulate(grown)) < 0.02
+
+
+# -- refused ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f"[impedance]\nKp_Nm_rad = {q(6.0)}\n", ["impedance.Kp_Nm_rad = 6", "Kp_max_Nm_rad = 5"]),
+        (f"[impedance]\nKd_Nms_rad = {q(0.6)}\n", ["Kd_max_Nms_rad = 0.5", "esea-gen passivity"]),
+        (f"[passivity]\nleast_Nms_rad = {q(0.5)}\n", ["passivity.damping_Nms_rad = 0.3"]),
+        (f"[passivity]\nenergy_J = {q(0.01)}\n", ["energy_J", "0.1"]),
+    ],
+)
+def test_gains_that_are_not_passive_are_refused(text, words):
+    with pytest.raises(UserError) as found:
+        mine(text)
+    for word in words:
+        assert word in str(found.value)
+
+
+def test_no_link_sets_gains_beyond_the_passive_ones(drive):
+    highs = {t.name: t.high for t in drive.system.blocks["reference"].tunables}
+    assert (highs["Kp_Nm_rad"], highs["Kd_Nms_rad"]) == (5.0, 0.5)
