@@ -82,16 +82,13 @@ def study():
     return study_interaction(points=2, hands=hands, sliding=False)
 
 
-def test_the_thesis_gains_are_passive_and_the_largest_are_not(study):
-    """Also with a damped hand, for which 20 Nm/rad and 5 Nms/rad would be harmless if rendered."""
+def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):
+    """The largest are those that the device file lets by."""
     verdicts = {(kp, kd): mark for kp, kd, mark in study.marked}
     assert verdicts[0.75, 0.25] == "P"
     assert verdicts[1.5, 0.25] == "P"
-    assert not study.region.stable[1, 1]
-    worst = study.runs[20.0, 5.0, "light"]
+    assert study.region.stable.all()
     push_J = 0.5 * 0.1 * 0.5**2
-    assert worst.generated_J > push_J
-    assert worst.swings_up(push_J) or worst.stopped
     quiet = study.runs[1.5, 0.25, "light"]
     assert quiet.held_end_J < 0.01 * push_J
     assert quiet.generated_J < 0.01 * push_J
@@ -99,15 +96,15 @@ def test_the_thesis_gains_are_passive_and_the_largest_are_not(study):
 
 def test_the_study_in_json_letters_and_a_picture(study, tmp_path):
     content = json.loads(json.dumps(study.to_dict(), allow_nan=False))
-    assert content["map"]["kp_Nm_rad"] == [0.0, 20.0]
-    assert content["map"]["kd_Nms_rad"] == [0.0, 5.0]
+    assert content["map"]["kp_Nm_rad"] == [0.0, 5.0]
+    assert content["map"]["kd_Nms_rad"] == [0.0, 0.4]
     # Four pairs of the grid, one of which is the thesis', and its two others; three hands each.
     assert len(content["runs"]) == 18
     assert [g["verdict"] for g in content["thesis_gains"]][1:] == ["passive", "passive"]
     assert len(content["map"]["push_J"]) == 3
     lines = study.table()
-    assert lines[2].split() == ["Kp", "|", "Kd", "0", "5"]
-    assert lines[4].split()[2] in {".", "L"}
+    assert lines[2].split() == ["Kp", "|", "Kd", "0", "0.4"]
+    assert lines[4].split()[2] == "P"
     assert any(line.startswith("thesis Kp 1.5, Kd 0.25: passive") for line in lines)
     assert any("limits: latched in" in line for line in lines)
     study.figure().savefig(tmp_path / "map.png")
@@ -163,7 +160,7 @@ def test_verdicts(change, mark):
 def test_gains_are_closer_where_they_are_used():
     tunables = {t.name: t for t in controller_device("smc").system.blocks["reference"].tunables}
     axis = gain_axis(tunables["Kp_Nm_rad"], 5)
-    assert axis == pytest.approx([0, 1.25, 5, 11.25, 20])
+    assert axis == pytest.approx([0, 0.3125, 1.25, 2.8125, 5])
 
 
 # -- sliding condition ----------------------------------------------------------------------------

@@ -33,8 +33,9 @@ SENSING = """
     reference.tau_Nm              sensor.tau_Nm
 """
 LIMITS = """
-    # Nothing but the stamped command, and its stamp, through the same latch.
-    limits.u_command_Nm           stamp.u_command_Nm
+    # Nothing but the stamped command, as far as the drive may give it, and its stamp, through the
+    # same latch.
+    limits.u_command_Nm           passivity.u_command_Nm
     limits.control_beat           stamp.control_beat
     limits.request_ok             reference.request_ok
     limits.sensing_ok             joint.sensing_ok
@@ -57,6 +58,21 @@ OBSERVERS = """
     human.tau_Nm                  sensor.tau_Nm
 """
 
+PASSIVE = """
+    # Between what is wanted and every law, and between the command and the limits.
+    passivity.mode                reference.mode
+    passivity.sensing_ok          joint.sensing_ok
+    passivity.tau_set_Nm          reference.tau_set_Nm
+    passivity.Kp_Nm_rad           reference.stiffness_Nm_rad
+    passivity.Kd_Nms_rad          reference.damping_Nms_rad
+    passivity.tau_Nm              sensor.tau_Nm
+    passivity.theta_load_rad      encoder_load.theta_rad
+    passivity.omega_load_rad_s    load_rate.omega_rad_s
+    passivity.theta_motor_rad     encoder_motor.theta_rad
+    passivity.omega_motor_rad_s   motor_rate.omega_rad_s
+    passivity.u_command_Nm        stamp.u_command_Nm
+"""
+
 COMPARED = """
     # All three encoders and the motor's torque against each other; the answer stops the drive by
     # way of the deflection, which is not to be trusted then.
@@ -77,7 +93,8 @@ COMPARED = """
 # -- the laws --------------------------------------------------------------------------------------
 
 SLIDING_MODE = """
-    inverse.tau_Nm                reference.tau_set_Nm
+    # Damping that a law lacks is in it.
+    inverse.tau_Nm                passivity.tau_set_Nm
     setpoint.theta_set_rad        inverse.theta_rad
     # (5.12) subtracts three rates: all three through one filter, so that delays cancel.
     set_rate.theta_rad            inverse.theta_rad
@@ -103,6 +120,8 @@ PREDICTIVE = """
     ahead.tau_range_Nm            reference.tau_range_Nm
     ahead.Kp_Nm_rad               reference.Kp_Nm_rad
     ahead.Kd_Nms_rad              reference.Kd_Nms_rad
+    # What is added, as a damping: along the horizon the speed changes.
+    ahead.damping_Nms_rad         passivity.damping_Nms_rad
     ahead.theta_load_rad          encoder_load.theta_rad
     # The load side's rate without delay, for the state at the measurement.
     ahead.omega_load_rad_s        human.omega_load_rad_s
@@ -182,6 +201,9 @@ OUTPUTS = """
     mode_held                     reference.mode
     apart_rad                     redundancy.apart_rad
     apart_Nm                      redundancy.apart_Nm
+    damping_Nms_rad               passivity.damping_Nms_rad
+    given_J                       passivity.given_J
+    held_J                        passivity.held_J
 """
 OWN_OUTPUTS = {
     "elbow_drive": """
@@ -197,8 +219,8 @@ OWN_OUTPUTS = {
 """,
 }
 WIRES = {
-    "elbow_drive": SENSING + LIMITS + OBSERVERS + COMPARED + SLIDING_MODE,
-    "elbow_mpc": SENSING + LIMITS + OBSERVERS + COMPARED + PREDICTIVE,
+    "elbow_drive": SENSING + LIMITS + OBSERVERS + PASSIVE + COMPARED + SLIDING_MODE,
+    "elbow_mpc": SENSING + LIMITS + OBSERVERS + PASSIVE + COMPARED + PREDICTIVE,
 }
 FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
 # What is measured comes before what is made of it, the limits before the observers of what they let
@@ -206,12 +228,12 @@ FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
 ORDER = {
     "elbow_drive": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
-        "encoder_gear reference inverse setpoint limits drive gear human set_rate",
+        "encoder_gear reference passivity inverse setpoint limits drive gear human set_rate",
         "control": "smc redundancy stamp",
     },
     "elbow_mpc": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
-        "encoder_gear reference limits drive gear human",
+        "encoder_gear reference passivity limits drive gear human",
         "control": "ahead predictive redundancy stamp",
     },
 }

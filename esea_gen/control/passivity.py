@@ -33,7 +33,7 @@ from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 if TYPE_CHECKING:
-    from esea_gen.devices.fields import Passivity
+    from esea_gen.devices.fields import PassiveInteraction
     from esea_gen.devices.file import DeviceData
 
 RISE_1_S, FALL_1_S = 6.0, 0.7
@@ -43,7 +43,7 @@ STILL_RAD_S, REST_S = 0.04, 1.0
 FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
 
 
-def passivity_section(device: DeviceData) -> Passivity:
+def passivity_section(device: DeviceData) -> PassiveInteraction:
     """Section ``[passivity]``, without which there is no such Block."""
     found = device.file.passivity
     if found is None:

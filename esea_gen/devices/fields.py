@@ -361,7 +361,7 @@ class Redundancy(Section):
     rate_1_s: Quantity = _number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
 
-class Passivity(Section):
+class PassiveInteraction(Section):
     """What keeps every law from giving a hand energy that is not wanted."""
 
     damping_Nms_rad: Quantity = _number(
@@ -413,7 +413,7 @@ class DeviceFile(Section):
         description="Comparison of all encoders and the motor's torque; left out, a joint encoder "
         "that is wrong but plausible is not found.",
     )
-    passivity: Passivity | None = Field(
+    passivity: PassiveInteraction | None = Field(
         default=None,
         description="Damping that a law lacks, and a bound of the energy that the drive gives; "
         "left out, a law may swing a limp hand up.",

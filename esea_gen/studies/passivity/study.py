@@ -34,9 +34,9 @@ from esea_gen.twin.run import PLANT_NAMES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# From a hand alone to a whole forearm with its load side; limp and tense; let go, holding on, and
-# leaning on something firm.
-HANDS = hand_family((0.1, 0.2, 0.4), (0.0, 0.5), (0.0, 30.0, 300.0))
+# From fingers to a whole forearm with its load side; limp and tense; let go, holding on by little
+# and by more, and leaning on something firm.
+HANDS = hand_family((0.05, 0.1, 0.2, 0.4), (0.0, 0.5), (0.0, 10.0, 30.0, 100.0, 1000.0))
 MOST_PUSH_RAD_S = 0.6
 POINTS, FEWEST_POINTS, MOST_POINTS = 9, 2, 41
 
