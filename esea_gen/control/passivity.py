@@ -31,6 +31,7 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
+from esea_gen.observe.rates import filter_delay_s
 
 if TYPE_CHECKING:
     from esea_gen.devices.fields import PassiveInteraction
@@ -140,8 +141,9 @@ class _Passivity:
         self.u_max = threshold(safety.u_max_Nm.value)
         self.u_lim = threshold(4 * max(self.u_max, self.drive.u_Nm))
         self.u_step = safety.u_rate_Nm_s.value * self.h
-        # The speed is seen late, by its Butterworth filter's delay at rest.
-        self.late_s = math.sqrt(2) / (2 * math.pi * self.drive.joint.motor_velocity_Hz.value)
+        # The speed is seen late, by its filter's delay and half a difference.
+        cutoff = self.drive.joint.motor_velocity_Hz.value
+        self.late_s = filter_delay_s(cutoff) + 0.5 * self.h
         self.extra = self.late_s * (1 - self.lag_keep) / self.h
         self.ticks = (1 + self.extra) * self.u_max / self.u_step
         self.energy = threshold(self.own.energy_J.value)
