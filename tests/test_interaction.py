@@ -97,7 +97,7 @@ def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):
 def test_the_study_in_json_letters_and_a_picture(study, tmp_path):
     content = json.loads(json.dumps(study.to_dict(), allow_nan=False))
     assert content["map"]["kp_Nm_rad"] == [0.0, 5.0]
-    assert content["map"]["kd_Nms_rad"] == [0.0, 0.4]
+    assert content["map"]["kd_Nms_rad"] == pytest.approx([0.0, 0.4])
     # Four pairs of the grid, one of which is the thesis', and its two others; three hands each.
     assert len(content["runs"]) == 18
     assert [g["verdict"] for g in content["thesis_gains"]][1:] == ["passive", "passive"]

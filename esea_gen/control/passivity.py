@@ -45,7 +45,23 @@ FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long
 
 
 def passivity_section(device: DeviceData) -> PassiveInteraction:
-    """Section ``[passivity]``, without which there is no such Block."""
+    """Section ``[passivity]``, without which there is no such Block.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Any.
+
+    Returns
+    -------
+    PassiveInteraction
+        The section.
+
+    Raises
+    ------
+    UserError
+        When it is missing.
+    """
     found = device.file.passivity
     if found is None:
         raise UserError(

@@ -40,7 +40,18 @@ BLEND_S, BLEND_LOW_S, BLEND_HIGH_S = 0.2, 0.02, 5.0
 
 
 def largest_gains(device: DeviceData) -> tuple[float, float]:
-    """Largest stiffness and damping that may be rendered: what is passive, where that is known."""
+    """Largest stiffness and damping that may be rendered: what is passive, where that is known.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Its ``[passivity]``, where it has one.
+
+    Returns
+    -------
+    Kp_Nm_rad, Kd_Nms_rad : float
+        Else the largest that a device file may have.
+    """
     passive = device.file.passivity
     if passive is not None:
         return threshold(passive.Kp_max_Nm_rad.value), threshold(passive.Kd_max_Nms_rad.value)
