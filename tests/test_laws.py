@@ -20,6 +20,7 @@ from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import shipped_controllers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
+from esea_gen.model.drive import NominalDrive
 from esea_gen.observe.human import lag_observer
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -208,13 +209,20 @@ def test_two_active_axes_need_no_second_wiring(drive):
     rng = np.random.default_rng(5)
     bits = 2 ** int(drive.file.encoder.resolution_bits.value)
     stopped = 0
+    # The drive obeys: motor and motion may not contradict each other.
+    numbers = {c.name: c.value for c in drive.constants("actuator")}
+    motor = NominalDrive(numbers, drive.period_s, 0.8)
+    shaft = 2 ** int(numbers["encoder_bits"])
     for tick in range(900):
-        wave = 0.1 * math.sin(0.01 * tick)
+        wave = 0.02 * math.sin(0.01 * tick)
+        turned = motor.theta_rad / (2 * math.pi)
         given = {
-            "count_motor": float(round((0.8 + wave) / (2 * math.pi) * bits)),
-            "count_load": float(round(0.8 / (2 * math.pi) * bits)),
+            "count_motor": float(round(turned * bits)),
+            "count_load": float(round((0.8 + wave) / (2 * math.pi) * bits)),
+            "count_gear": float(round(turned * numbers["gear_ratio"] * shaft) % shaft),
             "frame_error_motor": 0.0,
             "frame_error_load": 0.0,
+            "frame_error_gear": 0.0,
             "mode": float(tick > 60),
             "stop": float(tick == 700),
             "rearm": float(tick > 30),
@@ -235,6 +243,8 @@ def test_two_active_axes_need_no_second_wiring(drive):
             }
             assert len(doubled) == 2 * len(names) - len(shared & set(names))
             out = two.step(task.name, **doubled)
+            if task is sense:
+                motor.move(float(single["u_Nm"]), float(single["tau_Nm"]))
             for name, value in out.items():
                 assert value == single[re.sub(r"_(flexion|deviation)(?=_|$)", "", name)], name
             if task is sense and tick >= 700:

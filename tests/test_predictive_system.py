@@ -224,7 +224,7 @@ def held_torque(controller: str, kp: float, offset_rad: float) -> float:
     signals = {
         **dict.fromkeys(("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2"), rest),
         **dict.fromkeys(("tau_desired_Nm", "omega_desired_rad_s", "stop"), rest),
-        **dict.fromkeys(("frame_error_motor", "frame_error_load"), rest),
+        **dict.fromkeys(("frame_error_motor", "frame_error_load", "frame_error_gear"), rest),
         "theta_desired_rad": rest + offset_rad,
         "mode": np.where(t < 0.06, 0.0, 2.0),
         "rearm": (t >= 0.03) * 1.0,
@@ -307,11 +307,16 @@ def test_predictive_control_as_printed_stands_as_in_the_thesis():
 
 
 def test_a_device_file_chooses_the_law(small):
-    assert [t.blocks for t in small.system.tasks][1] == ("ahead", "predictive", "stamp")
+    assert [t.blocks for t in small.system.tasks][1] == (
+        "ahead",
+        "predictive",
+        "redundancy",
+        "stamp",
+    )
     assert "smc" not in small.system.blocks
     assert load_device("elbow_drive").system.blocks.keys() >= {"smc"}
     parts = device('person = "parabola"\nimpedance = "cascade"\n').system.tasks[1].blocks
-    assert parts == ("parabola", "predictive", "stamp")
+    assert parts == ("parabola", "predictive", "redundancy", "stamp")
     # No key of the section changes what another device is.
     assert '"predictive":' not in load_device("elbow_drive").canonical()
 
