@@ -19,7 +19,7 @@ from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
 PLANT_NAMES = ("ideal", "real", "random")
-PERSON_NAMES = ("none", "ideal", "uncertain", "random")
+PERSON_NAMES = ("none", "ideal", "uncertain", "uncertain-no-feedforward", "random")
 # The controller is off at first and armed meanwhile, as after a start of the firmware; a slow
 # control task must have given two commands before.
 ARM_S, ON_S = 0.03, 0.06
@@ -31,7 +31,7 @@ PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
 def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVariant:
     """A plant with a person.
 
-    person: ``none``, ``ideal``, ``uncertain`` or ``random``; none fixes the output.
+    person: one of ``PERSON_NAMES``; none fixes the output.
     """
     choose("plant", plant, PLANT_NAMES)
     choose("person", person, PERSON_NAMES)
