@@ -25,6 +25,7 @@ from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.judge import judge
+from esea_gen.twin.off import NOTHING, deviation, refuse_unknown
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, run_case
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ def simulate_case(
     person: str,
     real: str,
     tunables: Mapping[str, Mapping[str, float]] | None = None,
+    off: str = NOTHING,
     kept: dict[str, Any] | None = None,
 ) -> dict[str, float]:
     """Run and measure one case by name: what a worker does.
@@ -104,7 +106,7 @@ def simulate_case(
     chosen = load_study(study, ClosedLoopStudy)
     found = chosen.case(case)
     try:
-        run = run_case(found, Setting(controller, plant, person, real, tunables or {}), seed)
+        run = run_case(found, Setting(controller, plant, person, real, tunables or {}, off), seed)
     except RanAwayError:
         return {"unstable": 1.0, "tripped": 0.0, "fault": 0.0, "ran_away": 1.0}
     if kept is not None:
@@ -136,13 +138,14 @@ def simulate(
     if chosen.person and s.person == "none":
         raise UserError(
             f"{chosen.name} needs somebody who moves the load, but person is none.",
-            "Give --person ideal, uncertain or random.",
+            f"Give --person {', '.join(n for n in PERSON_NAMES if n != 'none')}.",
         )
     if runs < 1 or seed < 0:
         raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
     device = controller_device(s.controller)
     # Compile once, before the workers would each do it.
     loop = compiled_loop(device, s.plant != "ideal", s.real)
+    refuse_unknown(s.off, deviation(s.off, device, seed), {t.name for _, t in loop.plant.tunables})
     parts = {
         "controller": s.controller,
         "controller_hash": device_hash(device),
@@ -160,6 +163,7 @@ def simulate(
         "person": s.person,
         "real": s.real,
         "tunables": {k: dict(v) for k, v in s.tunables.items()},
+        "off": s.off,
     }
     names = [c.name for c in chosen.cases()]
     seeds = tuple(range(seed, seed + runs))

@@ -33,6 +33,7 @@ class Setting:
     controller: as :func:`esea_gen.twin.controllers.controller_device` takes it.
     real: number format of the controller's C.
     tunables: ``{instance: {tunable: value}}`` beside each case's own.
+    off: in what the plant differs from the model, as :mod:`esea_gen.twin.off` names it.
     """
 
     controller: str = "smc"
@@ -40,3 +41,4 @@ class Setting:
     person: str = "none"
     real: str = "f32"
     tunables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    off: str = "none"

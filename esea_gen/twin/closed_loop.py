@@ -7,6 +7,7 @@ hands arrays in and gets arrays back.
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -48,11 +49,14 @@ class ClosedLoopRun:
         first run.
     time_s : ndarray
         Time of each tick.
+    missed_runs : int
+        Runs of the controller's last task that were due and left out.
     """
 
     plant: dict[str, Array]
     controller: dict[str, Array]
     time_s: Array
+    missed_runs: int = 0
 
     def __getitem__(self, name: str) -> Array:
         """An array by its output's name."""
@@ -237,14 +241,14 @@ class ClosedLoop:
             ],
             recorded=sources,
             columns=self._width,
-            command=command,
+            command=sources.index(command),
             substeps=round(self.tick_s / self.variant.step_s),
             step_s=plant.fmt.literal(self.variant.step_s),
         )
         self.files = files | parts | {"closed_loop.c": loop}
         self.path = compile_sources(self.files, link=("-lm",))
         self.ffi = cffi.FFI()
-        text = loop[loop.index("void esea_loop_run") :]
+        text = loop[loop.index("size_t esea_loop_run") :]
         prototype = re.sub(r"\)\s*\n\{.*?\n\}", ");", text, flags=re.DOTALL)
         headers = files[f"{self._prefix}.h"] + parts[f"{self._plant_prefix}.h"]
         self.ffi.cdef(declarations(headers + prototype), override=True)
@@ -356,6 +360,8 @@ class ClosedLoop:
         initial: Mapping[str, float] | None = None,
         seed: int = 0,
         ticks: int | None = None,
+        delay_ticks: int = 0,
+        missed: npt.ArrayLike | None = None,
     ) -> ClosedLoopRun:
         """Run from rest.
 
@@ -376,6 +382,11 @@ class ClosedLoop:
             Of the person's torque noise.
         ticks : int, optional
             Length, when there is no signal to tell it.
+        delay_ticks : int
+            For how many ticks a command is under way to the motor.
+        missed : array_like of bool, optional
+            One value a tick: where true, the controller's last task does not run although it is
+            due.
 
         Returns
         -------
@@ -396,6 +407,12 @@ class ClosedLoop:
             self.plant.blocks["plant"], start_rad, initial or {}, values.get("elastomer_scale", 1.0)
         )
         table = self._table(signals, n)
+        skipped = np.zeros(n, np.uint8) if missed is None else np.array(missed, dtype=np.uint8)
+        if delay_ticks < 0 or skipped.shape != (n,):
+            raise UserError(
+                f"A delay of {delay_ticks} ticks, missed of shape {skipped.shape} for {n} ticks.",
+                "Give a delay from 0, and one value a tick.",
+            )
         held_rad = first["theta_rad"][-1]
         path = self._path(signals, n, held_rad, seed)
 
@@ -414,8 +431,11 @@ class ClosedLoop:
 
         record = np.empty((n, self._width))
         pointer = [self.ffi.cast("double *", a.ctypes.data) for a in (table, path, record)]
-        self._lib.esea_loop_run(*coeffs, state, *plant_coeffs, plant_state, start, *pointer, n)
-        return self._result(record)
+        off = delay_ticks, self.ffi.cast("unsigned char *", skipped.ctypes.data)
+        lost = self._lib.esea_loop_run(
+            *coeffs, state, *plant_coeffs, plant_state, start, *pointer, n, *off
+        )
+        return dataclasses.replace(self._result(record), missed_runs=int(lost))
 
     def _result(self, record: Array) -> ClosedLoopRun:
         found: dict[str, dict[str, Array]] = {"plant": {}, "controller": {}}

@@ -14,6 +14,7 @@ from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
 from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.off import deviation, refuse_unknown
 from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
@@ -118,4 +119,14 @@ def run_on(
     # A variant knows only what its plant has: the rigid one has no cable to twist.
     known = {x.name for b in loop.plant.blocks.values() for x in b.tunables}
     extra = {k: v for k, v in case.plant.items() if k in known}
-    return loop.run(signals, {**variant.values, **extra}, merged, seed=seed)
+    off = deviation(setting.off, device, seed)
+    refuse_unknown(setting.off, off, known)
+    n = len(case.trajectory.tau_desired_Nm)
+    return loop.run(
+        signals,
+        {**variant.values, **extra, **off.values},
+        merged,
+        seed=seed,
+        delay_ticks=off.delay_ticks,
+        missed=off.missed(n, seed),
+    )
