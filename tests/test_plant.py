@@ -181,7 +181,8 @@ def still(t):
     [
         ("ideal", "ideal", 5e-5),
         ("ideal", "none", 5e-5),
-        ("smooth", "uncertain", 1e-4),
+        ("smooth", "uncertain", 1.2e-4),
+        ("smooth", "uncertain-no-feedforward", 1e-4),
         ("real", "uncertain", 3e-3),
         ("real", "none", 3e-3),
     ],

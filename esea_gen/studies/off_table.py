@@ -136,7 +136,7 @@ def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
     high = 0.8 / len(controllers)
     with mpl.rc_context(STYLE):
         figure, panels = new_figure(
-            9.6, 1.2 + 0.13 * len(names) * (1 + len(controllers)), ncols=2, sharey=True
+            9.6, 1.2 + 0.09 * len(names) * (1 + len(controllers)), ncols=2, sharey=True
         )
         for axes, key in zip(panels, MEDIANS, strict=True):
             for k, controller in enumerate(controllers):
@@ -152,15 +152,19 @@ def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
                 axes.barh(y, np.nan_to_num(x), 0.9 * high, color=colour, label=controller)
                 gone = np.isnan(x)
                 axes.plot(np.zeros(gone.sum()), y[gone], "x", color=colour, ms=5, clip_on=False)
+                if gone.any() and k == 0:
+                    label = "most runs tripped or latched"
+                    axes.plot([], [], "x", color=INK, ms=5, label=label)
             axes.grid(visible=False, axis="y")
-            axes.set_xlim(left=0)
         panels[0].set_xlabel("RMS true error, N·m")
         panels[1].set_xlabel("of it above 4 Hz, N·m")
         panels[1].axvline(SWINGING_NM, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
+        for axes, least in zip(panels, (0.1, 1.1 * SWINGING_NM), strict=True):
+            axes.set_xlim(0, max(least, axes.get_xlim()[1]))
         panels[0].set_yticks(range(len(names)), names)
         panels[0].set_ylim(len(names) - 0.4, -0.6)
         handles, labels = panels[1].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=4)
+        figure.legend(handles, labels, loc="outside upper right", ncols=5)
         return finished(figure)
 
 

@@ -87,6 +87,16 @@ def _elements(x: External, name: str) -> list[str]:
     return [name] if x.port.size == 1 else [f"{name}[{i}]" for i in range(x.port.size)]
 
 
+def _skipped(missed: npt.ArrayLike | None, delay_ticks: int, ticks: int) -> Array:
+    skipped = np.zeros(ticks, np.uint8) if missed is None else np.array(missed, dtype=np.uint8)
+    if delay_ticks < 0 or skipped.shape != (ticks,):
+        raise UserError(
+            f"A delay of {delay_ticks} ticks, missed of shape {skipped.shape} for {ticks} ticks.",
+            "Give a delay from 0, and one value a tick.",
+        )
+    return skipped
+
+
 class ClosedLoop:
     """A controller System and a plant, compiled together.
 
@@ -407,12 +417,7 @@ class ClosedLoop:
             self.plant.blocks["plant"], start_rad, initial or {}, values.get("elastomer_scale", 1.0)
         )
         table = self._table(signals, n)
-        skipped = np.zeros(n, np.uint8) if missed is None else np.array(missed, dtype=np.uint8)
-        if delay_ticks < 0 or skipped.shape != (n,):
-            raise UserError(
-                f"A delay of {delay_ticks} ticks, missed of shape {skipped.shape} for {n} ticks.",
-                "Give a delay from 0, and one value a tick.",
-            )
+        skipped = _skipped(missed, delay_ticks, n)
         held_rad = first["theta_rad"][-1]
         path = self._path(signals, n, held_rad, seed)
 
@@ -431,10 +436,9 @@ class ClosedLoop:
 
         record = np.empty((n, self._width))
         pointer = [self.ffi.cast("double *", a.ctypes.data) for a in (table, path, record)]
-        off = delay_ticks, self.ffi.cast("unsigned char *", skipped.ctypes.data)
-        lost = self._lib.esea_loop_run(
-            *coeffs, state, *plant_coeffs, plant_state, start, *pointer, n, *off
-        )
+        off = n, delay_ticks, self.ffi.cast("unsigned char *", skipped.ctypes.data)
+        of_plant = *plant_coeffs, plant_state, start
+        lost = self._lib.esea_loop_run(*coeffs, state, *of_plant, *pointer, *off)
         return dataclasses.replace(self._result(record), missed_runs=int(lost))
 
     def _result(self, record: Array) -> ClosedLoopRun:

@@ -98,29 +98,30 @@ def _missing(share: float) -> Draw:
     return lambda _device, _rng: Deviation(missed_share=share)
 
 
-def _everything(missing: bool) -> Draw:
+def _everything(part: float = 1.0, missing: bool = False) -> Draw:
+    # part: of the way from the model to what is drawn.
     def draw(device: Device, rng: np.random.Generator) -> Deviation:
         r, a = PLANTS.off.random, device.file.actuator
         assert a is not None
 
-        def uniform(ends: tuple[float, float]) -> float:
-            return float(rng.uniform(*ends))
+        def uniform(ends: tuple[float, float], model: float = 0.0) -> float:
+            return model + part * (float(rng.uniform(*ends)) - model)
 
         def by_ratio(ends: tuple[float, float]) -> float:
             return math.exp(uniform((math.log(ends[0]), math.log(ends[1]))))
 
         values = {
-            "elastomer_scale": uniform(r.rubber_scale),
-            "hysteresis_scale": uniform(r.hysteresis_scale),
+            "elastomer_scale": uniform(r.rubber_scale, 1.0),
+            "hysteresis_scale": uniform(r.hysteresis_scale, 1.0),
             "relaxation_Nm_rad": uniform(r.relaxation_Nm_rad),
             "fv_Nms_rad": by_ratio(r.friction_scale) * a.fv_Nms_rad.value,
             "fc_Nm": by_ratio(r.friction_scale) * a.fc_Nm.value,
-            "J_kgm2": uniform(r.inertia_scale) * a.J_kgm2.value,
+            "J_kgm2": uniform(r.inertia_scale, 1.0) * a.J_kgm2.value,
             "tau_c_s": by_ratio(r.lag_scale) * a.tau_c_s.value,
             "cable_backlash_rad": uniform(r.backlash_rad),
             **_encoders(rng, lambda: uniform(r.encoder_deg)),
         }
-        delay = int(rng.integers(r.delay_ms[0], r.delay_ms[1], endpoint=True))
+        delay = part * int(rng.integers(r.delay_ms[0], r.delay_ms[1], endpoint=True))
         share = uniform(r.missed_share) if missing else 0.0
         return Deviation(values, round(delay * RATE_HZ / 1000), share)
 
@@ -167,8 +168,10 @@ def off_families() -> dict[str, OffFamily]:
         name, text = f"missed-{100 * x:g}%", f"{100 * x:g} % of the control runs left out, any"
         add(name, "missed", text, _missing(x))
     text = "everything above drawn at once, but no run missed"
-    add("random", "random", text, _everything(False))
-    add("random-missed", "random-missed", "the same, and runs missed", _everything(True))
+    add("random", "random", text, _everything())
+    add("random-half", "random-half", "the same, half as far from the model", _everything(0.5))
+    text = "as random, and runs missed"
+    add("random-missed", "random-missed", text, _everything(missing=True))
     return {row.name: row for row in rows}
 
 
@@ -176,8 +179,7 @@ def _groups() -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for row in off_families().values():
         groups.setdefault(row.group, []).append(row.name)
-    drawn = ("random", "random-missed")
-    return groups | {ALL: [n for n in off_families() if n not in drawn]}
+    return groups | {ALL: [n for n in off_families() if not n.startswith("random")]}
 
 
 def chosen_families(given: str) -> list[str]:
