@@ -96,7 +96,7 @@ def test_twice_the_hysteresis(device, rigid):
     assert stops[-1] > 0.1
 
 
-@pytest.mark.parametrize("constant_s", [5.0, 0.05])
+@pytest.mark.parametrize("constant_s", [5.0, 0.05, 0.011])
 def test_a_second_relaxation_time(device, rigid, constant_s):
     # Of a spring of 3 Nm/rad and a dashpot in line at a constant rate.
     values = dict(deviation("relaxation", device, 0).values)
@@ -105,7 +105,7 @@ def test_a_second_relaxation_time(device, rigid, constant_s):
     (delta, alone), (_, both) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
     t = rigid.step_s * np.arange(1, len(delta) + 1)
     branch = 3.0 * constant_s * (1 - np.exp(-t / constant_s))
-    assert both - alone == pytest.approx(branch, abs=1e-3)
+    assert both - alone == pytest.approx(branch, abs=2e-4)
 
 
 @pytest.mark.parametrize(("name", "deg"), [("encoder-0.26deg", 0.26), ("encoder-1deg", 1.0)])
@@ -383,7 +383,7 @@ def quick(seed: int, off: str, controller: str, **_: object) -> dict[str, float]
     """In place of a run: figures that tell where they come from."""
     if off == "lag-x2" and seed == 1:
         raise ArithmeticError("the plant left the page")
-    rms = 0.1 * (1 + seed) * (2 if controller == "mpc" else 1)
+    rms = 0.1 * (1 + seed) ** 2 * (2 if controller == "mpc" else 1)
     swing = 0.2 if off == "lag-x2" else 0.15
     rest = dict.fromkeys(("rms_model_Nm", "max_true_Nm", "tripped", "limited_share"), 0.0)
     ends = {"unstable": float(seed == 2), "fault": float(off == "missed-5%")}
@@ -402,9 +402,9 @@ def test_one_table_of_all(monkeypatch):
     content = done.to_dict()
     json.dumps(content, allow_nan=False)
     rows = {(r["off"], r["controller"]): r for r in content["off"]}
-    assert rows["none", "smc"]["rms_true_Nm"] == pytest.approx(0.2)
-    assert rows["none", "mpc"]["rms_true_Nm_worst"] == pytest.approx(0.6)
-    assert rows["lag-x2", "smc"]["rms_true_Nm"] == pytest.approx(0.2)  # of the first and third
+    assert rows["none", "smc"]["rms_true_Nm"] == pytest.approx(0.4)
+    assert rows["none", "mpc"]["rms_true_Nm_worst"] == pytest.approx(1.8)
+    assert rows["lag-x2", "smc"]["rms_true_Nm"] == pytest.approx(0.5)  # of the first and third
     assert [rows["lag-x2", "smc"][k] for k in ("failed", "swinging", "unstable")] == [1, 2, 1]
     # At the limit is not above it.
     assert (rows["none", "smc"]["swinging"], SWINGING_NM) == (0, 0.15)
@@ -422,7 +422,7 @@ def test_one_table_of_all(monkeypatch):
     figure = done.figure()
     assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == list(names)
     # A latched controller has no bar, but a cross.
-    assert [bar.get_width() for bar in figure.axes[0].containers[0]] == pytest.approx([0.2, 0.2, 0])
+    assert [bar.get_width() for bar in figure.axes[0].containers[0]] == pytest.approx([0.4, 0.5, 0])
 
 
 def test_one_family_alone_is_a_study_as_ever(monkeypatch):
