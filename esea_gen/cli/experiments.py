@@ -27,6 +27,23 @@ ControllerOption = Annotated[
 PlantOption = Annotated[
     str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
 ]
+OffOption = Annotated[
+    str,
+    typer.Option(
+        "--off",
+        metavar="FAMILY",
+        help="In what the plant differs from the controller's model; several with a comma "
+        "between, or all (a wrong one lists them).",
+    ),
+]
+FaultOption = Annotated[
+    str,
+    typer.Option(
+        "--fault",
+        metavar="KIND:ENCODER@SECONDS[=AMOUNT]",
+        help="Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
+    ),
+]
 
 app.add_typer(
     typer.Typer(
@@ -61,28 +78,13 @@ def simulate(
             "default: what suits plant and study.",
         ),
     ] = None,
-    off: Annotated[
-        str,
-        typer.Option(
-            "--off",
-            metavar="FAMILY",
-            help="In what the plant differs from the controller's model; several with a comma "
-            "between, or all (a wrong one lists them).",
-        ),
-    ] = "none",
+    off: OffOption = "none",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first run.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Runs of each case.")] = 1,
     real: Annotated[
         str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
     ] = "f32",
-    fault: Annotated[
-        str,
-        typer.Option(
-            "--fault",
-            metavar="KIND:ENCODER@SECONDS[=AMOUNT]",
-            help="Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
-        ),
-    ] = "",
+    fault: FaultOption = "",
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     resume: Annotated[

@@ -420,8 +420,7 @@ class ClosedLoop:
         delay_ticks : int
             For how many ticks a command is under way to the motor.
         missed : array_like of bool, optional
-            One value a tick: where true, the controller's last task does not run although it is
-            due.
+            One value a tick: where true, the controller's last task is due, but does not run.
 
         Returns
         -------
