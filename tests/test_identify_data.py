@@ -276,6 +276,11 @@ def test_the_rate_of_a_coarse_step_is_that_of_its_middle(elbow, every):
     fine, coarse = (
         FittedPlant(elbow, [recording], 1 / (n * elbow.period_s)).streams[0] for n in (1, every)
     )
+    # Both grids reach from the first sample to the last, and every sample of them trains.
+    assert [len(x.theta_rad) for x in (fine, coarse)] == [801, 800 // every + 1]
+    assert fine.theta_rad[-1] == pytest.approx(recording.theta_rad[-1], rel=1e-12)
+    for x in (fine, coarse):
+        np.testing.assert_array_equal(x.training[0], np.arange(len(x.theta_rad)))
     np.testing.assert_allclose(coarse.theta_rad, fine.theta_rad[::every], rtol=0, atol=1e-15)
     settled = slice(600 // every, None)
     earlier = (fine.omega_rad_s[::every] - coarse.omega_rad_s)[settled]

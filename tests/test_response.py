@@ -417,6 +417,11 @@ def test_impedance_of_a_known_driving_point(j, b, k, kind):
         (j, b, k), rel=1e-5, abs=1e-6
     )
     assert fit.misfit < 1e-5
+    # Over the band it says, and at a frequency of its own, 0.7 Hz.
+    assert (fit.low_Hz, fit.high_Hz) == pytest.approx((1 / (n * H), 30 / (n * H)))
+    at = 2 * np.pi * 0.7
+    (said,) = fit.per_angle(np.array([0.7]))
+    assert said == pytest.approx(complex(k - at**2 * j, at * b), rel=1e-5, abs=1e-5)
 
 
 def test_deviations_of_an_impedance_fit_cover_the_truth():
