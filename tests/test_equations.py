@@ -17,7 +17,7 @@ from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.observe.rates import motor_rate, tangent
 
-from .limits_model import SHIPPED, calm
+from .limits_model import SHIPPED, calm, changed
 from .shown_equations import value
 
 H = 1e-3
@@ -153,17 +153,18 @@ def test_of_the_set_points_rates(drive):
     assert y["delta_acc_rad_s2"][-1] == pytest.approx(gamma * e, rel=1e-6)
 
 
+@pytest.mark.parametrize("most_rad_s", [10.0, 8.0])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_of_the_limits_push_near_a_stop_and_near_the_speed_limit(drive, sign):
-    block, n = limits(drive), SHIPPED
+def test_of_the_limits_push_near_a_stop_and_near_the_speed_limit(drive, sign, most_rad_s):
+    block, n = limits(changed(drive, omega_max_rad_s=most_rad_s)), SHIPPED
     names = {"U": n.u, "b" if sign > 0 else "a": n.high if sign > 0 else n.low, "m": n.margin}
     (largest,) = [e for e in block.equations if e.number == ("[lim 1]" if sign > 0 else "[lim 2]")]
     middle, end = 1.0, n.high if sign > 0 else n.low
     cut = set()
-    for theta, omega in [
-        (middle, 0.0), (middle, 7.9), (middle, 8.2), (middle, 8.5), (middle, 8.9), (middle, 9.5),
-        (middle, -9.5), (end - sign * 0.05, 0.0), (end - sign * 0.12, 8.3), (end + sign * 0.1, 0.0),
-    ]:  # fmt: skip
+    places = [(middle, x) for x in (0.0, 0.79, 0.82, 0.85, 0.89, 0.95, -0.95)]
+    places += [(end - sign * x, y) for x, y in ((0.05, 0.0), (0.12, 0.83), (-0.1, 0.0))]
+    for theta, share in places:
+        omega = share * most_rad_s
         x = calm()
         x["u_command_Nm"][6:] = sign * 0.5
         for name, v in (
@@ -176,7 +177,9 @@ def test_of_the_limits_push_near_a_stop_and_near_the_speed_limit(drive, sign):
             x[name][:] = v
         y, _ = block.simulator().run(x)
         assert not y["fault"][60]
-        expected = value(largest, names | {"W": n.omega, "omega": sign * omega, "theta_l": theta})
+        expected = value(
+            largest, names | {"W": most_rad_s, "omega": sign * omega, "theta_l": theta}
+        )
         assert sign * y["u_Nm"][60] == pytest.approx(expected, abs=1e-6), (theta, omega)
         cut.add(round(expected, 3))
     # From nothing to the whole command.
