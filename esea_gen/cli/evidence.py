@@ -237,7 +237,7 @@ def mutate_python_command(
     ] = 0,
     limit_s: Annotated[
         float | None,
-        typer.Option("--limit-s", min=1.0, help="Time of one test file; default: 600."),
+        typer.Option("--limit-s", min=1.0, help="Time of one test file; default: 3 times its own."),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:

@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from compileall import compile_dir
 from contextlib import contextmanager
@@ -28,7 +29,7 @@ from esea_gen.verify.mutation.python_tests import PACKAGE, Importers, near_tests
 
 NOT_COPIED = (".git", ".venv", "out", "dist", "build", "__pycache__", ".*_cache", ".hypothesis")
 NO_TESTS = 5  # what pytest gives where nothing is left to run
-LIMIT_S = 600.0  # of one test file; the slowest takes a third of that
+SPARE_S = 20.0  # a test file gets three times its time without a fault, and this
 # A test that fails without a fault: so many are set aside before the file is given up.
 BROKEN_MOST = 5
 Fate = Literal["killed", "survived", "no end"]
@@ -136,6 +137,7 @@ class _Copy:
         compile_dir(self.root / PACKAGE, quiet=2)
         self.broken: set[str] = set()
         self.sound: set[str] = set()
+        self.limits_s: dict[str, float] = {}
 
     def run(self, test: str, limit_s: float | None) -> tuple[int | None, str]:
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-rfE"]
@@ -157,8 +159,19 @@ class _Copy:
             return None, ""
         return child.returncode, said
 
-    def who_notices(self, mutant: PythonMutant, test: str, limit_s: float) -> tuple[Fate, str]:
+    def limit_of(self, test: str) -> float:
+        """Time that a test file may take, from a run without a fault."""
+        if test not in self.limits_s:
+            begun = time.monotonic()
+            self.run(test, None)
+            self.limits_s[test] = SPARE_S + 3 * (time.monotonic() - begun)
+        return self.limits_s[test]
+
+    def who_notices(
+        self, mutant: PythonMutant, test: str, limit_s: float | None
+    ) -> tuple[Fate, str]:
         """The test of a file that fails with the fault, and passes without it."""
+        limit_s = limit_s or self.limit_of(test)
         for _ in range(BROKEN_MOST):
             with self.fault(mutant):
                 code, said = self.run(test, limit_s)
@@ -236,7 +249,7 @@ def mutate_python(
     tests: test files or names; those that stand nearest to a fault by import when not given.
     independent: leave out tests that only compare with committed output.
     widen: so many more test files for a fault that the nearest do not notice.
-    limit_s: time of one test file.
+    limit_s: time of one test file; from three times that without a fault when not given.
     """
     say = progress or (lambda _: None)
     drawn: list[tuple[str, PythonMutant]] = []
@@ -254,7 +267,7 @@ def mutate_python(
             fate: Fate = "survived"
             noticed_by = ""
             for test in asked:
-                fate, noticed_by = copy.who_notices(mutant, test, limit_s or LIMIT_S)
+                fate, noticed_by = copy.who_notices(mutant, test, limit_s)
                 if fate != "survived":
                     break
             if copy.broken.issuperset(asked):

@@ -17,16 +17,18 @@ def _name(path: Path) -> str:
     return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
 
 
-def _imported(tree: ast.AST, known: set[str]) -> set[str]:
+def _imported(tree: ast.AST, known: set[str], folder: Path) -> set[str]:
     found: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             found.update(a.name for a in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            below = {f"{node.module}.{a.name}" for a in node.names} & known
+        elif isinstance(node, ast.ImportFrom):
+            above = folder.parts[: len(folder.parts) + 1 - node.level] if node.level else ()
+            module = ".".join((*above, *filter(None, [node.module])))
+            below = {f"{module}.{a.name}" for a in node.names} & known
             found.update(below)
             if len(below) < len(node.names):
-                found.add(node.module)
+                found.add(module)
     return found & known
 
 
@@ -42,7 +44,7 @@ class Importers:
             text = (root / path).read_text(encoding="utf-8")
             self.size[path] = len(text)
             tree = ast.parse(text)
-            for used in _imported(tree, set(self.paths)):
+            for used in _imported(tree, set(self.paths), path.parent):
                 self.users[used].add(user)
 
     def distances(self, source: Path) -> dict[Path, int]:
