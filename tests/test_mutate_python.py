@@ -253,6 +253,22 @@ def test_a_test_that_fails_without_a_fault_proves_nothing(checkout):
     assert {f.noticed_by for f in report.found} <= {"", "tests/test_sums.py::test_right"}
 
 
+@pytest.mark.parametrize(("independent", "fate"), [(True, "survived"), (False, "killed")])
+def test_a_single_test_of_committed_output_is_left_out_too(checkout, independent, fate):
+    (checkout / "esea_gen/small/label.py").write_text(
+        'def label(x):\n    return f"{100 * x:.1f} %"\n'
+    )
+    (checkout / "tests/test_label.py").write_text(
+        "from esea_gen.small.label import label\n\n"
+        "def test_its_unit():\n    assert label(0.25).endswith(' %')\n\n"
+        "def test_committed_label():\n    assert label(0.25) == '25.0 %'\n"
+    )
+    what = ["esea_gen/small/label.py:1"]
+    (found,) = mutate_python(checkout, what, limit_s=60, independent=independent).found
+    assert found.fate == fate
+    assert ("test_committed_label" in found.noticed_by) != independent
+
+
 def test_a_long_edit_is_shown_where_it_is():
     faults = PythonFaults("a.py", f"y = [{', '.join(f'a{k} + b{k}' for k in range(40))}]\n")
     made = [m for m in map(faults.make, range(len(faults))) if m and m.kind == "operator"]

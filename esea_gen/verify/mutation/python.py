@@ -25,7 +25,7 @@ from typing import Any, Literal
 
 from esea_gen.errors import UserError
 from esea_gen.verify.mutation.python_edits import PythonFaults, PythonMutant
-from esea_gen.verify.mutation.python_tests import PACKAGE, Importers, near_tests
+from esea_gen.verify.mutation.python_tests import COMMITTED_TEST, PACKAGE, Importers, near_tests
 
 NOT_COPIED = (".git", ".venv", "out", "dist", "build", "__pycache__", ".*_cache", ".hypothesis")
 NO_TESTS = 5  # what pytest gives where nothing is left to run
@@ -126,7 +126,7 @@ def sources_of(root: Path, what: str) -> list[Path]:
 class _Copy:
     # A copy of the checkout, and its tests in a child process.
 
-    def __init__(self, root: Path, folder: Path) -> None:
+    def __init__(self, root: Path, folder: Path, independent: bool) -> None:
         self.root = folder / "checkout"
         shutil.copytree(root, self.root, ignore=shutil.ignore_patterns(*NOT_COPIED))
         # Plans and libraries of faulty code are nothing to keep.
@@ -135,13 +135,14 @@ class _Copy:
         self.env = os.environ | fixed | {"PYTHONDONTWRITEBYTECODE": "1"}
         # Bytecode of the sound sources; a fault must not meet that of another one.
         compile_dir(self.root / PACKAGE, quiet=2)
+        self.select = ["-k", f"not {COMMITTED_TEST}"] if independent else []
         self.broken: set[str] = set()
         self.sound: set[str] = set()
         self.limits_s: dict[str, float] = {}
 
     def run(self, test: str, limit_s: float | None) -> tuple[int | None, str]:
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-rfE"]
-        command += ["-p", "no:cacheprovider", "-p", "no:xdist"]
+        command += ["-p", "no:cacheprovider", "-p", "no:xdist", *self.select]
         child = subprocess.Popen(
             [*command, *(f"--deselect={name}" for name in sorted(self.broken)), test],
             cwd=self.root,
@@ -259,7 +260,7 @@ def mutate_python(
     graph = Importers(root)
     report = PythonReport(seed)
     with tempfile.TemporaryDirectory(prefix="esea-mutate-") as scratch:
-        copy = _Copy(root, Path(scratch))
+        copy = _Copy(root, Path(scratch), independent)
         for k, (name, mutant) in enumerate(drawn):
             say(f"fault {k + 1} of {len(drawn)}, {len(report.survivors)} survived")
             near, more = near_tests(graph, Path(mutant.path), independent=independent, widen=widen)
