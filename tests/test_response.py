@@ -392,6 +392,18 @@ def test_a_wrong_sweep_is_refused(swept):
         welch_response(u, y, H, segment_s=15.0)
 
 
+@pytest.mark.parametrize("strongest", [1, 3])
+def test_only_what_is_a_thousandth_of_the_strongest_line_counts_as_excited(strongest):
+    n = 400
+    t = np.arange(3 * n) / n
+    # The mean is no line, however large; a line at half the rate has no phase.
+    sizes = {strongest: 1.0, 7: 2e-3, 11: 5e-4, n // 2: 0.1}
+    u = 50.0 + sum(a * np.cos(2 * np.pi * k * t) for k, a in sizes.items())
+    r = periodic_response(u, 2.5 * u, 1.0 / n, samples=n)
+    np.testing.assert_allclose(r.frequency_Hz, [strongest, 7.0])
+    np.testing.assert_allclose(r.response, 2.5, rtol=1e-9)
+
+
 # -- impedance ------------------------------------------------------------------------------------
 
 

@@ -212,7 +212,7 @@ def mutate_python_command(
     whats: Annotated[
         list[str],
         typer.Argument(
-            metavar="ROOM|FILE[:N]...", help="Rooms of esea_gen, or files; N faults of this one."
+            metavar="ROOM|FILE[:N]", help="Rooms of esea_gen, or files; N faults of this one."
         ),
     ],
     sample: Annotated[
