@@ -379,6 +379,30 @@ def test_bad_input_is_explained(arguments, said):
     assert "Traceback" not in done.stderr
 
 
+def test_one_command_makes_the_table(tmp_path):
+    file, sheet = tmp_path / "off.json", tmp_path / "off.csv"
+    command = (
+        "simulate tuning --off rubber-10,missed-10% --controller smc --controller mpc --jobs 1"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "esea_gen.cli", *command.split(), "--json", file, "--csv", sheet],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "simulated" in done.stdout
+    rows = json.loads(file.read_text())["off"]
+    assert [(r["off"], r["controller"]) for r in rows] == [
+        (n, c) for n in ("rubber-10", "missed-10%") for c in ("smc", "mpc")
+    ]
+    # A tenth of what the elastomer has of 1.7 Nm is missing, whoever controls; all runs latch.
+    wrong = 0.1 * 1.7 / math.sqrt(2)
+    assert [r["rms_true_Nm"] for r in rows[:2]] == pytest.approx([wrong, wrong], rel=0.2)
+    assert [r["fault"] for r in rows] == [0, 0, 1, 1]
+    assert sheet.read_text().count("\n") == 5
+
+
 def quick(seed: int, off: str, controller: str, **_: object) -> dict[str, float]:
     """In place of a run: figures that tell where they come from."""
     if off == "lag-x2" and seed == 1:
