@@ -66,6 +66,7 @@ COMPARED = """
     redundancy.theta_gear_rad     encoder_gear.theta_gear_rad
     redundancy.gear_usable        encoder_gear.gear_usable
     redundancy.d_gear_rad_s2      gear.d_gear_rad_s2
+    redundancy.moves_rad_s2       gear.moves_rad_s2
     redundancy.tau_Nm             sensor.tau_Nm
     # The motor's own encoder, so that a coupling encoder that fails does not move what it is held
     # against; the command that was let through.
@@ -182,6 +183,7 @@ OUTPUTS = """
     mode_held                     reference.mode
     apart_rad                     redundancy.apart_rad
     apart_Nm                      redundancy.apart_Nm
+    room_Nm                       redundancy.room_Nm
 """
 OWN_OUTPUTS = {
     "elbow_drive": """

@@ -80,13 +80,14 @@ SIGNALS_REDUNDANT = {
     "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
     "gear_usable": "encoder_gear.gear_usable",
     "d_gear_rad_s2": "gear.d_gear_rad_s2",
+    "moves_rad_s2": "gear.moves_rad_s2",
     "agree": "redundancy.agree",
 }
 INPUTS_REDUNDANT = {
     "count_gear": ("encoder_gear.count",),
     "frame_error_gear": ("encoder_gear.frame_error",),
 }
-COMPARED = {"apart_rad": "redundancy.apart_rad", "apart_Nm": "redundancy.apart_Nm"}
+COMPARED = {n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")}
 # What ends the control task, whatever the law.
 LAST = ("redundancy", "stamp")
 # One for all axes: who stops one stops the machine.

@@ -358,6 +358,9 @@ class Redundancy(Section):
     torque_share: Quantity = _number(
         0, 1, "Share of the interaction torque that the elastomer's model may be wrong by."
     )
+    inertia_share: Quantity = _number(
+        0, 1, "Share of the torque that moved the drive's inertia of late: wrong inertia and lag."
+    )
     rate_1_s: Quantity = _number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
 
