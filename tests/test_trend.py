@@ -25,7 +25,7 @@ H = 0.005
 
 @cache
 def block():
-    return trend(load_device("elbow_drive"), GRID)
+    return trend(load_device("elbow_drive"), GRID.ends_s)
 
 
 def ahead(wanted, **tunables):

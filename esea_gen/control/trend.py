@@ -26,7 +26,8 @@ from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 if TYPE_CHECKING:
-    from esea_gen.control.horizon import Horizon
+    from collections.abc import Sequence
+
     from esea_gen.devices.file import DeviceData
 
 # On the standard plant 4 Hz lags by too much at 1.5 Hz (0.15 Nm), 24 Hz gives no more than 16.
@@ -46,21 +47,24 @@ STEP_NM, STEP_NOISES = 0.01, 4.0
 FASTEST_HZ = 3.0
 
 
-def trend(device: DeviceData, horizon: Horizon) -> Block:
-    """The wanted torque at the end of every interval, when only its past is known.
+def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
+    """Where the wanted torque goes, when only its past is known.
 
     Parameters
     ----------
     device : DeviceData
         A device with a drive; the Block runs at the rate of its control task.
-    horizon : Horizon
-        Grid of the prediction.
+    ends_s : sequence of float, optional
+        Times from now at which the torque is wanted: the ends of a horizon's intervals.
+    name : str, optional
+        Name of the Block.
 
     Returns
     -------
     Block
-        Input ``tau_wanted_Nm``; outputs ``tau_ahead_Nm``, one value for the end of each interval,
-        what it goes on with, ``tau_rate_Nm_s`` and ``tau_curve_Nm_s2``, and a status word.
+        Input ``tau_wanted_Nm``; outputs ``tau_ahead_Nm``, one value for each time (none without
+        times), what it goes on with, ``tau_rate_Nm_s``, ``tau_curve_Nm_s2`` and the share
+        ``trust`` of these that is believed, and a status word.
 
     Notes
     -----
@@ -78,9 +82,9 @@ def trend(device: DeviceData, horizon: Horizon) -> Block:
     The rate is at most that of full torque at 3 Hz, the acceleration likewise, and no value leaves
     the torque's range.
     """
-    law = _Trend(device, horizon)
+    law = _Trend(device, ends_s)
     return Block.define(
-        "trend",
+        name,
         "Wanted torque ahead, from its past",
         period_s=law.h,
         tunables=law.tunables(),
@@ -101,14 +105,12 @@ def trend(device: DeviceData, horizon: Horizon) -> Block:
 class _Trend:
     """Numbers, step and ports."""
 
-    def __init__(self, device: DeviceData, horizon: Horizon) -> None:
+    def __init__(self, device: DeviceData, ends_s: Sequence[float]) -> None:
         drive = drive_of(device)
         self.h, self.tau_lim = drive.control_period_s, drive.tau_Nm
-        self.ends_s, self.n = horizon.ends_s, horizon.intervals
+        self.ends_s = tuple(ends_s)
         self.high_Hz = 0.1 / self.h
-        turn = 2 * math.pi * FASTEST_HZ
-        full = device.tau_full_scale_Nm
-        self.rate_lim, self.acc_lim = threshold(turn * full), threshold(turn * turn * full)
+        self.rate_lim, self.acc_lim = motion_limits(device)
         self.keep_noise = math.exp(-self.h / NOISE_S)
         self.step_lim = 2 * self.tau_lim
         # Between two increments of opposite sign and the middle one.
@@ -175,9 +177,10 @@ class _Trend:
         }
         full = ca.logic_or(ca.fabs(rate) >= self.rate_lim, ca.fabs(acc) >= self.acc_lim)
         outputs = {
-            "tau_ahead_Nm": ahead,
+            **({"tau_ahead_Nm": ahead} if ahead else {}),
             "tau_rate_Nm_s": rate,
             "tau_curve_Nm_s2": acc,
+            "trust": trust,
             "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), full]),
         }
         return next_state, outputs
@@ -222,12 +225,21 @@ class _Trend:
             Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
             Flag("CLIPPED", "rate or acceleration is at its range", True),
         )
+        n = len(self.ends_s)
+        ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
         return (
-            around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n),
+            *((ahead,) if n else ()),
             around("tau_rate_Nm_s", self.rate_lim, "its rate now"),
             around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
+            Port("trust", 0.0, 1.0, "share of both that is believed"),
             Port("status", 0, 7, "what is known of it", flags=flags),
         )
+
+
+def motion_limits(device: DeviceData) -> tuple[float, float]:
+    """Largest rate and acceleration of a wanted torque that are believed."""
+    turn, full = 2 * math.pi * FASTEST_HZ, device.tau_full_scale_Nm
+    return threshold(turn * full), threshold(turn * turn * full)
 
 
 def faded(t_s: float) -> tuple[float, float]:

@@ -68,7 +68,7 @@ def _parts(base: Base) -> Parts:
     if along:
         replaced["reference"] = shown_reference(base.blocks["reference"])
         if extrapolated:
-            control["trend"] = trend(device, grid)
+            control["trend"] = trend(device, grid.ends_s)
         control["ahead"] = ahead(
             device, grid, given=preview, one_layer=one_layer, torque_given=future != "held"
         )
