@@ -60,15 +60,29 @@ OBSERVERS = """
 # -- the laws --------------------------------------------------------------------------------------
 
 SLIDING_MODE = """
-    inverse.tau_Nm                reference.tau_set_Nm
+    # Where the set torque goes, from its past; the inverse has it ahead, and the set-point is
+    # smoothed over the same time.
+    set_trend.tau_wanted_Nm       reference.tau_set_Nm
+    lead.tau_set_Nm               reference.tau_set_Nm
+    lead.mode                     reference.mode
+    lead.tau_rate_Nm_s            set_trend.tau_rate_Nm_s
+    lead.tau_curve_Nm_s2          set_trend.tau_curve_Nm_s2
+    lead.trust                    set_trend.trust
+    lead.settled                  set_trend.settled
+    inverse.tau_Nm                lead.tau_led_Nm
     setpoint.theta_set_rad        inverse.theta_rad
+    smooth.theta_set_rad          inverse.theta_rad
+    smooth.delta_set_rad          setpoint.delta_set_rad
+    smooth.delta_rate_rad_s       setpoint.delta_rate_rad_s
+    smooth.delta_acc_rad_s2       setpoint.delta_acc_rad_s2
+    smooth.governed               lead.governed
     # (5.12) subtracts three rates: all three through one filter, so that delays cancel.
-    set_rate.theta_rad            inverse.theta_rad
+    set_rate.theta_rad            smooth.theta_smooth_rad
     smc.delta_rate_rad_s          set_rate.omega_rad_s
     smc.omega_motor_rad_s         motor_rate.omega_rad_s
     smc.omega_load_rad_s          load_rate.omega_rad_s
-    smc.delta_set_rad             setpoint.delta_set_rad
-    smc.delta_acc_rad_s2          setpoint.delta_acc_rad_s2
+    smc.delta_set_rad             smooth.delta_set_rad
+    smc.delta_acc_rad_s2          smooth.delta_acc_rad_s2
     smc.theta_rad                 joint.theta_rad
     smc.tau_Nm                    sensor.tau_Nm
     smc.tau_h_Nm                  human.tau_h_Nm
@@ -164,7 +178,7 @@ OUTPUTS = """
 """
 OWN_OUTPUTS = {
     "elbow_drive": """
-    delta_set_rad                 setpoint.delta_set_rad
+    delta_set_rad                 smooth.delta_set_rad
     u_command_Nm                  smc.u_command_Nm
     surface_rad_s                 smc.s_rad_s
     u_eq_Nm                       smc.u_eq_Nm
@@ -185,8 +199,8 @@ FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
 ORDER = {
     "elbow_drive": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate reference "
-        "inverse setpoint limits drive human set_rate",
-        "control": "smc stamp",
+        "lead inverse setpoint smooth limits drive human set_rate",
+        "control": "set_trend smc stamp",
     },
     "elbow_mpc": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate reference "

@@ -43,6 +43,8 @@ MANY_NOISES, LOUDEST = 10.0, 100.0
 # An increment that differs from the median of three by more is a step: it says nothing of what
 # follows.  With noise, by more than a multiple of it.
 STEP_NM, STEP_NOISES = 0.01, 4.0
+# What counts as a whole step, and how long it is remembered.
+JUMP_NM, STEPPED_S = 0.1, 0.15
 # The fastest that is believed: full torque to and fro at this frequency.
 FASTEST_HZ = 3.0
 
@@ -112,6 +114,7 @@ class _Trend:
         self.high_Hz = 0.1 / self.h
         self.rate_lim, self.acc_lim = motion_limits(device)
         self.keep_noise = math.exp(-self.h / NOISE_S)
+        self.keep_step = math.exp(-self.h / STEPPED_S)
         self.step_lim = 2 * self.tau_lim
         # Between two increments of opposite sign and the middle one.
         self.noise_lim = threshold(4.04 * self.step_lim)
@@ -124,8 +127,8 @@ class _Trend:
             "noises_1_Nm": 1 / t.quiet_Nm,
         }
 
-    def increment(self, s: Any, fresh: ca.SX, label: Labels) -> ca.SX:
-        """The increment without what it has of a step."""
+    def increment(self, s: Any, fresh: ca.SX, label: Labels) -> tuple[ca.SX, ca.SX]:
+        """The increment without what it has of a step, and that part of it."""
         first, second = ca.vertsplit(s.raw_Nm)
         least, most = ca.fmin(first, second), ca.fmax(first, second)
         middle = label("median_Nm", ca.fmax(least, ca.fmin(most, fresh)), "median of three")
@@ -133,7 +136,9 @@ class _Trend:
         room = label("room_Nm", STEP_NM + STEP_NOISES * s.noise_Nm, "what counts in full")
         # In full up to the room, less beyond it, nothing from twice the room on.
         left = ca.fmax(2 * room - ca.fabs(aside), 0)
-        return label("increment_Nm", middle + clip(aside, -left, left), "increment without a step")
+        kept = clip(aside, -left, left)
+        step = label("step_Nm", ca.fabs(aside - kept), "what a step has added")
+        return label("increment_Nm", middle + kept, "increment without a step"), step
 
     def step(
         self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
@@ -141,7 +146,9 @@ class _Trend:
         ok, h = guard.inputs_ok, self.h
         primed = ca.logic_or(s.primed, ok)
         fresh = label("fresh_Nm", ca.if_else(s.primed, u.tau_wanted_Nm - s.last_Nm, 0), "increment")
-        grown = self.increment(s, fresh, label)
+        grown, jump = self.increment(s, fresh, label)
+        share = ca.fmin(jump * (1 / JUMP_NM), 1)
+        stepped = label("stepped", ca.fmax(share, self.keep_step * s.stepped), "a step of late")
         one, two = ca.vertsplit(s.grown_Nm)
         bend = ca.fabs(grown - 2 * one + two)
         keep = self.keep_noise
@@ -171,6 +178,7 @@ class _Trend:
             "raw_Nm": [fresh, s.raw_Nm[0]],
             "grown_Nm": [grown, one],
             "noise_Nm": noise,
+            "stepped": stepped,
             "miss_Nm": left,
             "rate_Nm_s": rate,
             "acc_Nm_s2": acc,
@@ -181,6 +189,7 @@ class _Trend:
             "tau_rate_Nm_s": rate,
             "tau_curve_Nm_s2": acc,
             "trust": trust,
+            "settled": 1 - stepped,
             "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), full]),
         }
         return next_state, outputs
@@ -212,6 +221,7 @@ class _Trend:
             around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
             around("grown_Nm", self.step_lim, "the same without steps", 2),
             Port("noise_Nm", 0.0, self.noise_lim, "mean second difference of the increments"),
+            Port("stepped", 0.0, 1.0, "1 after a step, fading"),
             around("miss_Nm", self.miss_lim, "wanted torque less the observer's"),
             around("rate_Nm_s", self.rate_lim, "rate of the wanted torque"),
             around("acc_Nm_s2", self.acc_lim, "its acceleration"),
@@ -232,6 +242,7 @@ class _Trend:
             around("tau_rate_Nm_s", self.rate_lim, "its rate now"),
             around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
             Port("trust", 0.0, 1.0, "share of both that is believed"),
+            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
             Port("status", 0, 7, "what is known of it", flags=flags),
         )
 

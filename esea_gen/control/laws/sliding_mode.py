@@ -62,7 +62,7 @@ def _parts(base: Base) -> Parts:
 
 def _governed() -> dict[str, str]:
     # The set torque ahead, the inverse, and the set-point smoothed over the same time.
-    seen = ("tau_rate_Nm_s", "tau_curve_Nm_s2", "trust")
+    seen = ("tau_rate_Nm_s", "tau_curve_Nm_s2", "trust", "settled")
     found = ("delta_set_rad", "delta_rate_rad_s", "delta_acc_rad_s2")
     return {
         "set_trend.tau_wanted_Nm": "reference.tau_set_Nm",
