@@ -90,8 +90,8 @@ def test_the_thesis_gains_are_passive_and_the_largest_are_not(study):
     assert not study.region.stable[1, 1]
     worst = study.runs[20.0, 5.0, "light"]
     push_J = 0.5 * 0.1 * 0.5**2
-    assert worst.generated_J > push_J
-    assert worst.swings_up(push_J) or worst.stopped
+    # Ten times what the push put in comes out, though this hand's damping ends it.
+    assert worst.generated_J > 10 * push_J
     quiet = study.runs[1.5, 0.25, "light"]
     assert quiet.held_end_J < 0.01 * push_J
     assert quiet.generated_J < 0.01 * push_J

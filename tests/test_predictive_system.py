@@ -315,8 +315,12 @@ def test_a_device_file_chooses_the_law(small):
     )
     assert "smc" not in small.system.blocks
     assert load_device("elbow_drive").system.blocks.keys() >= {"smc"}
-    parts = device('person = "parabola"\nimpedance = "cascade"\n').system.tasks[1].blocks
-    assert parts == ("parabola", "predictive", "redundancy", "stamp")
+    two = 'person = "parabola"\nimpedance = "cascade"\n'
+    assert device(two).system.tasks[1].blocks == (
+        ("parabola", "trend", "ahead", "predictive", "redundancy", "stamp")
+    )
+    held = device(two + 'future = "held"\n').system.tasks[1].blocks
+    assert held == ("parabola", "predictive", "redundancy", "stamp")
     # No key of the section changes what another device is.
     assert '"predictive":' not in load_device("elbow_drive").canonical()
 
