@@ -82,7 +82,8 @@ def torque_lead(device: DeviceData) -> Block:
         torque = ca.logic_and(u.mode > 0.5, u.mode < 1.5)
         acts = ca.logic_and(guard.inputs_ok, torque)
         asked = label("asked", ca.if_else(acts, c.share * u.trust, 0), "share that is asked for")
-        slow = label("slow", (1 - keep) * asked + keep * s.slow, "fading to it")
+        # The rounding of a fixed point number may add a bit to 1, which would be a corrupt state.
+        slow = label("slow", clip((1 - keep) * asked + keep * s.slow, 0, 1), "fading to it")
         governed = label("governed", ca.fmin(slow, u.settled), "not after a step")
         motion = by_rate * u.tau_rate_Nm_s + by_curve * u.tau_curve_Nm_s2
         led = label("led_Nm", u.tau_set_Nm + governed * motion, "set torque ahead")
