@@ -93,7 +93,8 @@ def test_bounds_of_torque_control(drive, bounds):
     assert {n for n, b in bounds.items() if not math.isinf(b.steps)} == FORGETFUL
     for block in drive.system.kinds:
         for p in block.outputs:
-            if not p.flags:
+            # An extrapolation: what its rate is off by is one step's, over its square.
+            if not p.flags and block.name != "set_trend":
                 share = bounds[block.name].outputs[p.name] / max(abs(p.low), abs(p.high))
                 # The inverse's model torque carries its set-point's error times the stiffness.
                 assert share < (4e-4 if block.name == "inverse" else 1.1e-4), (block.name, p.name)
