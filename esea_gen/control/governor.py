@@ -191,8 +191,7 @@ def smoothed_setpoint(device: DeviceData) -> Block:
         first, second, third = lags
         rate = (1 / lag) * (second - third)
         acc = (1 / lag**2) * (first - 2 * second + third)
-        acts = ca.if_else(sound, u.governed, 0)
-        share = label("share", MOST_SHARE * acts, "as far as it is governed")
+        share = label("share", ca.if_else(sound, MOST_SHARE * u.governed, 0), "governed")
 
         def mixed(plain: Any, smooth: Any) -> Any:
             return plain + share * (smooth - plain)
