@@ -125,7 +125,9 @@ def held(tmp_path):
     """The same controller that holds the wanted torque still."""
     text = (
         'schema = 1\nextends = "elbow_drive"\nname = "mpc_held"\ntitle = "Test"\n'
-        'laws = ["predictive"]\n[predictive]\nfuture = "held"\n'
+        'laws = ["predictive"]\n[timing]\n'
+        'control_release_s = { value = 0.002, status = "assumed", source = "test" }\n'
+        '[predictive]\nfuture = "held"\n'
     )
     for key, value in controller_document("mpc-no-preview")["predictive"].items():
         if key != "future":

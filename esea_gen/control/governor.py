@@ -41,7 +41,8 @@ SMOOTH_S = 0.07
 LEAD_S = 0.07
 # From not governed to governed: shorter than the offset of a change of mode takes to fade.
 FADE_S = 0.1
-LEAST_SHARE = 0.01
+# A little less than 1: rounding can then not put a mixture of two angles beyond their range.
+LEAST_SHARE, MOST_SHARE = 0.01, 0.999
 
 
 def torque_lead(device: DeviceData) -> Block:
@@ -82,7 +83,8 @@ def torque_lead(device: DeviceData) -> Block:
         torque = ca.logic_and(u.mode > 0.5, u.mode < 1.5)
         acts = ca.logic_and(guard.inputs_ok, torque)
         asked = label("asked", ca.if_else(acts, c.share * u.trust, 0), "share that is asked for")
-        slow = label("slow", (1 - keep) * asked + keep * s.slow, "fading to it")
+        # The rounding of a fixed point number may add a bit to 1, which would be a corrupt state.
+        slow = label("slow", ca.fmin((1 - keep) * asked + keep * s.slow, 1), "fading to it")
         governed = label("governed", ca.fmin(slow, u.settled), "not after a step")
         motion = by_rate * u.tau_rate_Nm_s + by_curve * u.tau_curve_Nm_s2
         led = label("led_Nm", u.tau_set_Nm + governed * motion, "set torque ahead")
@@ -189,16 +191,16 @@ def smoothed_setpoint(device: DeviceData) -> Block:
         first, second, third = lags
         rate = (1 / lag) * (second - third)
         acc = (1 / lag**2) * (first - 2 * second + third)
-        share = label("share", ca.if_else(sound, u.governed, 0), "as far as it is governed")
+        share = label("share", ca.if_else(sound, MOST_SHARE * u.governed, 0), "governed")
 
-        def mixed(plain: Any, smooth: Any, most: float) -> Any:
-            return clip(plain + share * (smooth - plain), -most, most)
+        def mixed(plain: Any, smooth: Any) -> Any:
+            return plain + share * (smooth - plain)
 
         outputs = {
-            "delta_set_rad": mixed(u.delta_set_rad, third, delta_lim),
-            "delta_rate_rad_s": mixed(u.delta_rate_rad_s, rate, rate_lim),
-            "delta_acc_rad_s2": mixed(u.delta_acc_rad_s2, acc, acc_lim),
-            "theta_smooth_rad": mixed(u.theta_set_rad, third, delta_lim),
+            "delta_set_rad": mixed(u.delta_set_rad, third),
+            "delta_rate_rad_s": clip(mixed(u.delta_rate_rad_s, rate), -rate_lim, rate_lim),
+            "delta_acc_rad_s2": clip(mixed(u.delta_acc_rad_s2, acc), -acc_lim, acc_lim),
+            "theta_smooth_rad": mixed(u.theta_set_rad, third),
             "status": flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]),
         }
         names = ("first_rad", "second_rad", "third_rad")

@@ -162,6 +162,7 @@ class _Trend:
         miss = label("innovation_Nm", s.miss_Nm + grown - moved, "innovation")
         rate = s.rate_Nm_s + h * s.acc_Nm_s2 + (1.5 / h) * (q * q * (1 + pole)) * miss
         acc = s.acc_Nm_s2 + (1 / h**2) * (q * q * q) * miss
+        full = ca.logic_or(ca.fabs(rate) > self.rate_lim, ca.fabs(acc) > self.acc_lim)
         rate = label("rate_Nm_s", clip(rate, -self.rate_lim, self.rate_lim), "rate")
         acc = label("acc_Nm_s2", clip(acc, -self.acc_lim, self.acc_lim), "acceleration")
         left = clip((pole * pole * pole) * miss, -self.miss_lim, self.miss_lim)
@@ -183,7 +184,6 @@ class _Trend:
             "rate_Nm_s": rate,
             "acc_Nm_s2": acc,
         }
-        full = ca.logic_or(ca.fabs(rate) >= self.rate_lim, ca.fabs(acc) >= self.acc_lim)
         outputs = {
             **({"tau_ahead_Nm": ahead} if ahead else {}),
             "tau_rate_Nm_s": rate,
