@@ -43,9 +43,11 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
             *(f"model.{m}" for m in ("sensing", "symbolic", "velocity_properties")),
+            "model.gear_encoder",
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
             *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
             *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
+            "control.redundancy",
         ),
     ),
     "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library", "hostlib.runner")),

@@ -53,6 +53,8 @@ class Processor:
     stack_limit_bytes: largest stack use of a task's step, in single precision, of a device that
         only measures; None where no gate asks.
     clock_Hz: of a common part, for what a number of instructions would take; 0 where nobody asks.
+    cycles_per_instruction: assumed, and measured by nobody: most take one, loads, divisions and a
+        flash that makes it wait take more.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Processor:
     fpu: bool = True
     stack_limit_bytes: int | None = None
     clock_Hz: float = 0.0
+    cycles_per_instruction: float = 1.5
 
     @property
     def m_profile(self) -> bool:

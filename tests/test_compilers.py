@@ -220,6 +220,10 @@ SUM = " + ".join(f"esea_value_{k}(first_{k}, second_{k})" for k in range(9))
             "#define ESEA_DEVICE_BLOCK_FLAG (1u << 3)",
         ),
         (
+            "/* name    " + "word " * 20 + "end */",
+            "/* name    " + "word " * 17 + "word\n *         " + "word " * 2 + "end */",
+        ),
+        (
             " * " + "word " * 22 + "end */",
             " * " + "word " * 18 + "word\n * " + "word " * 3 + "end */",
         ),
@@ -230,6 +234,17 @@ def test_where_lines_are_broken(line, expected):
         line, expected = f"/*\n{line}", f"/*\n{expected}"
     assert wrap(line) == expected
     assert wrap(expected) == expected
+
+
+@pytest.mark.parametrize("lead", ["/* ", "    /* ", "/*\n * "])
+def test_stars_of_a_broken_comment_stand_below_each_other(lead):
+    broken = wrap(lead + "word " * 30 + "end */").splitlines()
+    first = next(k for k, line in enumerate(broken) if "/*" in line)
+    column = broken[first].index("*")
+    assert len(broken) - first >= 2
+    for line in broken[first + 1 :]:
+        assert line[: column + 1] == " " * column + "*"
+    assert " ".join(" ".join(broken).replace("*", " ").split()).count("word") == 30
 
 
 @pytest.mark.parametrize(

@@ -619,6 +619,7 @@ def test_both_encoders_feed_the_deflection():
         for side in ("motor", "load")
         for port in ("count", "frame_error")
     }
+    inputs["agree"] = ("joint.agree",)
     outputs = {"theta_rad": "joint.theta_rad", "sensing_ok": "joint.sensing_ok"}
     tasks = (Task("read", tuple(blocks)),)
     system = System(device.name, device.period_s, blocks, tasks, wires, inputs, outputs)
@@ -631,10 +632,11 @@ def test_both_encoders_feed_the_deflection():
         "load_count": np.floor(-(load - 1.0) / TURN * full) % full,
         "motor_frame_error": 0 * t,
         "load_frame_error": 0 * t,
+        "agree": np.where((t >= 2.0) & (t < 2.1), 0.0, 1.0),
     }
     stream["load_frame_error"][1000:1010] = FrameError.FIELD_STRONG
     got, _ = compile_system(system, "f32").task("read").run(stream, trace=False)
     ok = got["sensing_ok"] == 1
     assert np.max(np.abs(got["theta_rad"] - (motor - load))[3:1000]) < 2.01 * TURN / full
     # Three frames are bridged, the rest and three of settling are not.
-    assert np.flatnonzero(~ok).tolist() == [0, 1, 2, *range(1003, 1013)]
+    assert np.flatnonzero(~ok).tolist() == [0, 1, 2, *range(1003, 1013), *range(2000, 2100)]

@@ -223,6 +223,13 @@ def test_the_other_functions_keep_their_errors(x):
         assert 0 <= math.sqrt(x * 2.0**28) - functions.root(x, 28) < 1
 
 
+def test_roots_of_the_smallest_numbers_and_of_squares(lib):
+    for k in (0, 2, 20, 60):
+        assert lib.esea_q31_sqrt(1, k) == functions.root(1, k) == 2 ** (k // 2)
+    for x, least in ((0, 0), (-1, 0), (2, 1), (3, 1), (4, 2), (8, 2), (9, 3)):
+        assert lib.esea_q31_sqrt(x, 0) == functions.root(x, 0) == least
+
+
 EXHAUSTIVE = r"""
 #include <stdio.h>
 #include <math.h>

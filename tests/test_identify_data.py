@@ -6,6 +6,7 @@ Made recordings with sharp reversals, so that every cycle's samples are known by
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -276,6 +277,11 @@ def test_the_rate_of_a_coarse_step_is_that_of_its_middle(elbow, every):
     fine, coarse = (
         FittedPlant(elbow, [recording], 1 / (n * elbow.period_s)).streams[0] for n in (1, every)
     )
+    # Both grids reach from the first sample to the last, and every sample of them trains.
+    assert [len(x.theta_rad) for x in (fine, coarse)] == [801, 800 // every + 1]
+    assert fine.theta_rad[-1] == pytest.approx(recording.theta_rad[-1], rel=1e-12)
+    for x in (fine, coarse):
+        np.testing.assert_array_equal(x.training[0], np.arange(len(x.theta_rad)))
     np.testing.assert_allclose(coarse.theta_rad, fine.theta_rad[::every], rtol=0, atol=1e-15)
     settled = slice(600 // every, None)
     earlier = (fine.omega_rad_s[::every] - coarse.omega_rad_s)[settled]
@@ -336,6 +342,41 @@ def test_standard_deviations_are_the_scatter_of_repeated_experiments(rho):
     # The scatter of 400 fits is known to 3.5 %; without the factor it is 2 and 6.2 times as large
     # as said at 0.6 and 0.95.
     np.testing.assert_allclose(np.mean(said, axis=0), fits.std(axis=0), rtol=0.12)
+
+
+FEW_rad = np.array([-0.2, -0.1, 0.05, 0.15, 0.2])
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e6, 1e-6])
+def test_standard_deviations_of_a_few_samples_in_closed_form(unit):
+    # Five samples, two parameters: three degrees of freedom are left for the noise.  In another
+    # unit of torque the deviations are the same share of the values.
+    plant = Cubic(FEW_rad, unit * 0.01 * np.array([1.0, -2.0, 1.5, -1.0, 0.5]))
+    k1, k3 = 10.0, 200.0
+    plant.measured += unit * plant.basis @ [k1, k3]
+    fit = np.linalg.lstsq(plant.basis, plant.measured, rcond=None)[0]
+    rest = plant.measured - plant.basis @ fit
+    assert rest[1:] @ rest[:-1] < 0  # of which neighbours are not alike
+    # The normal equations of a straight line through the origin and a cube, by hand.
+    m2, m4, m6 = (float(np.sum(FEW_rad**n)) for n in (2, 4, 6))
+    variance = float(rest @ rest) / 3 / (m2 * m6 - m4**2)
+    expected = np.sqrt([variance * m6, variance * m2])
+    values = dict(zip(("k1_Nm_rad", "k3_Nm_rad3"), (fit / unit).tolist(), strict=True))
+    plant.basis = unit * plant.basis
+    told = uncertainty(plant, values)  # type: ignore[arg-type]
+    assert told.correlation_factor == 1.0
+    np.testing.assert_allclose([told.sigma[k] for k in values], expected / unit, rtol=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e6, 1e-6])
+def test_a_parameter_without_effect_is_not_determined(unit):
+    plant = Cubic(FEW_rad, unit * (10 * FEW_rad + [0.01, -0.02, 0.015, -0.01, 0.005]))
+    # As far below the other as rounding may leave it, and as far as any number may tell.
+    plant.basis[:, 1] = 1e-15 * np.array([1.0, -1.0, 1.0, 1.0, -1.0])
+    plant.basis *= unit
+    told = uncertainty(plant, {"k1_Nm_rad": 10.0, "k3_Nm_rad3": 200.0})  # type: ignore[arg-type]
+    assert told.sigma["k3_Nm_rad3"] == math.inf
+    assert 0 < told.sigma["k1_Nm_rad"] < 0.2
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -277,6 +278,13 @@ def test_identify_with_inverse_writes_the_section(tmp_path):
     means = content["mean_rms"]
     assert means["held_out_percent"] < 0.5 * content["mean_rms_published"]["held_out_percent"]
     assert means["held_out_percent"] < 7
+    # The same per cent on the terminal, each under its name.
+    for what, found in (("refitted", means), ("table 4.2", content["mean_rms_published"])):
+        told = re.search(rf"^  {what} +training +(\S+) %, held out +(\S+) % of", done.output, re.M)
+        assert told is not None, done.output
+        assert [float(x) for x in told.groups()] == pytest.approx(
+            [found["training_percent"], found["held_out_percent"]], abs=0.006
+        )
     # Written once more it is the file of before: ours, so it may be replaced, with its comments.
     text = (tmp_path / "hdrb.toml").read_text()
     assert "# Weight kappa of the play operators, eq. 4.9." in text

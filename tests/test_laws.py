@@ -20,6 +20,7 @@ from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import shipped_controllers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
+from esea_gen.model.drive import NominalDrive
 from esea_gen.observe.human import lag_observer
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -79,7 +80,7 @@ def test_a_program_takes_its_own_stated_bound():
     program = load_device("elbow_mpc").system.blocks["predictive"]
     bound = next(t for t in program.tunables if t.name == "R")
     assert bound.low > 1e-4  # snapped inwards to float32
-    simulator = program.simulator({"R": 1e-4})
+    simulator = program.simulator({"R": 1e-4, "Q": 0.01})
     assert simulator.coefficients["root_r"] == pytest.approx(math.sqrt(1e-4) / 0.03488, rel=1e-6)
     with pytest.raises(ValueError, match=r"R = 9e-05 is outside"):
         program.simulator({"R": 9e-5})
@@ -150,7 +151,7 @@ def tuning(device, law):
     return case, run_on(loop, device, variant, case, setting, 0)
 
 
-def test_two_laws_in_one_system_change_without_a_bump(both):
+def test_two_laws_in_one_system_change_without_a_bump(both, tmp_path):
     require_tool("gcc")
     assert [law.name for law in both.laws] == ["sliding_mode", "predictive"]
     (case,) = load_study("tuning", ClosedLoopStudy).cases()
@@ -174,7 +175,14 @@ def test_two_laws_in_one_system_change_without_a_bump(both):
     alone = tuning(both, 1.0)[1].controller["u_Nm"]
     assert abs(alone[first] - u[first - 12]) > 1.5 * jumps[near].max()
     # Until the first change it is the sliding mode alone, to the bit; the torque follows always.
-    single = run_case(case, Setting("smc", "real", "none", "f32"), 0)
+    # Alone it would be released after 1 ms; predictive control beside it asks for 2.
+    alone_at_2_ms = tmp_path / "smc.toml"
+    alone_at_2_ms.write_text(
+        'schema = 1\nextends = "elbow_drive"\nname = "smc_2_ms"\ntitle = "Test"\n'
+        'laws = ["sliding_mode"]\n[timing]\n'
+        'control_release_s = { value = 0.002, status = "assumed", source = "test" }\n'
+    )
+    single = run_case(case, Setting(str(alone_at_2_ms), "real", "none", "f32"), 0)
     until = int(1e3 * CHANGE_S[0])
     assert np.array_equal(u[:until], single.controller["u_Nm"][:until])
     error = run.plant["tau_e_Nm"] - case.trajectory.tau_desired_Nm
@@ -208,13 +216,20 @@ def test_two_active_axes_need_no_second_wiring(drive):
     rng = np.random.default_rng(5)
     bits = 2 ** int(drive.file.encoder.resolution_bits.value)
     stopped = 0
+    # The drive obeys: motor and motion may not contradict each other.
+    numbers = {c.name: c.value for c in drive.constants("actuator")}
+    motor = NominalDrive(numbers, drive.period_s, 0.8)
+    shaft = 2 ** int(numbers["encoder_bits"])
     for tick in range(900):
-        wave = 0.1 * math.sin(0.01 * tick)
+        wave = 0.02 * math.sin(0.01 * tick)
+        turned = motor.theta_rad / (2 * math.pi)
         given = {
-            "count_motor": float(round((0.8 + wave) / (2 * math.pi) * bits)),
-            "count_load": float(round(0.8 / (2 * math.pi) * bits)),
+            "count_motor": float(round(turned * bits)),
+            "count_load": float(round((0.8 + wave) / (2 * math.pi) * bits)),
+            "count_gear": float(round(turned * numbers["gear_ratio"] * shaft) % shaft),
             "frame_error_motor": 0.0,
             "frame_error_load": 0.0,
+            "frame_error_gear": 0.0,
             "mode": float(tick > 60),
             "stop": float(tick == 700),
             "rearm": float(tick > 30),
@@ -235,6 +250,8 @@ def test_two_active_axes_need_no_second_wiring(drive):
             }
             assert len(doubled) == 2 * len(names) - len(shared & set(names))
             out = two.step(task.name, **doubled)
+            if task is sense:
+                motor.move(float(single["u_Nm"]), float(single["tau_Nm"]))
             for name, value in out.items():
                 assert value == single[re.sub(r"_(flexion|deviation)(?=_|$)", "", name)], name
             if task is sense and tick >= 700:

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.errors import UserError
-from esea_gen.verify.mutation.python import chosen_tests, mutate_python, sources_of
+from esea_gen.verify.mutation.python import mutate_python
 from esea_gen.verify.mutation.python_edits import PythonFaults
+from esea_gen.verify.mutation.python_tests import Importers, near_tests
 
 # Few, for each takes a process: of the sum, and of the text.
 TRIED, SEED = 4, 5
@@ -151,17 +152,20 @@ def test_faults_are_single_and_leave_the_source_as_it_was():
 
 def test_faults_are_noticed_or_told(checkout):
     before = {p: p.read_bytes() for p in checkout.rglob("*.py")}
-    report = mutate_python(checkout, "small", limit_s=60, sample=TRIED, seed=SEED)
-    assert report.tests == ("tests/test_sums.py",)
+    report = mutate_python(checkout, ["small"], limit_s=60, sample=TRIED, seed=SEED)
     assert len(report.found) == TRIED
-    fates = {(m.line, m.kind, m.edit): fate for m, fate in report.found}
+    fates = {(f.mutant.line, f.mutant.kind, f.mutant.edit): f.fate for f in report.found}
+    # Who noticed it is told, and for what nobody noticed, who was asked.
+    assert {f.asked for f in report.found} == {("tests/test_sums.py",)}
+    for f in report.found:
+        assert f.noticed_by.startswith("tests/test_sums.py::test_") == (f.fate == "killed")
     # Of a text that no independent test reads nothing is noticed; of the sum everything is.
     assert {f for (line, _, _), f in fates.items() if line == 16} == {"survived"}
     assert {f for (line, _, _), f in fates.items() if line == 12} == {"killed"}
     assert 0 < report.score < 1
     assert report.score == pytest.approx(1 - len(report.survivors) / TRIED)
     # Repeatable, and the checkout is as it was.
-    again = mutate_python(checkout, "small", limit_s=60, sample=TRIED, seed=SEED)
+    again = mutate_python(checkout, [f"small:{TRIED}"], limit_s=60, seed=SEED)
     assert again.to_dict() == report.to_dict()
     assert {p: p.read_bytes() for p in checkout.rglob("*.py")} == before
     assert json.loads(json.dumps(report.to_dict()))["tried"] == TRIED
@@ -173,8 +177,8 @@ def test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed(checkout):
     (checkout / "tests/test_sums.py").write_text(
         "from esea_gen.small.sums import ends\n\ndef test_ends():\n    ends(3)\n"
     )
-    report = mutate_python(checkout, "esea_gen/small/sums.py", limit_s=8)
-    fates = {m.kind: fate for m, fate in report.found}
+    report = mutate_python(checkout, ["esea_gen/small/sums.py"], limit_s=8)
+    fates = {f.mutant.kind: f.fate for f in report.found}
     assert fates["deleted statement"] == "no end"
     assert fates["not"] == "survived"  # nothing looks at what it gives
     assert "survived: esea_gen/small/sums.py:2: not: n  ->  not n" in report.table()
@@ -189,10 +193,89 @@ def test_what_may_do_nothing_is_told_as_such():
     assert {m.suspect for m in made if m.line == 2} == {"in a text for people"}
 
 
-def test_chosen_tests_committed_output_are_left_out_unless_asked_for(checkout):
-    sources = sources_of(checkout, "small")
-    assert [p.name for p in chosen_tests(checkout, sources, True)] == ["test_sums.py"]
-    assert len(chosen_tests(checkout, sources, False)) == 2
+def test_committed_output_is_left_out_unless_asked_for(checkout):
+    source = Path("esea_gen/small/sums.py")
+    for independent, names in (
+        (True, {"test_sums.py"}),
+        (False, {"test_sums.py", "test_traces.py"}),
+    ):
+        near, more = near_tests(Importers(checkout), source, independent=independent, widen=9)
+        assert {p.name for p in near} == names
+        assert more == []
+
+
+def test_the_nearest_tests_by_import_come_first_and_so_many_more(checkout):
+    # sums <- twice <- a test; sums <- shared <- two tests, one of which bears the source's name.
+    files = {
+        "esea_gen/small/twice.py": "def f():\n    from esea_gen.small import sums\n",
+        "tests/test_sums.py": "from .shared import clipped\n\ndef test_it(): ...\n",
+        "tests/test_other.py": "from tests.shared import clipped\n",
+        "tests/test_twice.py": "import esea_gen.small.twice\n# long\n" + "#\n" * 99,
+        "tests/test_apart.py": "import esea_gen\n",
+        "tests/shared.py": "from esea_gen.small.sums import clipped\n",
+        "esea_gen/small/alone.py": "",
+        "tests/__init__.py": "",
+    }
+    (checkout / "tests/test_traces.py").unlink()
+    for name, text in files.items():
+        (checkout / name).write_text(text)
+    graph = Importers(checkout)
+    source = Path("esea_gen/small/sums.py")
+    (near, none), (_, two) = (near_tests(graph, source, independent=True, widen=n) for n in (0, 2))
+    assert [p.name for p in near] == ["test_sums.py", "test_other.py", "test_twice.py"]
+    assert none == two == []
+    twice = Path("esea_gen/small/twice.py")
+    assert [p.name for p in near_tests(graph, twice, independent=True, widen=0)[0]] == [
+        "test_twice.py"
+    ]
+    with pytest.raises(UserError, match=r"No test imports esea_gen\.small\.alone"):
+        near_tests(graph, Path("esea_gen/small/alone.py"), independent=True, widen=0)
+    # A test of its own stands nearer than those over others; these come on demand.
+    (checkout / "tests/test_near.py").write_text("from esea_gen.small.sums import label\n")
+    near, more = near_tests(Importers(checkout), source, independent=True, widen=2)
+    assert [p.name for p in near] == ["test_near.py"]
+    assert [p.name for p in more] == ["test_sums.py", "test_other.py"]
+
+
+def test_a_test_that_fails_without_a_fault_proves_nothing(checkout):
+    (checkout / "tests/test_sums.py").write_text(
+        "from esea_gen.small.sums import ends\n\n"
+        "def test_wrong():\n    assert ends(3) == 1\n\n"
+        "def test_right():\n    assert ends(3) == 0\n"
+    )
+    (checkout / "esea_gen/small/sums.py").write_text(
+        "def ends(n):\n    if n > 3:\n        n -= 1\n    return 0 * n\n"
+    )
+    report = mutate_python(checkout, ["small"], limit_s=60, sample=3, seed=1)
+    assert report.broken == {"tests/test_sums.py::test_wrong"}
+    assert "fails without a fault, set aside: tests/test_sums.py::test_wrong" in report.table()
+    assert report.to_dict()["fails_without_fault"] == sorted(report.broken)
+    assert {f.noticed_by for f in report.found} <= {"", "tests/test_sums.py::test_right"}
+
+
+@pytest.mark.parametrize(("independent", "fate"), [(True, "survived"), (False, "killed")])
+def test_a_single_test_of_committed_output_is_left_out_too(checkout, independent, fate):
+    (checkout / "esea_gen/small/label.py").write_text(
+        'def label(x):\n    return f"{100 * x:.1f} %"\n'
+    )
+    (checkout / "tests/test_label.py").write_text(
+        "from esea_gen.small.label import label\n\n"
+        "def test_its_unit():\n    assert label(0.25).endswith(' %')\n\n"
+        "def test_committed_label():\n    assert label(0.25) == '25.0 %'\n"
+    )
+    what = ["esea_gen/small/label.py:1"]
+    (found,) = mutate_python(checkout, what, limit_s=60, independent=independent).found
+    assert found.fate == fate
+    assert ("test_committed_label" in found.noticed_by) != independent
+
+
+def test_a_long_edit_is_shown_where_it_is():
+    faults = PythonFaults("a.py", f"y = [{', '.join(f'a{k} + b{k}' for k in range(40))}]\n")
+    made = [m for m in map(faults.make, range(len(faults))) if m and m.kind == "operator"]
+    for k, mutant in enumerate(made):
+        before, after = mutant.edit.split("  ->  ")
+        assert (f"a{k} + b{k}" in before, f"a{k} - b{k}" in after) == (True, True)
+        assert len(mutant.edit) < 210
 
 
 def test_the_command(checkout, tmp_path, monkeypatch):
@@ -203,13 +286,16 @@ def test_the_command(checkout, tmp_path, monkeypatch):
     assert "of 2 faults noticed" in done.output
     rows = json.loads((checkout / "r.json").read_text())["mutants"]
     assert {r["file"] for r in rows} == {"esea_gen/small/sums.py"}
+    assert {r["of"] for r in rows} == {"small"}
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["nowhere"], "no room or file 'nowhere'"),
-        (["small", "--tests", "tests/test_none.py"], "do not pass without a fault"),
+        (["small:none"], "'small:none': no number of faults"),
+        (["small:0"], "'small:0': no number of faults"),
+        (["small:1", "--tests", "tests/test_none.py"], "do not pass without a fault"),
     ],
 )
 def test_the_command_refuses(checkout, monkeypatch, arguments, said):

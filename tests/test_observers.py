@@ -184,6 +184,47 @@ def test_start_gap_and_invalid_samples(drive):
     assert int(y["status"][-1]) & bits["RATE_CLIPPED"]
 
 
+def test_a_step_of_just_the_reach_is_not_clipped(drive):
+    # A twentieth of the angle's range, -0.95 to 3.35 rad, within a period: 215 rad/s.
+    block = motor_rate(drive)
+    flags = next(p for p in block.outputs if p.name == "status").flags
+    (flag,) = [1 << i for i, f in enumerate(flags) if f.name == "STEP_CLIPPED"]
+
+    def clipped(step_rad: float) -> bool:
+        simulator = block.simulator()
+        simulator.run({"theta_rad": np.zeros(3)})
+        return bool(int(simulator.step(theta_rad=step_rad)["status"]) & flag)
+
+    reach = float(np.float32(215.0))
+    low, high = 0.2149, 0.2151
+    assert not clipped(low)
+    assert clipped(high)
+    while np.nextafter(low, high) < high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if clipped(middle) else (middle, high)
+    # The last step that is not clipped is the reach itself, to the last digit.
+    assert low * (1 / H) == pytest.approx(reach, rel=1e-6)
+    limit = float(np.float32(low * (1 / H)))
+    assert low * (1 / H) == limit < high * (1 / H)
+
+
+def test_the_extended_states_memory_has_room_for_a_step_of_the_fastest_motion(drive):
+    ports = {p.name: p for p in extended_state(drive).state}
+    outputs = {p.name: p for p in extended_state(drive).outputs}
+    inputs = {p.name: p for p in extended_state(drive).inputs}
+    torque = outputs["tau_h_Nm"].high
+    # What (5.3) adds in a period, and the torque's fastest rise; beyond that a memory is corrupt.
+    for name, most in (
+        (
+            "omega_rad_s",
+            outputs["omega_load_rad_s"].high + H * (inputs["tau_Nm"].high + torque) / JH,
+        ),
+        ("tau_h_Nm", torque + H * outputs["tau_h_rate_Nm_s"].high),
+    ):
+        assert 1.0005 * most < ports[name].high < 1.002 * most, name
+        assert ports[name].low == -ports[name].high
+
+
 def test_a_cutoff_beyond_the_rate_is_refused(drive):
     device = changed(
         drive,

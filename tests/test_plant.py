@@ -181,7 +181,8 @@ def still(t):
     [
         ("ideal", "ideal", 5e-5),
         ("ideal", "none", 5e-5),
-        ("smooth", "uncertain", 1e-4),
+        ("smooth", "uncertain", 1.2e-4),
+        ("smooth", "uncertain-no-feedforward", 1e-4),
         ("real", "uncertain", 3e-3),
         ("real", "none", 3e-3),
     ],
@@ -640,7 +641,9 @@ def test_standard_numbers():
     assert (r.joint_encoder_bits, r.motor_encoder_bits, r.velocity_filter_Hz) == (12, 17, 30)
     ideal, uncertain = PEOPLE["ideal"], PEOPLE["uncertain"]
     assert (ideal.Jh_kgm2, ideal.spring_Nm_rad, ideal.damping_Nms_rad) == (0.22, 15, 1.5)
-    assert (ideal.feedforward, uncertain.feedforward) == (True, False)
+    assert (ideal.feedforward, uncertain.feedforward) == (True, True)
+    alone = PEOPLE["uncertain-no-feedforward"]
+    assert alone == dataclasses.replace(uncertain, feedforward=False)
     assert (uncertain.Jh_kgm2, uncertain.gravity_Nm, uncertain.torque_noise_Nm) == (0.15, 1.5, 0.3)
     assert PEOPLE["none"].clamped
 

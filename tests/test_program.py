@@ -141,6 +141,13 @@ def sorters():
     return programs, made
 
 
+def test_what_it_shows_of_itself_leaves_out_its_arrays_and_its_body():
+    shown = repr(bubble(7, True))
+    assert "name='bubble'" in shown
+    assert "memory=" not in shown
+    assert "parts=" not in shown
+
+
 @settings(max_examples=40)
 @given(st.lists(st.floats(-99, 99, width=32), min_size=7, max_size=7), st.sampled_from([1.0, -0.5]))
 def test_executor_and_c_sort_alike(sorters, values, sense):

@@ -89,6 +89,59 @@ def test_a_parameters_bar_is_its_deviation_in_per_cent_of_its_value(shown):
     assert [t.get_text() for t in axes.texts] == ["±1.0 %", "±25 %"]
 
 
+def test_every_axis_runs_from_small_to_large_and_holds_what_is_drawn(shown):
+    c = curve(held_out=np.arange(400) > 300)
+    figures.loops(c, "x", 10_000)
+    figures.over_time(c, "x", 10_000, FULL_SCALE_NM, (c.time_s, 1e-6 * np.cos(c.time_s)))
+    figures.error_overview([("a", 1e-9, 1e-5, 1e-3), ("b", 0.0, 2e-5, 30.0)], 3.7, "x")
+    figures.spread([("k1", 9.39, 0.0939), ("k3", -200.0, 50.0)], "x")
+    axes = [a for f in shown for a in f.axes if a.get_visible()]
+    assert len(axes) == 1 + 3 + 1 + 1
+    for a in axes:
+        for (low, high), values in (
+            (a.get_xlim(), [line.get_xdata() for line in a.lines]),
+            (a.get_ylim(), [line.get_ydata() for line in a.lines]),
+        ):
+            assert low < high
+            every = np.concatenate([np.asarray(v, dtype=float) for v in values])
+            every = every[np.isfinite(every)]
+            assert low <= every.min()
+            assert every.max() <= high
+    # The first stream stands uppermost, beside its name.
+    overview = axes[4]
+    names = dict(
+        zip((t.get_text() for t in overview.get_yticklabels()), overview.get_yticks(), strict=True)
+    )
+    (bound,) = [x for x in overview.lines if x.get_label() == "derived float32 bound"]
+    assert dict(zip(bound.get_ydata(), bound.get_xdata(), strict=True)) == {
+        names["a"]: 1e-3,
+        names["b"]: 30.0,
+    }
+    assert names["a"] > names["b"]
+
+
+def test_two_recordings_of_one_loop_share_a_figure_and_one_stands_alone(shown):
+    one, other = curve(), curve(label="b", model_Nm=-2.0 * np.ones(400))
+    (alone,) = figures.plots([one], FULL_SCALE_NM, [None])
+    assert (alone["shared"], alone["parts"]) == (False, 1)
+    assert len(shown) == 2  # its loop, and its torque over time
+    shown.clear()
+    pair = figures.plots([one, other], FULL_SCALE_NM, [None, None])
+    assert [(d["shared"], d["parts"]) for d in pair] == [(True, 2)] * 2
+    # Both loops in the first figure, each from its own samples; the second draws none.
+    assert len(shown) == 3
+    first, second = (a for a in shown[0].axes if a.get_visible())
+    assert drawn(first).max() == pytest.approx(3.0, abs=0.001)
+    model = {line.get_label(): line for line in second.lines}["C, float32"]
+    np.testing.assert_array_equal(model.get_ydata(), -2.0)
+    shown.clear()
+    # With data sets of its own a recording keeps its figure.
+    halves = (("up", np.arange(200)), ("down", np.arange(200, 400)))
+    apart = figures.plots([one, replace(other, parts=halves)], FULL_SCALE_NM, [None, None])
+    assert [(d["shared"], d["parts"]) for d in apart] == [(False, 1), (False, 2)]
+    assert len(shown) == 4
+
+
 def close(text: str, expected: float, digits: int = 2) -> None:
     """A cell says this, to the digits that cells have."""
     assert figure(text) == pytest.approx(expected, rel=0.6 * 10.0 ** (1 - digits)), text

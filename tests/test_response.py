@@ -392,6 +392,18 @@ def test_a_wrong_sweep_is_refused(swept):
         welch_response(u, y, H, segment_s=15.0)
 
 
+@pytest.mark.parametrize("strongest", [1, 3])
+def test_only_what_is_a_thousandth_of_the_strongest_line_counts_as_excited(strongest):
+    n = 400
+    t = np.arange(3 * n) / n
+    # The mean is no line, however large; a line at half the rate has no phase.
+    sizes = {strongest: 1.0, 7: 2e-3, 11: 5e-4, n // 2: 0.1}
+    u = 50.0 + sum(a * np.cos(2 * np.pi * k * t) for k, a in sizes.items())
+    r = periodic_response(u, 2.5 * u, 1.0 / n, samples=n)
+    np.testing.assert_allclose(r.frequency_Hz, [strongest, 7.0])
+    np.testing.assert_allclose(r.response, 2.5, rtol=1e-9)
+
+
 # -- impedance ------------------------------------------------------------------------------------
 
 
@@ -417,6 +429,11 @@ def test_impedance_of_a_known_driving_point(j, b, k, kind):
         (j, b, k), rel=1e-5, abs=1e-6
     )
     assert fit.misfit < 1e-5
+    # Over the band it says, and at a frequency of its own, 0.7 Hz.
+    assert (fit.low_Hz, fit.high_Hz) == pytest.approx((1 / (n * H), 30 / (n * H)))
+    at = 2 * np.pi * 0.7
+    (said,) = fit.per_angle(np.array([0.7]))
+    assert said == pytest.approx(complex(k - at**2 * j, at * b), rel=1e-5, abs=1e-5)
 
 
 def test_deviations_of_an_impedance_fit_cover_the_truth():

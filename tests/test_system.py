@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import casadi as ca
 import numpy as np
 import pytest
 
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.alike import joined
+from esea_gen.language.alike import alike, joined
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
@@ -23,8 +26,6 @@ def summing(period_s: float, name: str = "fast", gain: bool = False) -> Block:
     def step(c, s, u, guard, label):
         factor = c.factor if gain else 1
         total = s.total + factor * u.x
-        import casadi as ca
-
         return (
             {"total": total, "pair": [s.pair[1], u.x]},
             {
@@ -50,6 +51,32 @@ def summing(period_s: float, name: str = "fast", gain: bool = False) -> Block:
         ),
         step=step,
     )
+
+
+def other_first(f: ca.Function) -> ca.Function:
+    """The same function, with another first result."""
+    symbols = f.sx_in()
+    first, *rest = f.call(symbols)
+    return ca.Function(f.name(), symbols, [2 * first + 1, *rest], f.name_in(), f.name_out())
+
+
+def test_blocks_are_emitted_once_only_where_they_compute_the_same():
+    one = summing(1e-3, "one")
+    said = replace(one.inputs[0], meaning="in other words")
+    for same in (summing(1e-3, "other"), replace(one, inputs=(said,))):
+        assert alike(one, same)
+        assert alike(same, one)
+    wider = replace(one.inputs[0], high=2e6)
+    for other in (
+        summing(2e-3, "other"),
+        summing(1e-3, "other", gain=True),
+        replace(one, labels=(("total", "the sum"),)),
+        replace(one, inputs=(wider,)),
+        replace(one, state=one.state[::-1]),
+        *(replace(one, **{name: other_first(getattr(one, name))}) for name in ("init", "step")),
+    ):
+        assert not alike(one, other)
+        assert not alike(other, one)
 
 
 def two_rates(release: int | None = None, gain: bool = True) -> System:

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen import cli
-from esea_gen.control.sliding_mode import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
+from esea_gen.control.linear_loop import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
 from esea_gen.device import parse_device
 from esea_gen.devices.fields import SlidingMode
 from esea_gen.errors import UserError
@@ -185,7 +185,7 @@ def test_a_steeper_surface_has_less_error_until_it_overshoots(monkeypatch, capsy
     (sweep,) = content["sweeps"]
     low, middle, high = sweep["trials"]
     assert middle["rms_Nm"] < 0.7 * low["rms_Nm"]
-    assert high["overshoot_percent"] > 20
+    assert high["overshoot_percent"] > 15
     assert middle["overshoot_percent"] < 5
     assert high["roughness_Nm_s"] > middle["roughness_Nm_s"] > low["roughness_Nm_s"]
     assert sweep["chosen"] == 15

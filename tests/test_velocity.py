@@ -93,6 +93,12 @@ def test_low_frequency_forms_are_the_limits(elbow, bandwidth, mid):
         f = bandwidth / part
         assert v.gain_at(f, mid) - 1 == pytest.approx(v.gain_excess(f, mid), rel=6 / part)
         assert v.delay_at_s(f, mid) - low == pytest.approx(v.delay_growth_s(f, mid), rel=6 / part)
+    if not mid:  # omega_rad_s is what is meant where nothing is said
+        for name in ("gain_at", "gain_excess", "delay_at_s", "delay_growth_s"):
+            assert getattr(v, name)(f) == getattr(v, name)(f, False), name
+        assert np.array_equal(v.impulse_1_s(), v.impulse_1_s(False))
+        for name in ("noise_gain_1_s", "worst_gain_1_s", "bandwidth_3dB_Hz"):
+            assert getattr(v, name)() == getattr(v, name)(False) != getattr(v, name)(True), name
     # Group delay, by difference: three times the growth, to the second power of the frequency.
     f, df = bandwidth / 50, bandwidth / 1e4
     phase = [-np.angle(v.response(x, mid)) for x in (f - df, f + df)]

@@ -82,6 +82,7 @@ COMPARED = """
     redundancy.theta_gear_rad     encoder_gear.theta_gear_rad
     redundancy.gear_usable        encoder_gear.gear_usable
     redundancy.d_gear_rad_s2      gear.d_gear_rad_s2
+    redundancy.moves_rad_s2       gear.moves_rad_s2
     redundancy.tau_Nm             sensor.tau_Nm
     # The motor's own encoder, so that a coupling encoder that fails does not move what it is held
     # against; the command that was let through.
@@ -93,16 +94,30 @@ COMPARED = """
 # -- the laws --------------------------------------------------------------------------------------
 
 SLIDING_MODE = """
+    # Where the set torque goes, from its past; the inverse has it ahead, and the set-point is
+    # smoothed over the same time.
     # Damping that a law lacks is in it.
-    inverse.tau_Nm                passivity.tau_set_Nm
+    set_trend.tau_wanted_Nm       passivity.tau_set_Nm
+    lead.tau_set_Nm               passivity.tau_set_Nm
+    lead.mode                     reference.mode
+    lead.tau_rate_Nm_s            set_trend.tau_rate_Nm_s
+    lead.tau_curve_Nm_s2          set_trend.tau_curve_Nm_s2
+    lead.trust                    set_trend.trust
+    lead.settled                  set_trend.settled
+    inverse.tau_Nm                lead.tau_led_Nm
     setpoint.theta_set_rad        inverse.theta_rad
+    smooth.theta_set_rad          inverse.theta_rad
+    smooth.delta_set_rad          setpoint.delta_set_rad
+    smooth.delta_rate_rad_s       setpoint.delta_rate_rad_s
+    smooth.delta_acc_rad_s2       setpoint.delta_acc_rad_s2
+    smooth.governed               lead.governed
     # (5.12) subtracts three rates: all three through one filter, so that delays cancel.
-    set_rate.theta_rad            inverse.theta_rad
+    set_rate.theta_rad            smooth.theta_smooth_rad
     smc.delta_rate_rad_s          set_rate.omega_rad_s
     smc.omega_motor_rad_s         motor_rate.omega_rad_s
     smc.omega_load_rad_s          load_rate.omega_rad_s
-    smc.delta_set_rad             setpoint.delta_set_rad
-    smc.delta_acc_rad_s2          setpoint.delta_acc_rad_s2
+    smc.delta_set_rad             smooth.delta_set_rad
+    smc.delta_acc_rad_s2          smooth.delta_acc_rad_s2
     smc.theta_rad                 joint.theta_rad
     smc.tau_Nm                    sensor.tau_Nm
     smc.tau_h_Nm                  human.tau_h_Nm
@@ -201,13 +216,14 @@ OUTPUTS = """
     mode_held                     reference.mode
     apart_rad                     redundancy.apart_rad
     apart_Nm                      redundancy.apart_Nm
+    room_Nm                       redundancy.room_Nm
     damping_Nms_rad               passivity.damping_Nms_rad
     given_J                       passivity.given_J
     held_J                        passivity.held_J
 """
 OWN_OUTPUTS = {
     "elbow_drive": """
-    delta_set_rad                 setpoint.delta_set_rad
+    delta_set_rad                 smooth.delta_set_rad
     u_command_Nm                  smc.u_command_Nm
     surface_rad_s                 smc.s_rad_s
     u_eq_Nm                       smc.u_eq_Nm
@@ -228,8 +244,9 @@ FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
 ORDER = {
     "elbow_drive": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
-        "encoder_gear reference passivity inverse setpoint limits drive gear human set_rate",
-        "control": "smc redundancy stamp",
+        "encoder_gear reference passivity lead inverse setpoint smooth limits drive gear human "
+        "set_rate",
+        "control": "set_trend smc redundancy stamp",
     },
     "elbow_mpc": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
@@ -238,8 +255,8 @@ ORDER = {
     },
 }
 # Period, first tick and release, in base ticks of 1 ms: 1 kHz and 200 Hz, and a command that takes
-# effect one tick after the start of the run that made it.
-TIMES = {"sense": (1, 0, 1), "control": (5, 0, 1)}
+# effect one tick after the start of the run that made it; two for predictive control.
+RELEASE = {"elbow_drive": 1, "elbow_mpc": 2}
 DEVICES = ("elbow_drive", "elbow_mpc")
 
 
@@ -302,7 +319,10 @@ def test_order_period_and_release_of_every_task(systems, name):
     system = systems[name]
     assert system.base_period_s == 1e-3
     assert {t.name: " ".join(t.blocks) for t in system.tasks} == ORDER[name]
-    assert {t.name: (t.every, t.phase, t.release_ticks) for t in system.tasks} == TIMES
+    assert {t.name: (t.every, t.phase, t.release_ticks) for t in system.tasks} == {
+        "sense": (1, 0, 1),
+        "control": (5, 0, RELEASE[name]),
+    }
     slow = set(ORDER[name]["control"].split())
     for instance, block in system.blocks.items():
         assert block.period_s == (5e-3 if instance in slow else 1e-3), instance
@@ -335,10 +355,11 @@ def run_commands(system, change_at: int | None, ticks: int) -> np.ndarray:
 @pytest.mark.parametrize("name", DEVICES)
 def test_from_a_measurement_to_its_effect(systems, name):
     # A run of the control task at tick 35 holds what was measured at tick 34; the limits see its
-    # command at tick 36.  A count changed at tick 34 shows after 2 ticks, at tick 35 after 6.
+    # command at its release.  A count changed at tick 34 shows then, at tick 35 five ticks later.
     base = run_commands(systems[name], None, 44)
     assert np.any(base != 0)
-    for change_at, seen_at in ((34, 36), (35, 41), (33, 36)):
+    shown = 35 + RELEASE[name]
+    for change_at, seen_at in ((34, shown), (35, shown + 5), (33, shown)):
         other = run_commands(systems[name], change_at, 44)
         assert np.flatnonzero(other != base)[0] == seen_at, change_at
 
@@ -357,8 +378,8 @@ def test_from_a_measurement_to_its_effect(systems, name):
 def test_the_prediction_reaches_as_far_as_the_effect(release, ticks):
     text = load_device("elbow_mpc").toml()
     (line,) = (x for x in text.splitlines() if x.startswith("control_release_s = "))
-    other = "" if release is None else line.replace("value = 0.001", f"value = {release}")
-    assert release == "0.001" or other != line
+    other = "" if release is None else line.replace("value = 0.002", f"value = {release}")
+    assert other != line
     device = parse_device(text.replace(line, other), "mine.toml")
     assert 1 + device.system.tasks[-1].release_ticks == ticks
     assert predictive_delay_s(device) == pytest.approx(ticks * 1e-3, abs=1e-12)
@@ -369,8 +390,8 @@ def test_the_prediction_reaches_as_far_as_the_effect(release, ticks):
 @pytest.mark.parametrize(
     ("controller", "first_s", "last_s"),
     [
-        ("mpc", 0.022, 0.202),
-        ("mpc-no-preview", 0.022, 0.202),
+        ("mpc", 0.023, 0.203),
+        ("mpc-no-preview", 0.023, 0.203),
         ("mpc-published", 0.052, 0.502),
         ("mpc-published-no-preview", 0.052, 0.502),
     ],
@@ -382,17 +403,17 @@ def test_the_horizon_of_every_shipped_controller(controller, first_s, last_s):
 
 
 def test_a_known_future_is_that_of_the_intervals_ends():
-    # A run at tick 5 holds the measurement of tick 4 and acts from tick 6: its intervals end at
-    # ticks 26, 46 ... 206.  Later than the path is long, the last value holds.
+    # A run at tick 5 holds the measurement of tick 4 and acts from tick 7: its intervals end at
+    # ticks 27, 47 ... 207.  Later than the path is long, the last value holds.
     n = 300
     t = np.arange(n, dtype=float)
     path = Trajectory("count", t, 2 * t, 3 * t, 4 * t, 1000, n, True)
     found = previews(path, device_horizon(load_device("elbow_mpc")))
-    ends = np.array([26, 46, 66, 86, 106, 126, 146, 166, 186, 206])
+    ends = np.array([27, 47, 67, 87, 107, 127, 147, 167, 187, 207])
     for tick in (5, 10, 60, 90):
         at = ends + tick - 5
         assert found["tau_preview_Nm"][tick].tolist() == (4 * at).tolist()
         assert found["theta_preview_rad"][tick].tolist() == at.tolist()
         assert found["omega_preview_rad_s"][tick].tolist() == (2 * at).tolist()
     late = found["theta_preview_rad"][150].tolist()
-    assert late == [171, 191, 211, 231, 251, 271, 291, 299, 299, 299]
+    assert late == [172, 192, 212, 232, 252, 272, 292, 299, 299, 299]

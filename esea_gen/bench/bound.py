@@ -228,6 +228,7 @@ def _attribute(
     source: str,
     ranges: Mapping[str, tuple[int, int]],
     limits: Mapping[str, LoopBound],
+    elsewhere: Mapping[str, str],
 ) -> dict[int, str]:
     # The smallest source loop that holds every line of a machine loop; where a loop inside has
     # taken that one already, the next larger.  A compiler may turn one loop into two, one in the
@@ -235,24 +236,26 @@ def _attribute(
     # of its lines is in, the one with the most passes, which can only be too many.
     found: dict[int, str] = {}
     for header in sorted(loops, key=lambda h: len(loops[h])):
-        lines = {
-            i.line for b in loops[header] for i in blocks[b].code if i.file == source and i.line
-        }
+        code = [i for b in loops[header] for i in blocks[b].code if i.line]
+        known = {source, *elsewhere.values()}
+        lines = {(i.file, i.line) for i in code if i.file in known}
+
+        def inside(var: str, place: tuple[str, int]) -> bool:
+            first, last = ranges[var]
+            return place[0] == elsewhere.get(var, source) and first <= place[1] <= last
+
         taken = {found[h] for h in found if loops[h] < loops[header]}
         fits = [
             (last - first, var)
             for var, (first, last) in ranges.items()
-            if lines and first <= min(lines) and max(lines) <= last and var not in taken
+            if lines and all(inside(var, x) for x in lines) and var not in taken
         ]
         touched = [
-            (limits[var].passes, var)
-            for var, (first, last) in ranges.items()
-            if any(first <= x <= last for x in lines)
+            (limits[var].passes, var) for var in ranges if any(inside(var, x) for x in lines)
         ]
         if not touched:
             raise BoundError(
-                f"the loop at {header:#x} (lines {sorted(lines)} of {source}) is none of the "
-                "Program's loops"
+                f"the loop at {header:#x} (lines {sorted(lines)}) is none of the Program's loops"
             )
         found[header] = min(fits)[1] if fits else max(touched)[1]
     return found
@@ -265,10 +268,12 @@ def step_bound(
     ranges: Mapping[str, tuple[int, int]],
     loops: Sequence[LoopBound],
     objdump: str = "arm-none-eabi-objdump",
+    elsewhere: Mapping[str, str] | None = None,
 ) -> InstructionBound:
     """Largest number of instructions from entry to return of a step.
 
     ranges: first and last line of each loop (:func:`esea_gen.emit.program_c.loop_lines`).
+    elsewhere: the file of a loop that is not in ``source``.
     """
     functions = disassemble(elf, objdump)
     graphs: dict[str, dict[int, CodeBlock]] = {}
@@ -309,7 +314,7 @@ def step_bound(
         equal += [(into, enters), (out, 0.0)]
     for f, g in graphs.items():
         machine = _loops(g, next(iter(g)))
-        for header, var in _attribute(machine, g, source, ranges, limits).items():
+        for header, var in _attribute(machine, g, source, ranges, limits, elsewhere or {}).items():
             # Where the head can leave the loop it runs once more than the body, unless it is the
             # whole loop.
             leaves = any(b not in machine[header] for b in g[header].to)

@@ -28,6 +28,7 @@ from esea_gen.twin.run import plant_variant, run_on
 
 CONTROLLERS = {
     "smc-published": "SMC as published",
+    "smc-published-30Hz": "SMC as published, set-point 30 Hz",
     "smc": "SMC as shipped",
     "mpc-published": "MPC as published, preview",
     "mpc-published-no-preview": "MPC as published",

@@ -21,7 +21,7 @@ from esea_gen.cli.options import (
 from esea_gen.cli.output import progress_bar, write_json
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
-from esea_gen.targets import DEFAULT_BOARD
+from esea_gen.targets import BOARDS, DEFAULT_BOARD
 
 
 @app.command()
@@ -32,16 +32,44 @@ def firmware(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Output folder; default: build/<device>."),
     ] = None,
+    cycles: Annotated[
+        float | None,
+        typer.Option("--cycles", help="For a drive: cycles an instruction; default: assumed 1.5."),
+    ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Compile firmware for a board and say how large it is."""
+    """Compile firmware for a board and say how large it is.
+
+    Of a drive every task must have ended when its values are released: bound of its instructions,
+    clock and cycles an instruction say when.
+    """
     from esea_gen.verify.firmware import build_firmware
 
     loaded = load_device(device, controller)
+    fits = _fits(loaded, board, cycles)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name)
     out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
+    for line in fits:
+        out.print(line)
     write_json(json_file, image.to_dict())
+
+
+def _fits(loaded: Device, board: str, cycles: float | None) -> list[str]:
+    # What a drive's tasks take on a board with a known clock; too long is an error.
+    part = BOARDS[board].processor if board in BOARDS else None
+    if not loaded.laws or part is None or not (part.clock_Hz or cycles):
+        return []
+    from esea_gen.bench.release import task_times
+
+    times = task_times(loaded, part, cycles)
+    times.check()
+    return [
+        f"{task}: at most {count} instructions; ended {1e3 * times.ended_s[task]:.3f} ms after its "
+        f"start at {times.cycles:g} cycles an instruction and {part.clock_Hz / 1e6:g} MHz, "
+        f"released after {1e3 * times.release_s[task]:g} ms"
+        for task, count in times.instructions.items()
+    ]
 
 
 @app.command()

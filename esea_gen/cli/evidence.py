@@ -209,17 +209,20 @@ def mutate(
 
 @app.command("mutate-python")
 def mutate_python_command(
-    what: Annotated[
-        str, typer.Argument(metavar="ROOM|FILE", help="Room of esea_gen, or one of its files.")
+    whats: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="ROOM|FILE[:N]", help="Rooms of esea_gen, or files; N faults of this one."
+        ),
     ],
     sample: Annotated[
         int | None,
-        typer.Option("--sample", min=1, help="Number of faults, drawn at random; default: all."),
+        typer.Option("--sample", min=1, help="Number of faults of each, drawn; default: all."),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the random draw.")] = 0,
     tests: Annotated[
         list[str] | None,
-        typer.Option("--tests", help="Test file; default: those that import the room or file."),
+        typer.Option("--tests", help="Test file; default: the nearest by import."),
     ] = None,
     independent: Annotated[
         bool,
@@ -228,11 +231,13 @@ def mutate_python_command(
             help="Leave out tests that only compare with committed output.",
         ),
     ] = True,
+    widen: Annotated[
+        int,
+        typer.Option("--widen", min=0, help="Test files more for what the nearest do not notice."),
+    ] = 0,
     limit_s: Annotated[
         float | None,
-        typer.Option(
-            "--limit-s", min=1.0, help="Time of one run of the tests; default: 3 times the first."
-        ),
+        typer.Option("--limit-s", min=1.0, help="Time of one test file; default: 3 times its own."),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -242,11 +247,12 @@ def mutate_python_command(
     with progress_line() as say:
         result = mutate_python(
             Path.cwd(),
-            what,
+            whats,
             sample=sample,
             seed=seed,
             tests=tests or (),
             independent=independent,
+            widen=widen,
             limit_s=limit_s,
             progress=say,
         )

@@ -27,6 +27,23 @@ ControllerOption = Annotated[
 PlantOption = Annotated[
     str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
 ]
+OffOption = Annotated[
+    str,
+    typer.Option(
+        "--off",
+        metavar="FAMILY",
+        help="In what the plant differs from the controller's model; several with a comma "
+        "between, or all (a wrong one lists them).",
+    ),
+]
+FaultOption = Annotated[
+    str,
+    typer.Option(
+        "--fault",
+        metavar="KIND:ENCODER@SECONDS[=AMOUNT]",
+        help="Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
+    ),
+]
 
 app.add_typer(
     typer.Typer(
@@ -43,29 +60,31 @@ def simulate(
     study: Annotated[
         str, typer.Argument(metavar="STUDY", help="One of those below, or FILE.py:name.")
     ],
-    controller: ControllerOption = "smc",
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--controller",
+            metavar="NAME",
+            help=f"{CONTROLLER_HELP} Default: smc. Given again: one table of all.",
+        ),
+    ] = None,
     plant: PlantOption = "real",
     person: Annotated[
         str | None,
         typer.Option(
             "--person",
-            metavar="none|ideal|uncertain|random",
-            help="Who moves the load; default: what suits plant and study.",
+            metavar="NAME",
+            help="Who moves the load: none, ideal, uncertain, uncertain-no-feedforward, random; "
+            "default: what suits plant and study.",
         ),
     ] = None,
+    off: OffOption = "none",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first run.")] = 0,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Runs of each case.")] = 1,
     real: Annotated[
         str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
     ] = "f32",
-    fault: Annotated[
-        str,
-        typer.Option(
-            "--fault",
-            metavar="KIND:ENCODER@SECONDS[=AMOUNT]",
-            help="Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
-        ),
-    ] = "",
+    fault: FaultOption = "",
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     resume: Annotated[
@@ -84,18 +103,25 @@ def simulate(
     """Run a study: a controller's C against the virtual exoskeleton, as in the thesis or yours."""
     from esea_gen.analysis.campaign import Workers
     from esea_gen.emit.formats import FORMATS
+    from esea_gen.studies.off_table import simulate_off
     from esea_gen.studies.registry import load_study
     from esea_gen.studies.simulation import ClosedLoopStudy, default_person
-    from esea_gen.studies.simulation import simulate as run_study
     from esea_gen.twin.case import Setting
+    from esea_gen.twin.off import chosen_families
 
     few = jobs == -1 and runs * len(load_study(study, ClosedLoopStudy).cases()) <= FEW_RUNS
     (real,) = chosen_formats([real], FORMATS)
     who = person or default_person(study, plant)
-    with counted(f"{study}, {controller}") as tell:
-        result = run_study(
+    laws = list(dict.fromkeys(controller or ["smc"]))
+    families = chosen_families(off)
+    with counted(f"{study}, {', '.join(laws)}") as tell:
+        result = simulate_off(
             study,
-            Setting(controller, plant, who, real, fault=fault),
+            [
+                Setting(law, plant, who, real, fault=fault, off=name)
+                for name in families
+                for law in laws
+            ],
             seed=seed,
             runs=runs,
             workers=Workers(1 if few else jobs, cluster),

@@ -21,7 +21,14 @@ if TYPE_CHECKING:
 LEAST_KP = 1e-4
 
 
-def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool) -> Block:
+def ahead(
+    device: DeviceData,
+    horizon: Horizon,
+    *,
+    given: bool,
+    one_layer: bool,
+    torque_given: bool | None = None,
+) -> Block:
     """Wanted torque, and the impedance law's path and gains, along the horizon.
 
     The reference Block starts a law from the measured torque: an offset makes up the difference and
@@ -31,6 +38,8 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
         torque and the wanted rate hold from now on.
     one_layer: whether the predictive controller holds the impedance law itself; else its reference
         in impedance mode is the set torque, which holds from now on.
+    torque_given: whether the torque alone is, as an extrapolation gives it; as ``given`` when not
+        given.
     return: inputs: from the reference Block ``mode``, ``offset_Nm``, ``keep`` and ``tau_range_Nm``;
         the wanted torque, ``tau_preview_Nm`` or ``tau_wanted_Nm``; in two layers ``tau_set_Nm``; in
         one layer the gains, the wanted path and the load side's motion. Outputs: ``tau_d_Nm``, in
@@ -40,7 +49,7 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
     In one layer the path stays so near to the load side, as it moves on by itself, that the
     stiffness asks for ``tau_range_Nm`` at most: as the set torque's clip does in two layers.
     """
-    law = _Ahead(device, horizon, given, one_layer)
+    law = _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
     inputs, outputs = law.ports()
     return Block.define(
         "ahead",
@@ -57,9 +66,16 @@ def ahead(device: DeviceData, horizon: Horizon, *, given: bool, one_layer: bool)
 class _Ahead:
     """Numbers, step and ports."""
 
-    def __init__(self, device: DeviceData, horizon: Horizon, given: bool, one_layer: bool) -> None:
+    def __init__(
+        self,
+        device: DeviceData,
+        horizon: Horizon,
+        given: bool,
+        one_layer: bool,
+        torque_given: bool,
+    ) -> None:
         self.horizon = horizon
-        self.given = given
+        self.given, self.torque_given = given, torque_given
         self.one_layer = one_layer
         self.drive = drive_of(device)
         self.n = horizon.intervals
@@ -97,15 +113,15 @@ class _Ahead:
             last = k
         return out
 
-    def along(self, x: Any) -> list[Any]:
-        return ca.vertsplit(x) if self.given else [x] * self.n
+    def along(self, x: Any, given: bool) -> list[Any]:
+        return ca.vertsplit(x) if given else [x] * self.n
 
     def ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
         """Inputs and outputs."""
         inputs = [
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)
-            if self.given
+            if self.torque_given
             else around("tau_wanted_Nm", self.tau_lim, "wanted torque now"),
             around("offset_Nm", self.widest, "from the law to where the torque was, now"),
             Port("keep", 0.0, 1.0, "share of the offset that a sensing period keeps"),
@@ -161,11 +177,11 @@ class _Ahead:
     def step(
         self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        wanted = u.tau_preview_Nm if self.given else u.tau_wanted_Nm
+        wanted = u.tau_preview_Nm if self.torque_given else u.tau_wanted_Nm
         law = label("impedance", u.mode > 1.5, "the impedance law holds")
         tau = [
             clip(w + u.offset_Nm * f, -u.tau_range_Nm, u.tau_range_Nm)
-            for w, f in zip(self.along(wanted), self.fades(u.keep), strict=True)
+            for w, f in zip(self.along(wanted, self.torque_given), self.fades(u.keep), strict=True)
         ]
         if not self.one_layer:
             if self.passive:
@@ -179,8 +195,12 @@ class _Ahead:
             reach = label(
                 "reach_rad", u.tau_range_Nm / ca.fmax(kp, LEAST_KP), "where it asks for all"
             )
-            omega = self.along(u.omega_preview_rad_s if self.given else u.omega_wanted_rad_s)
-            start = self.along(u.theta_preview_rad if self.given else u.theta_wanted_rad)
+            omega = self.along(
+                u.omega_preview_rad_s if self.given else u.omega_wanted_rad_s, self.given
+            )
+            start = self.along(
+                u.theta_preview_rad if self.given else u.theta_wanted_rad, self.given
+            )
             kd = ca.if_else(law, u.Kd_Nms_rad, 0)
             if self.passive:
                 # Against the wanted rate the law damps as before, so that this one damps all.

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 LEAST_DAMPING = 0.02
+# Above, the loop swings with the shipped motor's lag (docs/control.md), and a slope near the
+# control rate is not followed at all.
+LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S, LAMBDA_SHARE = 1.0, 25.0, 0.125
 SLOW_HZ = 0.5
 """Below, a mode is the integral's or an estimate's creep and no swing."""
 _STATES: tuple[str, ...] = (
@@ -84,6 +87,27 @@ def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = Non
     return min(modes, key=lambda m: m.damping)
 
 
+def slope_range(device: DeviceData, h: float) -> tuple[float, float]:
+    """Least and largest lambda that is followed (1/s), with the device's own inside."""
+    asked = sliding_mode_numbers(device).lambda_1_s.value
+    low, high = LAMBDA_LOW_1_S, min(LAMBDA_HIGH_1_S, LAMBDA_SHARE / h)
+    if low <= asked <= high:
+        return low, high
+    # A higher rate helps only up to where the motor's lag sets the limit.
+    by_rate = high < asked <= LAMBDA_HIGH_1_S
+    need = math.ceil(asked / LAMBDA_SHARE)
+    raise UserError(
+        f"{device.origin}: sliding_mode.lambda_1_s = {asked:g} 1/s is outside "
+        f"{low:g} to {high:g} 1/s, what "
+        + (
+            f"timing.control_rate_Hz = {1 / h:g} Hz allows."
+            if by_rate
+            else "the motor's lag allows: the loop swings, or does not follow."
+        ),
+        f"Give a value inside{f', or raise the rate to {need} Hz or more' if by_rate else ''}.",
+    )
+
+
 def check_loop(device: DeviceData, lead: float) -> None:
     """Refuse a device file whose loop swings."""
     found = least_damped(device, lead)
@@ -133,6 +157,8 @@ class _Period:
         release = device.file.timing.control_release_s
         self.release = self.every if release is None else round(release.value / h)
         self.j, self.n, self.fv, self.k = j, n, a.fv_Nms_rad.value, stiffness
+        # Of a set-point at rest, friction is compensated for the rate wanted: none.
+        self.fv_seen = 0.0 if sm.setpoint_acceleration == "model" else self.fv
         self.slope, self.lead = slope, lead
         self.acting_j = j + sm.J_unc_kgm2.value
         reach = self.acting_j * sm.eta_rad_s2.value + sm.fc_share.value * a.fc_Nm.value
@@ -186,11 +212,11 @@ class _Period:
         error, error_rate = -x["theta_last"], -rate
         wanted = 2 * self.slope * error_rate + self.slope**2 * error
         acting = self.acting_j * wanted - self.j * x["d4"]
-        equivalent = (acting + self.fv * rate + torque) / self.n
+        equivalent = (acting + self.fv_seen * rate + torque) / self.n
         surface = error_rate + 2 * self.slope * error + x["integral"]
         law = equivalent + self.layer * surface
         x["integral"] += self.control_s * self.slope**2 * error
         x["u_pending"] = law + (self.lead - 1) * (law - x["u_a_model"])
 
 
-__all__ = ["LEAST_DAMPING", "Mode", "check_loop", "least_damped"]
+__all__ = ["LEAST_DAMPING", "Mode", "check_loop", "least_damped", "slope_range"]

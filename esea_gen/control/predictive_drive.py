@@ -27,6 +27,8 @@ SMOOTH_RAD_S = 1e-4
 SMOOTH_RAD = 1e-4
 
 Q_BEST, R_BEST = 300.0, 1.0
+# R counts as this share of Q at least.
+LEAST_SHARE = 1e-4
 
 # Who tells of the person's torque and of the rates: the extended-state observer with the tracking
 # observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
@@ -268,7 +270,9 @@ class _Drive:
     def prepare(self, c: SimpleNamespace) -> dict[str, Any]:
         return {
             "root_q": ca.sqrt(c.Q),
-            "root_r": ca.sqrt(c.R) / self.tau_c,
+            # In single precision the Hessian is not positive any more with much less: of steps over
+            # the inputs' whole ranges 1 % at a share of 1e-7, 80 % at 1e-9, none at 1e-4.
+            "root_r": ca.sqrt(ca.fmax(c.R, LEAST_SHARE * c.Q)) / self.tau_c,
             "load_1_kgm2": c.load_free * (1 / self.drive.joint.Jh_kgm2.value),
         }
 
@@ -342,7 +346,14 @@ def _weights(weights: tuple[float, float]) -> tuple[tuple[Tunable, ...], tuple[P
     """Tunables and what they are prepared to."""
     tunables = (
         Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
-        Tunable("R", weights[1], 1e-4, 1e4, "weight of the motor torque's rate", "thesis: 1"),
+        Tunable(
+            "R",
+            weights[1],
+            1e-4,
+            1e4,
+            "weight of the motor torque's rate; less than Q/10000 counts as that",
+            "thesis: 1",
+        ),
         Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
     )
     coefficients = (

@@ -38,9 +38,10 @@ def redundancy(device: DeviceData) -> Block:
     -------
     Block
         Inputs: motor-side angle, angle that the drive has turned, whether both encoders are usable,
-        the drive's unexplained acceleration and the interaction torque; outputs ``agree`` (1 or 0),
-        ``apart_rad`` and ``apart_Nm``, and a status word.  It runs in the control task, so that it
-        knows what the motor was told; its answer crosses to the sensing task with the command.
+        the drive's unexplained acceleration and how hard it was moved, and the interaction torque;
+        outputs ``agree`` (1 or 0), ``apart_rad``, ``apart_Nm``, ``room_Nm`` and a status word.  It
+        runs in the control task, so that it knows what the motor was told; its answer crosses to
+        the sensing task with the command.
 
     Raises
     ------
@@ -52,7 +53,8 @@ def redundancy(device: DeviceData) -> Block:
     The angles may be ``apart_rad`` apart, for backlash and the encoders' own errors, and what the
     torque explains of a cable between its softest and its usual stiffness.  The torque that the
     drive's motion (5.2) leaves unexplained may be ``torque_Nm``, for friction and the gear's
-    disturbance, and ``torque_share`` of the interaction torque, for the elastomer's model.
+    disturbance, ``torque_share`` of the interaction torque, for the elastomer's model, and
+    ``inertia_share`` of what the drive's inertia took of late, for the models of inertia and lag.
 
     The zero between the angles is set in the first run that finds both encoders usable: angles that
     part stay parted until one encoder has failed and come back, or init.  Torques may agree again,
@@ -92,6 +94,11 @@ class _Redundancy:
         self.angle_lim = (self.gear_lim + self.side_lim + self.drive.tau_Nm / self.stiffness) * 1.01
         self.apart_lim = 2 * self.angle_lim
         self.torque_lim = self.J * self.drive.d4_rad_s2 * 1.001
+        self.room_lim = 1.001 * (
+            found.torque_Nm.value
+            + found.torque_share.value * self.drive.tau_Nm
+            + found.inertia_share.value * self.J * 4 * self.drive.d4_rad_s2
+        )
 
     def inertia(self) -> tuple[Any, ...]:
         return tuple(c for c in self.device.constants("actuator") if c.name == "J_kgm2")
@@ -122,8 +129,10 @@ class _Redundancy:
         torque = label("apart_Nm", self.J * u.d_gear_rad_s2, "[red 3] what nothing explains")
         most = label(
             "room_Nm",
-            self.own.torque_Nm.value + self.own.torque_share.value * ca.fabs(u.tau_Nm),
-            "[red 4] friction, the gear's disturbance, the elastomer's model",
+            self.own.torque_Nm.value
+            + self.own.torque_share.value * ca.fabs(u.tau_Nm)
+            + self.own.inertia_share.value * self.J * u.moves_rad_s2,
+            "[red 4] friction, the gear's disturbance, the models of elastomer and drive",
         )
         torques = label("torques_part", ca.logic_and(ready, ca.fabs(torque) > most))
         agree = label("agree", ca.logic_and(ready, ca.logic_not(ca.logic_or(angles, torques))))
@@ -136,6 +145,7 @@ class _Redundancy:
             "agree": agree,
             "apart_rad": ca.if_else(ready, apart, 0.0),
             "apart_Nm": torque,
+            "room_Nm": most,
             "status": flag_word(
                 [
                     ca.logic_not(guard.inputs_ok),
@@ -157,6 +167,7 @@ class _Redundancy:
             Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
             around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
+            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
         )
 
     def outputs(self) -> tuple[Port, ...]:
@@ -164,6 +175,7 @@ class _Redundancy:
             Port("agree", 0.0, 1.0, "1 when nothing that can be compared parts"),
             around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
             around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
+            Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
             Port("status", 0, 31, "what is known of this sample", flags=_flags()),
         )
 
@@ -176,7 +188,7 @@ def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Arra
     device : DeviceData
         A device with ``[redundancy]``.
     shown : mapping of str to ndarray
-        ``apart_rad``, ``apart_Nm`` and ``tau_Nm``, one number a tick.
+        ``apart_rad``, ``apart_Nm``, ``room_Nm`` and ``tau_Nm``, one number a tick.
 
     Returns
     -------
@@ -186,7 +198,7 @@ def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Arra
     law = _Redundancy(device)
     tau = np.abs(shown["tau_Nm"])
     angle = np.abs(shown["apart_rad"]) / (law.own.apart_rad.value + law.softer * tau)
-    room_Nm = law.own.torque_Nm.value + law.own.torque_share.value * tau
+    room_Nm = np.maximum(shown["room_Nm"], law.own.torque_Nm.value)  # 0 before the first run
     return np.asarray(angle), np.asarray(np.abs(shown["apart_Nm"]) / room_Nm)
 
 
@@ -215,7 +227,7 @@ def _equations() -> tuple[Any, ...]:
         equation(
             "[red 4]",
             sp.Abs(sp.Symbol("a_tau")),
-            sp.Symbol("tau_a") + share * sp.Abs(tau),
+            sp.Symbol("tau_a") + share * sp.Abs(tau) + sp.Symbol("c_J") * sp.Symbol("J a_g"),
             "its room",
         ),
     )

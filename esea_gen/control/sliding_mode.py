@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.control.linear_loop import check_loop, sliding_mode_numbers
+from esea_gen.control.linear_loop import check_loop, sliding_mode_numbers, slope_range
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode_streams import STREAMS
 from esea_gen.control.surface import (
@@ -36,7 +36,6 @@ from esea_gen.control.surface import (
     switching_gain,
 )
 from esea_gen.devices.fields import field_facts
-from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, Tunable, around, clip, flag_word, threshold
 from esea_gen.model.symbolic import to_casadi
@@ -48,10 +47,10 @@ if TYPE_CHECKING:
 
 # The share of the largest command by which the applied one may miss it before the integral rests.
 LIMITED_SHARE = 1e-3
-LEAD, LEAD_HIGH = 2.0, 4.0
-# Above, the loop swings with the shipped motor's lag (docs/control.md), and a slope near the
-# control rate is not followed at all.
-LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S, LAMBDA_SHARE = 1.0, 25.0, 0.125
+LEAD, LEAD_HIGH = 2.5, 4.0
+# What friction is compensated for comes late by the motor's lag over the lead (14 ms), the rates'
+# filter (14 ms), and what a command takes until it acts.
+FRICTION_AHEAD_S = 0.035
 MARGIN_HIGH = 5.0
 
 
@@ -115,27 +114,6 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
     )
 
 
-def _slope_range(device: DeviceData, h: float) -> tuple[float, float]:
-    """Least and largest lambda that is followed (1/s), with the device's own inside."""
-    asked = sliding_mode_numbers(device).lambda_1_s.value
-    low, high = LAMBDA_LOW_1_S, min(LAMBDA_HIGH_1_S, LAMBDA_SHARE / h)
-    if low <= asked <= high:
-        return low, high
-    # A higher rate helps only up to where the motor's lag sets the limit.
-    by_rate = high < asked <= LAMBDA_HIGH_1_S
-    need = math.ceil(asked / LAMBDA_SHARE)
-    raise UserError(
-        f"{device.origin}: sliding_mode.lambda_1_s = {asked:g} 1/s is outside "
-        f"{low:g} to {high:g} 1/s, what "
-        + (
-            f"timing.control_rate_Hz = {1 / h:g} Hz allows."
-            if by_rate
-            else "the motor's lag allows: the loop swings, or does not follow."
-        ),
-        f"Give a value inside{f', or raise the rate to {need} Hz or more' if by_rate else ''}.",
-    )
-
-
 class _SlidingMode:
     """The law's numbers and ranges, and its step: one method an equation group."""
 
@@ -144,7 +122,7 @@ class _SlidingMode:
         sm = self.sm = sliding_mode_numbers(device)
         h = self.h = drive.control_period_s
         self.model_acceleration = sm.setpoint_acceleration == "model"
-        self.lambda_low, self.lambda_high = _slope_range(device, h)
+        self.lambda_low, self.lambda_high = slope_range(device, h)
         self.lead_here = (LEAD if self.model_acceleration else 1.0) if lead is None else lead
         check_loop(device, self.lead_here)
         self.u_lim, self.d_lim = drive.u_Nm, drive.d4_rad_s2
@@ -217,6 +195,7 @@ class _SlidingMode:
             "margin": t.margin,
             "lead": t.lead - 1,
             "load_share": t.load_share,
+            "friction_ahead": t.friction_ahead,
         }
 
     def step(
@@ -303,17 +282,30 @@ class _SlidingMode:
             set_acc = ca.SX(0)
         return label("set_acc_rad_s2", set_acc, "theta_d''")
 
+    def friction_rate(self, c: SimpleNamespace, u: SimpleNamespace, label: Labels) -> ca.SX:
+        """Rate whose friction is compensated: the motor's, or the one that it should have.
+
+        At rest the motor's own rate says nothing of the way it is to go: it sticks at every
+        reversal until the error has grown.
+        """
+        if not self.model_acceleration:
+            return ca.SX(u.omega_motor_rad_s)
+        should = u.omega_load_rad_s + u.delta_rate_rad_s + FRICTION_AHEAD_S * u.delta_acc_rad_s2
+        mixed = u.omega_motor_rad_s + c.friction_ahead * (should - u.omega_motor_rad_s)
+        return label("omega_friction_rad_s", clip(mixed, -self.omega_lim, self.omega_lim))
+
     def torques(
         self, c: SimpleNamespace, u: SimpleNamespace, e: ca.SX, e_rate: ca.SX, label: Labels
     ) -> tuple[ca.SX, ca.SX]:
         """Equivalent control (5.16, 5.17) and switching gain (5.20)."""
         set_acc = self.setpoint_acceleration(c, u, label)
+        omega = self.friction_rate(c, u, label)
         values = self.numbers | {
             LAMBDA: c.lambda_1_s,
             ERROR: e,
             ERROR_RATE: e_rate,
             SET_ACC: set_acc,
-            OMEGA_M: u.omega_motor_rad_s,
+            OMEGA_M: omega,
             TAU_E: u.tau_Nm,
             D4: u.d4_rad_s2,
             DELTA: u.theta_rad,
@@ -417,6 +409,14 @@ class _SlidingMode:
                 "share of the load's estimated acceleration in the set-point's acceleration",
                 "docs/control.md",
             ),
+            Tunable(
+                "friction_ahead",
+                1.0 if self.model_acceleration else 0.0,
+                0.0,
+                1.0,
+                "share of the rate wanted in the rate whose friction is compensated; 0: measured",
+                "docs/control.md",
+            ),
         )
 
     def coefficients(self) -> tuple[Port, ...]:
@@ -430,6 +430,7 @@ class _SlidingMode:
             Port("margin", 1.0, MARGIN_HIGH, "factor on the switching gain", equation="(5.20)"),
             Port("lead", 0.0, LEAD_HIGH - 1, "gain against the motor's lag"),
             Port("load_share", 0.0, 1.0, "share of the load's acceleration"),
+            Port("friction_ahead", 0.0, 1.0, "share of the rate wanted in friction's rate"),
         )
 
     def state(self) -> tuple[Port, ...]:

@@ -82,6 +82,7 @@ SIGNALS_REDUNDANT = {
     "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
     "gear_usable": "encoder_gear.gear_usable",
     "d_gear_rad_s2": "gear.d_gear_rad_s2",
+    "moves_rad_s2": "gear.moves_rad_s2",
     "agree": "redundancy.agree",
 }
 INPUTS_REDUNDANT = {
@@ -103,7 +104,7 @@ GIVEN = {
     "given_J": "passivity.given_J",
     "held_J": "passivity.held_J",
 }
-COMPARED = {"apart_rad": "redundancy.apart_rad", "apart_Nm": "redundancy.apart_Nm"}
+COMPARED = {n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")}
 # What ends the control task, whatever the law.
 LAST = ("redundancy", "stamp")
 # One for all axes: who stops one stops the machine.

@@ -304,10 +304,10 @@ class Predictive(Section):
     substeps: Quantity = _number(1, 50, "Integration steps in an interval.", whole=True)
     Q: Quantity = _number(0.01, 1e5, "Weight of the torque error, (Nm)^-2.")
     R: Quantity = _number(1e-4, 1e4, "Weight of the motor torque's rate, (Nm/s)^-2.")
-    future: Literal["given", "held"] = Field(
-        default="held",
-        description="given: what is wanted at the end of every interval is an input; held: what is "
-        "wanted now holds.",
+    future: Literal["given", "extrapolated", "held"] = Field(
+        default="extrapolated",
+        description="given: what is wanted at the end of every interval is an input; extrapolated: "
+        "the wanted torque goes on as its past does; held: what is wanted now holds.",
     )
     impedance: Literal["one_layer", "cascade"] = Field(
         default="one_layer",
@@ -357,6 +357,9 @@ class Redundancy(Section):
     )
     torque_share: Quantity = _number(
         0, 1, "Share of the interaction torque that the elastomer's model may be wrong by."
+    )
+    inertia_share: Quantity = _number(
+        0, 1, "Share of the torque that moved the drive's inertia of late: wrong inertia and lag."
     )
     rate_1_s: Quantity = _number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 

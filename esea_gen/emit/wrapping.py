@@ -12,7 +12,7 @@ _INDENT = 8  # of what continues a line
 _LAST = 99  # where a line is broken only when nothing else helps
 _TRAILING = re.compile(r"^(?P<code>.*\S)\s*/\*\s*(?P<text>((?!\*/).)*?)\s*\*/$")
 # A prefix of a line inside a comment: spaces, a star, and what indents its text.
-_INSIDE = re.compile(r"^(?P<lead>\s*\*?\s*|\s*/\*\s*)(?P<text>.*)$")
+_INSIDE = re.compile(r"^(?P<lead>\s*/\*\s*|\s*\*?\s*)(?P<text>.*)$")
 # Looser first: where two stand equally deep, a line is broken at the looser one.
 _OPERATORS = (("?", ":"), ("||",), ("&&",), ("|",), ("<", "<=", "==", "!=", ">", ">="))
 _TIGHT = (("+", "-"), ("*", "/", "%"))

@@ -165,11 +165,6 @@ class Executor(ABC):
         for name in self._c.keys() & values.keys():
             self._c[name][:] = np.asarray(values[name], dtype=float).ravel()
 
-    @coefficients.setter
-    def coefficients(self, values: Mapping[str, Any]) -> None:
-        for name in self._c.keys() & values.keys():
-            self._c[name][:] = np.asarray(values[name], dtype=float).ravel()
-
     @property
     def state(self) -> dict[str, Array]:
         """A copy of the state, by name."""

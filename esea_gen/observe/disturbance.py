@@ -27,6 +27,7 @@ SIG = sp.tanh(OMEGA_M / WIDTH)
 MODEL_ACCELERATION = (N * U_A - FV * OMEGA_M - FC * SIG - TAU_E) / J
 ACCELERATION = MODEL_ACCELERATION + D4
 
+MOVED_S = 0.1  # decay of the largest acceleration: longer than a swing of the cable
 # Largest product of an observer's bandwidth and its velocity filter's delay.
 DELAY_SHARE = 0.5
 
@@ -190,12 +191,17 @@ def gear_observer(device: DeviceData) -> Block:
     -------
     Block
         :func:`drive_observer` with a fixed bandwidth; inputs ``u_Nm``, ``omega_gear_rad_s`` and
-        ``tau_Nm``, outputs ``d_gear_rad_s2`` and a status word.
+        ``tau_Nm``, outputs ``d_gear_rad_s2``, ``moves_rad_s2`` and a status word.
 
     Raises
     ------
     UserError
         When the device has no drive or no ``[redundancy]``.
+
+    Notes
+    -----
+    ``moves_rad_s2`` is how hard the drive has been moved: its acceleration behind the same lag, the
+    largest of the last ``MOVED_S`` or so.  A wrong inertia leaves a share of it unexplained.
 
     References
     ----------
@@ -214,6 +220,7 @@ def gear_observer(device: DeviceData) -> Block:
         inputs=law.inputs(),
         outputs=(
             around("d_gear_rad_s2", law.d_lim, "unexplained acceleration", equation="(5.5)"),
+            Port("moves_rad_s2", 0.0, law.a_lim, "largest acceleration of late, behind the lag"),
             Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
         ),
         equations=law.equations(),
@@ -230,6 +237,7 @@ class _DriveObserver:
         self.share = 1 - math.exp(-device.period_s * (bandwidth_1_s or 0.0))
         self.omega = "omega_gear_rad_s" if self.fixed else "omega_motor_rad_s"
         self.d = "d_gear_rad_s2" if self.fixed else "d4_rad_s2"
+        self.decay_moved = math.exp(-device.period_s / MOVED_S)
         self.drive = drive_of(device)
         a = self.drive.actuator
         self.h = device.period_s
@@ -239,6 +247,7 @@ class _DriveObserver:
             self.drive.tau_Nm,
             self.drive.omega_rad_s,
         )
+        self.a_lim = 4 * self.d_lim  # motor, friction, coupling and a blow together
         tau_c = a.tau_c_s.value
         self.decay = math.exp(-self.h / tau_c)
         # Mean of the lag over a step: u + (u_a - u) (1 - exp(-h/tau_c)) tau_c/h.
@@ -306,18 +315,26 @@ class _DriveObserver:
             "u_a_Nm": u_a,
             "d4_rad_s2": d4,
         }
+        clipped = ca.fabs(moved) > self.d_lim
+        extra = {"u_a_Nm": u_a}
+        if self.fixed:
+            lagged = s.a_rad_s2 * keep + share * seen
+            clipped = ca.logic_or(clipped, ca.fabs(lagged) > self.a_lim)
+            extra = self.moves(s, ready, clip(lagged, -self.a_lim, self.a_lim), label)
+            next_state |= {"a_rad_s2": extra.pop("a_rad_s2"), "moved_rad_s2": extra["moves_rad_s2"]}
         outputs = {
             self.d: d4,
-            **({} if self.fixed else {"u_a_Nm": u_a}),
+            **extra,
             "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(ready, ca.fabs(moved) > self.d_lim),
-                ]
+                [ca.logic_not(ok), ca.logic_not(guard.state_ok), ca.logic_and(ready, clipped)]
             ),
         }
         return next_state, outputs
+
+    def moves(self, s: Any, ready: ca.SX, lagged: ca.SX, label: Labels) -> dict[str, Any]:
+        a = label("a_rad_s2", ca.if_else(ready, lagged, s.a_rad_s2), "acceleration behind the lag")
+        moves = ca.fmax(ca.fabs(a), s.moved_rad_s2 * self.decay_moved)
+        return {"a_rad_s2": a, "moves_rad_s2": label("moves_rad_s2", moves, "largest of late")}
 
     def tunables(self) -> tuple[Tunable, ...]:
         return (
@@ -338,6 +355,15 @@ class _DriveObserver:
             around("u_held_Nm", self.u_lim, "command that the motor holds"),
             around("u_a_Nm", self.u_lim, "motor torque", equation="(5.1)"),
             around("d4_rad_s2", self.d_lim, "disturbance", equation="(5.5)"),
+            *self.moving(),
+        )
+
+    def moving(self) -> tuple[Port, ...]:
+        if not self.fixed:
+            return ()
+        return (
+            around("a_rad_s2", self.a_lim, "acceleration behind the lag"),
+            Port("moved_rad_s2", 0.0, self.a_lim, "its largest of late"),
         )
 
     def inputs(self) -> tuple[Port, ...]:

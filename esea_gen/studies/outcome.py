@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -10,11 +10,24 @@ from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.judge import ENCODER_FAULT, ENDED, FIGURES
+from esea_gen.twin.off import off_families
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
+
+
+def csv_lines(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Entries as CSV, one line each."""
+    keys = list(dict.fromkeys(k for e in entries for k in e))
+    rows = [",".join(keys)]
+    for e in entries:
+        cells = [e.get(k) for k in keys]
+        rows.append(
+            ",".join("" if c is None else f'"{c}"' if isinstance(c, str) else f"{c}" for c in cells)
+        )
+    return "\n".join(rows) + "\n"
 
 
 class ShowsOutcome(Protocol):
@@ -73,6 +86,7 @@ class Simulation:
                 entry |= {k: values.get(k) for k in ENCODER_FAULT}
             if r.values is None:
                 entry["failure"] = r.failure
+            entry |= {"off": self.setting.off, "family": off_families()[self.setting.off].group}
             entry["thesis_rms_Nm"] = self.study.thesis_Nm.get(self.setting.controller)
             entries.append(entry)
         return entries
@@ -124,14 +138,4 @@ class Simulation:
 
     def csv(self) -> str:
         """Every case and seed, one line each."""
-        entries = self.cases()
-        keys = list(dict.fromkeys(k for e in entries for k in e))
-        rows = [",".join(keys)]
-        for e in entries:
-            cells = [e.get(k) for k in keys]
-            rows.append(
-                ",".join(
-                    "" if c is None else f'"{c}"' if isinstance(c, str) else f"{c}" for c in cells
-                )
-            )
-        return "\n".join(rows) + "\n"
+        return csv_lines(self.cases())

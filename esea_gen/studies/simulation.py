@@ -26,6 +26,7 @@ from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.judge import fault_figures, judge
+from esea_gen.twin.off import NOTHING, deviation, refuse_unknown
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, run_case
 from esea_gen.twin.trajectories import RATE_HZ
 
@@ -99,6 +100,7 @@ def simulate_case(
     real: str,
     tunables: Mapping[str, Mapping[str, float]] | None = None,
     fault: str = "",
+    off: str = NOTHING,
     kept: dict[str, Any] | None = None,
 ) -> dict[str, float]:
     """Run and measure one case by name: what a worker does.
@@ -109,7 +111,7 @@ def simulate_case(
     chosen = load_study(study, ClosedLoopStudy)
     found = chosen.case(case)
     try:
-        setting = Setting(controller, plant, person, real, tunables or {}, fault)
+        setting = Setting(controller, plant, person, real, tunables or {}, fault, off)
         run = run_case(found, setting, seed)
     except RanAwayError:
         return {"unstable": 1.0, "tripped": 0.0, "fault": 0.0, "ran_away": 1.0}
@@ -143,7 +145,7 @@ def simulate(
     if chosen.person and s.person == "none":
         raise UserError(
             f"{chosen.name} needs somebody who moves the load, but person is none.",
-            "Give --person ideal, uncertain or random.",
+            f"Give --person {', '.join(n for n in PERSON_NAMES if n != 'none')}.",
         )
     if runs < 1 or seed < 0:
         raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
@@ -152,6 +154,7 @@ def simulate(
     device = controller_device(s.controller)
     # Compile once, before the workers would each do it.
     loop = compiled_loop(device, s.plant != "ideal", s.real)
+    refuse_unknown(s.off, deviation(s.off, device, seed), {t.name for _, t in loop.plant.tunables})
     parts = {
         "controller": s.controller,
         "controller_hash": device_hash(device),
@@ -169,6 +172,7 @@ def simulate(
         "person": s.person,
         "real": s.real,
         "tunables": {k: dict(v) for k, v in s.tunables.items()},
+        "off": s.off,
     }
     if s.fault:
         fixed["fault"] = str(parse_fault(s.fault))

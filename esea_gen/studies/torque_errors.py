@@ -13,6 +13,7 @@ from esea_gen.studies.outcome import Simulation
 from esea_gen.twin.case import Case
 from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.judge import ENDED, desired_torque
+from esea_gen.twin.off import NOTHING, off_families
 from esea_gen.twin.trajectories import RATE_HZ
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ Panel = tuple[str, Array, Array, Array, Array]
 
 def label(done: Simulation) -> str:
     """Controller and plant, for a legend."""
-    return f"{done.setting.controller}, {done.setting.plant}"
+    off = f", {done.setting.off}" if done.setting.off != NOTHING else ""
+    return f"{done.setting.controller}, {done.setting.plant}{off}"
 
 
 def _names(done: Simulation) -> list[str]:
@@ -39,6 +41,7 @@ def to_dict(done: Simulation) -> dict[str, Any]:
         "title": done.study.title,
         "controller": done.setting.controller,
         "plant": done.setting.plant,
+        "off": done.setting.off,
         "person": done.person,
         "format": done.setting.real,
         "content_hash": done.monte_carlo.configuration.parts["controller_hash"],
@@ -60,10 +63,11 @@ def table(done: Simulation, *, normalised: bool = False) -> list[str]:
     normalised: also the thesis' measure for impedance, RMS over the largest desired torque.
     """
     s, runs = done.setting, len(done.seeds)
+    off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
     heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]
     lines = [
-        f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}, {runs} "
-        f"run{'s' if runs > 1 else ''} a case",
+        f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}, "
+        f"{runs} run{'s' if runs > 1 else ''} a case",
         f"{'case':32}" + "".join(f"{h:>11}" for h in heads + ["of largest"] * normalised),
     ]
     by_name: dict[str, list[dict[str, Any]]] = {}

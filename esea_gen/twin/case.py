@@ -34,6 +34,7 @@ class Setting:
     real: number format of the controller's C.
     tunables: ``{instance: {tunable: value}}`` beside each case's own.
     fault: of an encoder, as :func:`esea_gen.twin.faults.parse_fault` reads it; empty for none.
+    off: in what the plant differs from the model, as :mod:`esea_gen.twin.off` names it.
     """
 
     controller: str = "smc"
@@ -42,3 +43,4 @@ class Setting:
     real: str = "f32"
     tunables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     fault: str = ""
+    off: str = "none"

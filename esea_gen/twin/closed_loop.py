@@ -7,6 +7,7 @@ hands arrays in and gets arrays back.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -52,11 +53,14 @@ class ClosedLoopRun:
         first run.
     time_s : ndarray
         Time of each tick.
+    missed_runs : int
+        Runs of the controller's last task that were due and left out.
     """
 
     plant: dict[str, Array]
     controller: dict[str, Array]
     time_s: Array
+    missed_runs: int = 0
 
     def __getitem__(self, name: str) -> Array:
         """An array by its output's name."""
@@ -85,6 +89,16 @@ class _Column:
 
 def _elements(x: External, name: str) -> list[str]:
     return [name] if x.port.size == 1 else [f"{name}[{i}]" for i in range(x.port.size)]
+
+
+def _skipped(missed: npt.ArrayLike | None, delay_ticks: int, ticks: int) -> Array:
+    skipped = np.zeros(ticks, np.uint8) if missed is None else np.array(missed, dtype=np.uint8)
+    if delay_ticks < 0 or skipped.shape != (ticks,):
+        raise UserError(
+            f"A delay of {delay_ticks} ticks, missed of shape {skipped.shape} for {ticks} ticks.",
+            "Give a delay from 0, and one value a tick.",
+        )
+    return skipped
 
 
 class ClosedLoop:
@@ -243,7 +257,7 @@ class ClosedLoop:
             ],
             recorded=sources,
             columns=self._width,
-            command=command,
+            command=sources.index(command),
             substeps=round(self.tick_s / self.variant.step_s),
             step_s=plant.fmt.literal(self.variant.step_s),
             tick_s=plant.fmt.literal(self.tick_s),
@@ -379,6 +393,8 @@ class ClosedLoop:
         seed: int = 0,
         ticks: int | None = None,
         fault: EncoderFault | None = None,
+        delay_ticks: int = 0,
+        missed: npt.ArrayLike | None = None,
     ) -> ClosedLoopRun:
         """Run from rest.
 
@@ -401,6 +417,10 @@ class ClosedLoop:
             Length, when there is no signal to tell it.
         fault : EncoderFault, optional
             Of the encoders.
+        delay_ticks : int
+            For how many ticks a command is under way to the motor.
+        missed : array_like of bool, optional
+            One value a tick: where true, the controller's last task is due, but does not run.
 
         Returns
         -------
@@ -421,6 +441,7 @@ class ClosedLoop:
             self.plant.blocks["plant"], start_rad, initial or {}, values.get("elastomer_scale", 1.0)
         )
         table = self._table(signals, n)
+        skipped = _skipped(missed, delay_ticks, n)
         held_rad = first["theta_rad"][-1]
         path = self._path(signals, n, held_rad, seed)
 
@@ -439,11 +460,10 @@ class ClosedLoop:
 
         record = np.empty((n, self._width))
         pointer = [self.ffi.cast("double *", a.ctypes.data) for a in (table, path, record)]
-        wrong = self._fault(fault)
-        self._lib.esea_loop_run(
-            *coeffs, state, *plant_coeffs, plant_state, start, wrong, *pointer, n
-        )
-        return self._result(record)
+        off = n, delay_ticks, self.ffi.cast("unsigned char *", skipped.ctypes.data)
+        of_plant = *plant_coeffs, plant_state, start, self._fault(fault)
+        lost = self._lib.esea_loop_run(*coeffs, state, *of_plant, *pointer, *off)
+        return dataclasses.replace(self._result(record), missed_runs=int(lost))
 
     def _fault(self, fault: EncoderFault | None) -> Any:
         wrong = self.ffi.new("esea_loop_fault_t *")

@@ -16,6 +16,7 @@ FIGURES = (
     "rms_true_Nm",
     "rms_model_Nm",
     "max_true_Nm",
+    "rms_above_4Hz_Nm",
     "unstable",
     "tripped",
     "fault",
@@ -23,6 +24,7 @@ FIGURES = (
     "roughness_Nm_s",
     "largest_desired_Nm",
     "rms_normalised",
+    "missed_runs",
 )
 # Of a run with an encoder's fault; the first three are None where it was never found.
 ENCODER_FAULT = (
@@ -33,6 +35,7 @@ ENCODER_FAULT = (
     "energy_J",
 )
 AFTER_S = 0.2  # how long the limb is still watched after a fault has been found
+SWINGS_HZ = 4.0  # above what a person wants; the drive swings on its cable beyond
 ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
 
 
@@ -53,12 +56,21 @@ def desired_torque(case: Case, run: ClosedLoopRun) -> Array:
     )
 
 
+def above(values: Array, cutoff_Hz: float = SWINGS_HZ) -> Array:
+    """What is above a frequency: fourth order, forth and back, so that nothing is shifted."""
+    from scipy.signal import butter, sosfiltfilt
+
+    high = butter(4, cutoff_Hz, "highpass", fs=RATE_HZ, output="sos")
+    return np.asarray(sosfiltfilt(high, values))
+
+
 def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
     """The figures of a run.
 
-    return: ``rms_true_Nm``, ``rms_model_Nm``, ``max_true_Nm``, ``unstable``, ``tripped`` and
-        ``fault`` (1 or 0), the share of samples with the command at the limit, the command's
-        roughness, and ``rms_normalised`` in impedance mode.
+    return: ``rms_true_Nm``, ``rms_model_Nm``, ``max_true_Nm``, the true error's part above 4 Hz,
+        ``unstable``, ``tripped`` and ``fault`` (1 or 0), the share of samples with the command at
+        the limit, the command's roughness, ``rms_normalised`` in impedance mode, and control runs
+        that were missed, if any.
     """
     w = case.trajectory.window
     desired = desired_torque(case, run)
@@ -75,12 +87,15 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
         "rms_true_Nm": rms(true[w]),
         "rms_model_Nm": rms(model[w]),
         "max_true_Nm": worst,
+        "rms_above_4Hz_Nm": rms(above(true[w])),
         "unstable": float(worst > limits.max_true_error_Nm or speed > limits.max_gear_speed_rad_s),
         "tripped": float(np.max(run.plant["tripped"]) > 0),
         "fault": float(np.max(run.controller["fault"][w]) > 0),
         "limited_share": float(np.mean(np.abs(u) >= 0.999 * u_max_Nm)),
         "roughness_Nm_s": rms(np.diff(u)) * RATE_HZ,
     }
+    if run.missed_runs:
+        out["missed_runs"] = float(run.missed_runs)
     if case.mode == IMPEDANCE:
         largest = float(np.max(np.abs(desired[w])))
         out["largest_desired_Nm"] = largest

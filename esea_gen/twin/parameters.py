@@ -113,6 +113,9 @@ def _bounds(device: DeviceData) -> tuple[Tunable, ...]:
     return (
         assumed("gear_disturbance_rms_rad_s2", 0, 0, 100, "effective value of d4, eq. 5.2"),
         assumed("elastomer_scale", 1, 0.1, 10, "true torque over the model's torque"),
+        assumed("hysteresis_scale", 1, 0, 10, "torque of the stop operators over the model's"),
+        assumed("relaxation_Nm_rad", 0, 0, 1000, "stiffness of a second Maxwell branch"),
+        assumed("relaxation_s", PLANTS.off.relaxation_s, 1e-2, 1e4, "time constant of that branch"),
         assumed("coupling_stop_rad", stops.coupling_rad, 0.01, 1.4, "deflection at the stop"),
         assumed(
             "coupling_stop_Nm_rad",
@@ -193,6 +196,8 @@ _DERIVED = {
     "d4_amplitude_rad_s2": "amplitude of each sine of d4",
     "wave_turns": "turns of each sine of d4 per radian of the gear",
     "phase_turns": "phase of each sine of d4 in turns",
+    "relaxation_decay": "exp(-h / relaxation)",
+    "relaxation_gain_Nms_rad": "torque of the second Maxwell branch from a rate held for one step",
     "noise_decay": "decay of the person's torque noise in one step",
     "noise_gain_Nm": "gain of the person's torque noise in one step",
     "free": "1 for a load that moves, 0 for a clamped one",
@@ -201,6 +206,8 @@ _REPLACED = {
     "tau_c_s",
     "trip_window_s",
     "gear_disturbance_rms_rad_s2",
+    "relaxation_Nm_rad",
+    "relaxation_s",
     "torque_noise_Nm",
     "torque_noise_Hz",
     "clamped",
@@ -238,12 +245,15 @@ def prepare_plant(t: SimpleNamespace, names: list[str], h: float, tick: float) -
     # out with the wanted effective value: over a tick the filter's pole is decay ** substeps.
     over_tick = ca.exp(-2 * math.pi * tick * t.torque_noise_Hz)
     gain = (1 - decay) * ca.sqrt((1 + over_tick) / (1 - over_tick))
+    relaxed = ca.exp(-h / t.relaxation_s)
     return values | {
         "lag_decay": ca.exp(-h / t.tau_c_s),
         "heat_share": 1 - ca.exp(-h / t.trip_window_s),
         "d4_amplitude_rad_s2": math.sqrt(2 / SINES) * t.gear_disturbance_rms_rad_s2,
         "wave_turns": [getattr(t, f"wave_{i + 1}_1_rad") / (2 * math.pi) for i in range(SINES)],
         "phase_turns": [getattr(t, f"phase_{i + 1}_rad") / (2 * math.pi) for i in range(SINES)],
+        "relaxation_decay": relaxed,
+        "relaxation_gain_Nms_rad": t.relaxation_Nm_rad * t.relaxation_s * (1 - relaxed),
         "noise_decay": decay,
         "noise_gain_Nm": t.torque_noise_Nm * gain,
         "free": t.clamped < 0.5,

@@ -182,11 +182,23 @@ class _PlantStep:
         memory = self.sensor.state
         held = [vars(s)[p.name] for p in memory]
         results = self.sensor.step.call([*held, delta, rate])
-        rubber = label("tau_rubber_Nm", c.elastomer_scale * results[len(memory)], "(3.1), scaled")
+        shown = dict(
+            zip((p.name for p in self.sensor.outputs), results[len(memory) :], strict=True)
+        )
+        more = (c.hysteresis_scale - 1) * shown["tau_hysteresis_Nm"]
+        # Exact for a rate that is held over the step.
+        branch = label(
+            "tau_relaxation_Nm",
+            c.relaxation_decay * s.relaxation_Nm + c.relaxation_gain_Nms_rad * rate,
+            "second Maxwell branch",
+        )
+        model = shown["tau_Nm"] + more
+        rubber = label("tau_rubber_Nm", c.elastomer_scale * model + branch, "(3.1), scaled")
         jaw = beyond(delta, -c.coupling_stop_rad, c.coupling_stop_rad)
         tau_jaw, _ = contact(jaw, rate, c.coupling_stop_Nm_rad, c.coupling_stop_Nms_rad)
         tau_e = label("tau_e", rubber + tau_jaw, "with the coupling's stop")
         kept = {p.name: ca.vertsplit(results[i]) for i, p in enumerate(memory)}
+        kept["relaxation_Nm"] = [branch]
         return Coupling(tau_e, rubber, jaw, tau_jaw, kept)
 
 
@@ -244,6 +256,7 @@ def _state_ports(cable: bool) -> tuple[Port, ...]:
         Port("theta_rad", -ANGLE_RAD, ANGLE_RAD, f"angles of {who}", n),
         Port("omega_rad_s", -_SPEED_RAD_S, _SPEED_RAD_S, f"speeds of {who}", n),
         Port("alpha_rad_s2", -accel, accel, f"accelerations of {who}", n),
+        Port("relaxation_Nm", -_TAU_NM, _TAU_NM, "torque of the second Maxwell branch"),
         Port("noise_Nm", -_TAU_NM, _TAU_NM, "noise of the person's torque"),
         Port("heat", 0, 1e4, "smoothed square of the motor's torque"),
         Port("tripped", 0, 2, "0 running, 1 tripped by speed, 2 by torque"),

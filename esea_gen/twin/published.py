@@ -228,6 +228,44 @@ class Random:
 
 
 @dataclass(frozen=True, config=STRICT)
+class OffRandom:
+    """Ends of the distributions when everything is off at once."""
+
+    rubber_scale: Interval
+    hysteresis_scale: Interval
+    relaxation_Nm_rad: Interval
+    encoder_deg: Interval
+    friction_scale: Interval
+    inertia_scale: Interval
+    lag_scale: Interval
+    delay_ms: tuple[int, int]
+    backlash_rad: Interval
+    missed_share: Interval
+
+
+@dataclass(frozen=True, config=STRICT)
+class OffFamilies:
+    """Families of plants that differ from the model that a controller was built from.
+
+    random: everything at once.
+    """
+
+    rubber_scale: tuple[float, ...]
+    hysteresis_scale: float
+    relaxation_Nm_rad: float
+    relaxation_s: float
+    encoder_deg: tuple[float, ...]
+    friction_scale: tuple[float, ...]
+    inertia_scale: tuple[float, ...]
+    lag_scale: tuple[float, ...]
+    delay_ms: tuple[int, ...]
+    backlash_rad: float
+    missed_share: tuple[float, ...]
+    missed_from_s: float
+    random: OffRandom
+
+
+@dataclass(frozen=True, config=STRICT)
 class Unstable:
     """When a run counts as unstable.
 
@@ -254,6 +292,7 @@ class Plants:
     person: Mapping[str, Person]
     trajectory: Trajectories
     random: Random
+    off: OffFamilies
     unstable: Unstable
 
 

@@ -15,12 +15,13 @@ from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.faults import parse_fault
+from esea_gen.twin.off import deviation, refuse_unknown
 from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
 PLANT_NAMES = ("ideal", "real", "random")
-PERSON_NAMES = ("none", "ideal", "uncertain", "random")
+PERSON_NAMES = ("none", "ideal", "uncertain", "uncertain-no-feedforward", "random")
 # The controller is off at first and armed meanwhile, as after a start of the firmware; a slow
 # control task must have given two commands before.
 ARM_S, ON_S = 0.03, 0.06
@@ -32,7 +33,7 @@ PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
 def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVariant:
     """A plant with a person.
 
-    person: ``none``, ``ideal``, ``uncertain`` or ``random``; none fixes the output.
+    person: one of ``PERSON_NAMES``; none fixes the output.
     """
     choose("plant", plant, PLANT_NAMES)
     choose("person", person, PERSON_NAMES)
@@ -120,4 +121,15 @@ def run_on(
     known = {x.name for b in loop.plant.blocks.values() for x in b.tunables}
     extra = {k: v for k, v in case.plant.items() if k in known}
     fault = parse_fault(setting.fault) if setting.fault else None
-    return loop.run(signals, {**variant.values, **extra}, merged, seed=seed, fault=fault)
+    off = deviation(setting.off, device, seed)
+    refuse_unknown(setting.off, off, known)
+    n = len(case.trajectory.tau_desired_Nm)
+    return loop.run(
+        signals,
+        {**variant.values, **extra, **off.values},
+        merged,
+        seed=seed,
+        delay_ticks=off.delay_ticks,
+        missed=off.missed(n, seed),
+        fault=fault,
+    )

@@ -8,6 +8,7 @@ from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.limits import command_stamp
 from esea_gen.control.predictive_drive import Q_BEST, R_BEST, Person, predictive_controller
 from esea_gen.control.shown import shown_reference, with_state_as_output
+from esea_gen.control.trend import trend
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.component import Component
 from esea_gen.observe import drive_of
@@ -41,13 +42,18 @@ def device_horizon(device: DeviceData) -> Horizon:
 
 
 def _parts(base: Base) -> Parts:
-    # With no section of its own: best of our trials, what is wanted now holds.
+    # With no section of its own: best of our trials, nothing known ahead.
     asked, device = base.device.file.predictive, base.device
-    preview = asked is not None and asked.future == "given"
+    future = "extrapolated" if asked is None else asked.future
+    preview, extrapolated = future == "given", future == "extrapolated"
     one_layer = asked is None or asked.impedance == "one_layer"
     person: Person = "extended_state" if asked is None else asked.person
     weights = (Q_BEST, R_BEST) if asked is None else (asked.Q.value, asked.R.value)
-    grid, published, along = device_horizon(device), person == "parabola", preview or one_layer
+    grid, published, along = (
+        device_horizon(device),
+        person == "parabola",
+        future != "held" or one_layer,
+    )
     control: dict[str, Component] = {}
     replaced: dict[str, Component] = {
         "sensor": with_state_as_output(
@@ -61,7 +67,11 @@ def _parts(base: Base) -> Parts:
         replaced["human"] = lag_observer(device)
     if along:
         replaced["reference"] = shown_reference(base.blocks["reference"])
-        control["ahead"] = ahead(device, grid, given=preview, one_layer=one_layer)
+        if extrapolated:
+            control["trend"] = trend(device, grid.ends_s)
+        control["ahead"] = ahead(
+            device, grid, given=preview, one_layer=one_layer, torque_given=future != "held"
+        )
         # A future that is no number stops for good, as a wish of now does.
         replaced["stamp"] = command_stamp(device, checked=True)
     control["predictive"] = predictive_controller(
@@ -108,9 +118,15 @@ def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
         wanted = {n: f"ahead.{n}" for n in names}
     return {
         "parabola": {"tau_h_Nm": "human.tau_h_Nm"},
+        "trend": {"tau_wanted_Nm": "reference.tau_wanted_Nm"},
         "ahead": {n: f"reference.{n}" for n in shown}
-        | {"theta_load_rad": "encoder_load.theta_rad", "omega_load_rad_s": omega_load}
-        | {"damping_Nms_rad": "passivity.damping_Nms_rad"},
+        | {
+            # Of an extrapolated future; a given one comes from outside.
+            "tau_preview_Nm": "trend.tau_ahead_Nm",
+            "theta_load_rad": "encoder_load.theta_rad",
+            "omega_load_rad_s": omega_load,
+            "damping_Nms_rad": "passivity.damping_Nms_rad",
+        },
         "predictive": {
             "delta_rad": "joint.theta_rad",
             "omega_rad_s": "velocity.omega_rad_s",

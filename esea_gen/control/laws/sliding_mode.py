@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from esea_gen.control.governor import smoothed_setpoint, torque_lead
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.linear_loop import sliding_mode_numbers
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode import sliding_mode
+from esea_gen.control.trend import trend
 from esea_gen.language.component import Component
 from esea_gen.observe.human import lag_observer
 from esea_gen.observe.rates import butterworth_rate
@@ -20,30 +22,55 @@ def _parts(base: Base) -> Parts:
     # A derivative is of a filtered signal, as published, where the device file names its cut-off.
     if asked.setpoint_filter_Hz is not None:
         rate["set_rate"] = butterworth_rate(device, "set_rate", asked.setpoint_filter_Hz)
+    sense: dict[str, Component] = {
+        "inverse": base.inverse(),
+        "setpoint": setpoint_rates(device, "differences" if published else "observer"),
+    }
+    control: dict[str, Component] = {"smc": sliding_mode(device)}
+    wires = {"inverse.tau_Nm": "reference.tau_set_Nm"}
+    followed, smoothed = "setpoint", "inverse.theta_rad"
+    if not published:
+        # Where the set torque goes is seen in the control task: at 1 kHz a set-point that comes
+        # 200 times a second would look like steps.
+        sense = {"lead": torque_lead(device), **sense, "smooth": smoothed_setpoint(device)}
+        control = {"set_trend": trend(device, name="set_trend"), **control}
+        wires = _governed()
+        followed, smoothed = "smooth", "smooth.theta_smooth_rad"
+    if rate:
+        wires["set_rate.theta_rad"] = smoothed
     return Parts(
-        sense={
-            "inverse": base.inverse(),
-            "setpoint": setpoint_rates(device, "differences" if published else "observer"),
-        },
+        sense=sense,
         after_limits=rate,
-        control={"smc": sliding_mode(device)},
+        control=control,
         command="smc.u_command_Nm",
         replaced={"human": lag_observer(device)} if published else {},
-        wires={"inverse.tau_Nm": "reference.tau_set_Nm"}
-        | ({"set_rate.theta_rad": "inverse.theta_rad"} if rate else {}),
+        wires=wires,
         signals={
             "theta_set_rad": "inverse.theta_rad",
-            "delta_set_rad": "setpoint.delta_set_rad",
-            "delta_rate_rad_s": "set_rate.omega_rad_s" if rate else "setpoint.delta_rate_rad_s",
-            "delta_acc_rad_s2": "setpoint.delta_acc_rad_s2",
+            "delta_set_rad": f"{followed}.delta_set_rad",
+            "delta_rate_rad_s": "set_rate.omega_rad_s" if rate else f"{followed}.delta_rate_rad_s",
+            "delta_acc_rad_s2": f"{followed}.delta_acc_rad_s2",
         },
-        setpoints={"delta_set_rad": "setpoint.delta_set_rad"},
+        setpoints={"delta_set_rad": f"{followed}.delta_set_rad"},
         outputs={
             "surface_rad_s": "smc.s_rad_s",
             "u_eq_Nm": "smc.u_eq_Nm",
             "k_smc_Nm": "smc.k_smc_Nm",
         },
     )
+
+
+def _governed() -> dict[str, str]:
+    # The set torque ahead, the inverse, and the set-point smoothed over the same time.
+    seen = ("tau_rate_Nm_s", "tau_curve_Nm_s2", "trust", "settled")
+    found = ("delta_set_rad", "delta_rate_rad_s", "delta_acc_rad_s2")
+    return {
+        "set_trend.tau_wanted_Nm": "reference.tau_set_Nm",
+        **{f"lead.{n}": f"set_trend.{n}" for n in seen},
+        "inverse.tau_Nm": "lead.tau_led_Nm",
+        **{f"smooth.{n}": f"setpoint.{n}" for n in found},
+        "smooth.governed": "lead.governed",
+    }
 
 
 LAW = Law("sliding_mode", "Sliding mode control of the torque", _parts, "sliding_mode")

@@ -1,14 +1,15 @@
 """Mutation of this program's own sources, to see whether its tests notice.
 
-A copy of the checkout gets one fault at a time, and a child process runs tests against it.  Left
-out by default are tests that only compare with committed output: whoever made the fault would
-accept its output too.
+A copy of the checkout gets one fault at a time, and child processes run test files against it
+until one fails: the nearest first.  Left out by default are tests that only compare with committed
+output: whoever made the fault would accept its output too.
 """
 
 from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from compileall import compile_dir
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,30 +25,58 @@ from typing import Any, Literal
 
 from esea_gen.errors import UserError
 from esea_gen.verify.mutation.python_edits import PythonFaults, PythonMutant
+from esea_gen.verify.mutation.python_tests import COMMITTED_TEST, PACKAGE, Importers, near_tests
 
-PACKAGE = "esea_gen"
-# Tests that hold against committed output, or against the whole checkout.
-COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
 NOT_COPIED = (".git", ".venv", "out", "dist", "build", "__pycache__", ".*_cache", ".hypothesis")
+NO_TESTS = 5  # what pytest gives where nothing is left to run
+SPARE_S = 20.0  # a test file gets three times its time without a fault, and this
+# A test that fails without a fault: so many are set aside before the file is given up.
+BROKEN_MOST = 5
 Fate = Literal["killed", "survived", "no end"]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What became of one fault: who noticed it, or the test files that did not."""
+
+    what: str
+    mutant: PythonMutant
+    fate: Fate
+    noticed_by: str
+    asked: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        m = self.mutant
+        row = {"of": self.what, "file": m.path, "line": m.line, "kind": m.kind, "edit": m.edit}
+        row |= {"fate": self.fate}
+        if self.fate != "survived":
+            return row | {"noticed_by": self.noticed_by}
+        if m.suspect:
+            row |= {"equivalent_suspect": m.suspect}
+        return row | {"tests": list(self.asked)}
+
+    def __str__(self) -> str:
+        told = {"survived": "survived", "no end": f"no end in {self.noticed_by}"}
+        return f"{told.get(self.fate, f'noticed by {self.noticed_by}')}: {self.mutant}"
 
 
 @dataclass
 class PythonReport:
     """What became of the faults.
 
-    found: fault and fate, in order; a test that does not end counts as one that fails.
+    found: in order; a test that does not end counts as one that fails.
+    broken: tests that fail without a fault, which therefore prove nothing.
     """
 
-    files: tuple[str, ...]
-    tests: tuple[str, ...]
     seed: int
-    found: list[tuple[PythonMutant, Fate]] = field(default_factory=list)
+    found: list[Found] = field(default_factory=list)
+    broken: set[str] = field(default_factory=set)
 
     @property
     def survivors(self) -> list[PythonMutant]:
         """Faults that no test noticed, the suspects among them."""
-        return [m for m, fate in self.found if fate == "survived"]
+        return [f.mutant for f in self.found if f.fate == "survived"]
 
     @property
     def score(self) -> float:
@@ -55,21 +85,25 @@ class PythonReport:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
-        rows = [
-            {"file": m.path, "line": m.line, "kind": m.kind, "edit": m.edit, "fate": fate}
-            | ({"equivalent_suspect": m.suspect} if m.suspect and fate == "survived" else {})
-            for m, fate in self.found
-        ]
-        names = {"files": list(self.files), "tests": list(self.tests), "seed": self.seed}
-        return names | {"tried": len(self.found), "score": self.score, "mutants": rows}
+        told = {"seed": self.seed, "tried": len(self.found), "score": self.score}
+        rows = [f.to_dict() for f in self.found]
+        return told | {"fails_without_fault": sorted(self.broken), "mutants": rows}
 
     def table(self) -> list[str]:
         """Lines for the terminal: survivors, then what came of all."""
         lines = [f"{m}" + f"  ({m.suspect})" * bool(m.suspect) for m in self.survivors]
         suspects = sum(bool(m.suspect) for m in self.survivors)
+        whats = list(dict.fromkeys(f.what for f in self.found))
+        fates = {w: [f.fate for f in self.found if f.what == w] for w in whats}
         killed = len(self.found) - len(self.survivors)
         return [
             *(f"survived: {line}" for line in lines),
+            *(f"fails without a fault, set aside: {name}" for name in sorted(self.broken)),
+            *(
+                f"{w}: {len(all_) - all_.count('survived')} of {len(all_)}"
+                for w, all_ in fates.items()
+                if len(whats) > 1
+            ),
             f"{killed} of {len(self.found)} faults noticed, {len(self.survivors)} survived "
             f"({suspects} of these may do nothing at all)",
         ]
@@ -89,42 +123,30 @@ def sources_of(root: Path, what: str) -> list[Path]:
     )
 
 
-def chosen_tests(root: Path, sources: Sequence[Path], independent: bool) -> list[Path]:
-    """Test files that speak of these sources, or of their room, by import."""
-    modules = [".".join(p.with_suffix("").parts).removesuffix(".__init__") for p in sources]
-    rooms = {".".join(m.split(".")[:2]) for m in modules}
-    texts = {
-        p.relative_to(root): p.read_text(encoding="utf-8")
-        for p in sorted((root / "tests").rglob("test_*.py"))
-        if not (independent and p.name in COMMITTED)
-    }
-    for wanted in (modules, rooms):
-        found = [p for p, text in texts.items() if any(f"{m} import" in text for m in wanted)]
-        if found:
-            return found
-    raise UserError(f"No test imports {', '.join(sorted(rooms))}.", "Name test files with --tests.")
-
-
 class _Copy:
     # A copy of the checkout, and its tests in a child process.
 
-    def __init__(self, root: Path, folder: Path, tests: Sequence[Path], independent: bool) -> None:
+    def __init__(self, root: Path, folder: Path, independent: bool) -> None:
         self.root = folder / "checkout"
         shutil.copytree(root, self.root, ignore=shutil.ignore_patterns(*NOT_COPIED))
-        command = [sys.executable, "-m", "pytest", "-x", "-q"]
-        command += ["-p", "no:cacheprovider", "-p", "no:xdist"]
-        ignored = [f"--ignore=tests/{name}" for name in COMMITTED] if independent else []
-        self.command = [*command, *ignored, *map(str, tests)]
-
-    def run(self, limit_s: float | None, warm: bool = False) -> tuple[int | None, str]:
-        # Only the first run may write bytecode: a fault must not meet that of another one.
+        # Plans and libraries of faulty code are nothing to keep.
         paths = f"{self.root}{os.pathsep}{self.root / 'host'}"
-        fixed = {"PYTHONPATH": paths, "PYTHONHASHSEED": "0"}
-        env = os.environ | fixed | ({} if warm else {"PYTHONDONTWRITEBYTECODE": "1"})
+        fixed = {"PYTHONPATH": paths, "PYTHONHASHSEED": "0", "XDG_CACHE_HOME": str(folder)}
+        self.env = os.environ | fixed | {"PYTHONDONTWRITEBYTECODE": "1"}
+        # Bytecode of the sound sources; a fault must not meet that of another one.
+        compile_dir(self.root / PACKAGE, quiet=2)
+        self.select = ["-k", f"not {COMMITTED_TEST}"] if independent else []
+        self.broken: set[str] = set()
+        self.sound: set[str] = set()
+        self.limits_s: dict[str, float] = {}
+
+    def run(self, test: str, limit_s: float | None) -> tuple[int | None, str]:
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-rfE"]
+        command += ["-p", "no:cacheprovider", "-p", "no:xdist", *self.select]
         child = subprocess.Popen(
-            self.command,
+            [*command, *(f"--deselect={name}" for name in sorted(self.broken)), test],
             cwd=self.root,
-            env=env,
+            env=self.env,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -137,6 +159,37 @@ class _Copy:
             child.communicate()
             return None, ""
         return child.returncode, said
+
+    def limit_of(self, test: str) -> float:
+        """Time that a test file may take, from a run without a fault."""
+        if test not in self.limits_s:
+            begun = time.monotonic()
+            self.run(test, None)
+            self.limits_s[test] = SPARE_S + 3 * (time.monotonic() - begun)
+        return self.limits_s[test]
+
+    def who_notices(
+        self, mutant: PythonMutant, test: str, limit_s: float | None
+    ) -> tuple[Fate, str]:
+        """The test of a file that fails with the fault, and passes without it."""
+        limit_s = limit_s or self.limit_of(test)
+        for _ in range(BROKEN_MOST):
+            with self.fault(mutant):
+                code, said = self.run(test, limit_s)
+            if code in (0, NO_TESTS):
+                return "survived", ""
+            if code is None:
+                return "no end", test
+            failed = re.search(r"^(?:FAILED|ERROR) (\S+::[^\n]*?)(?: - .*)?$", said, re.MULTILINE)
+            name = failed[1] if failed else test
+            if name not in self.sound and self.run(name, None)[0] != 0:
+                self.broken.add(name)
+                if name == test:
+                    break
+                continue
+            self.sound.add(name)
+            return "killed", name
+        return "survived", ""
 
     @contextmanager
     def fault(self, mutant: PythonMutant) -> Iterator[None]:
@@ -167,46 +220,63 @@ def _drawn(
     return sorted(made.values(), key=lambda m: (m.path, m.line, m.kind, m.edit))
 
 
+def _asked(what: str, sample: int | None) -> tuple[str, int | None]:
+    # ``room:8`` has a number of its own.
+    name, _, number = what.partition(":")
+    if not number:
+        return name, sample
+    if not number.isdigit() or int(number) < 1:
+        raise UserError(f"'{what}': no number of faults.", "Write ROOM:8, or ROOM alone.")
+    return name, int(number)
+
+
 def mutate_python(
     root: Path,
-    what: str,
+    whats: Sequence[str],
     *,
     sample: int | None = None,
     seed: int = 0,
     tests: Sequence[str] = (),
     independent: bool = True,
+    widen: int = 0,
     limit_s: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> PythonReport:
-    """Plant faults into a room or a file and run tests against each.
+    """Plant faults into rooms or files and run tests against each.
 
     root: checkout with ``esea_gen`` and ``tests``; it is copied, not touched.
-    what: room, or file, of ``esea_gen``.
-    sample: number of faults, drawn by ``seed``; all when not given.
-    tests: test files or names; those that import the file or room when not given.
+    whats: rooms, or files, of ``esea_gen``; ``room:8`` for eight faults.
+    sample: number of faults of each of the others, drawn by ``seed``; all when not given.
+    tests: test files or names; those that stand nearest to a fault by import when not given.
     independent: leave out tests that only compare with committed output.
-    limit_s: time of one run of the tests; three times that without a fault when not given.
+    widen: so many more test files for a fault that the nearest do not notice.
+    limit_s: time of one test file; from three times that without a fault when not given.
     """
     say = progress or (lambda _: None)
-    sources = sources_of(root, what)
-    chosen = [Path(t) for t in tests] or chosen_tests(root, sources, independent)
-    report = PythonReport(tuple(map(str, sources)), tuple(map(str, chosen)), seed)
+    drawn: list[tuple[str, PythonMutant]] = []
+    for what in whats:
+        name, number = _asked(what, sample)
+        drawn += [(name, m) for m in _drawn(root, sources_of(root, name), number, seed)]
+    graph = Importers(root)
+    report = PythonReport(seed)
     with tempfile.TemporaryDirectory(prefix="esea-mutate-") as scratch:
-        copy = _Copy(root, Path(scratch), chosen, independent)
-        say("tests without a fault")
-        begun = time.monotonic()
-        code, said = copy.run(None, warm=True)
-        if code != 0:
-            tail = " ".join(said.split())[-300:]
-            raise UserError(
-                f"The tests do not pass without a fault (pytest's exit code {code}: {tail}).",
-                "Mend them, or choose others with --tests.",
-            )
-        limit = limit_s or 10 + 3 * (time.monotonic() - begun)
-        for k, mutant in enumerate(mutants := _drawn(root, sources, sample, seed)):
-            say(f"fault {k + 1} of {len(mutants)}")
-            with copy.fault(mutant):
-                code, _ = copy.run(limit)
-            fate: Fate = "no end" if code is None else "survived" if code == 0 else "killed"
-            report.found.append((mutant, fate))
+        copy = _Copy(root, Path(scratch), independent)
+        for k, (name, mutant) in enumerate(drawn):
+            say(f"fault {k + 1} of {len(drawn)}, {len(report.survivors)} survived")
+            near, more = near_tests(graph, Path(mutant.path), independent=independent, widen=widen)
+            asked = [*tests] or [p.as_posix() for p in (*near, *more)]
+            fate: Fate = "survived"
+            noticed_by = ""
+            for test in asked:
+                fate, noticed_by = copy.who_notices(mutant, test, limit_s)
+                if fate != "survived":
+                    break
+            if copy.broken.issuperset(asked):
+                raise UserError(
+                    f"The tests do not pass without a fault ({', '.join(asked) or 'none'}).",
+                    "Mend them, or choose others with --tests.",
+                )
+            report.found.append(Found(name, mutant, fate, noticed_by, tuple(asked)))
+            say(str(report.found[-1]))
+    report.broken = copy.broken
     return report

@@ -33,6 +33,7 @@ _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Or: ast.And,
 }
 _DELETED = "deleted statement"
+SHOWN = 90  # letters of an edit, at most
 _TERMS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 
 
@@ -155,9 +156,16 @@ def _replacements(x: Any) -> Iterator[tuple[str, ast.AST]]:
         yield _DELETED, ast.Pass()
 
 
-def _short(node: ast.AST) -> str:
-    text = " ".join(ast.unparse(node).split())
-    return text if len(text) <= 90 else text[:87] + "..."
+def _pair(before: str, after: str) -> tuple[str, str]:
+    """Both texts, cut to what is round the place where they part."""
+    alike = next((k for k, (a, b) in enumerate(zip(before, after, strict=False)) if a != b), 0)
+    start = max(0, alike - SHOWN // 2) if max(len(before), len(after)) > SHOWN else 0
+
+    def cut(text: str) -> str:
+        end = "..." if len(text) > start + SHOWN else ""
+        return "..." * bool(start) + text[start : start + SHOWN] + end
+
+    return cut(before), cut(after)
 
 
 def _suspicion(node: ast.AST, kind: str, in_text: bool) -> str:
@@ -211,7 +219,8 @@ class PythonFaults:
             undo()
         if text == self.whole:
             return None
-        edit = before[1] if kind == _DELETED else f"{before[1]}  ->  {after}"
+        old, new = _pair(before[1], after)
+        edit = _pair(before[1], "")[0] if kind == _DELETED else f"{old}  ->  {new}"
         return PythonMutant(self.path, before[0], kind, edit, suspect, text)
 
 
@@ -222,5 +231,5 @@ def _line_of(node: ast.AST, shown: ast.AST) -> int:
 def _edited(node: ast.AST) -> str:
     test = getattr(node, "test", None)
     if test is not None and hasattr(node, "body") and isinstance(node, ast.stmt):
-        return _short(test)
-    return _short(node) if not isinstance(node, ast.Module) else "file"
+        node = test
+    return " ".join(ast.unparse(node).split()) if not isinstance(node, ast.Module) else "file"

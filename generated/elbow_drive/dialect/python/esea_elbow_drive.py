@@ -647,6 +647,16 @@ enums["ESEA_ELBOW_DRIVE_REFERENCE_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_REFE
 ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENUM_END = 9
 enums["ESEA_ELBOW_DRIVE_REFERENCE_STATUS"][9] = EnumEntry("ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENUM_END", """""")
 
+# ESEA_ELBOW_DRIVE_LEAD_STATUS
+enums["ESEA_ELBOW_DRIVE_LEAD_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_LEAD_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_LEAD_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_LEAD_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_LEAD_STATUS_INPUT_INVALID", """an input was NaN or outside its range; not led""")
+ESEA_ELBOW_DRIVE_LEAD_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_LEAD_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_LEAD_STATUS_STATE_REPAIRED", """the state was corrupt; started afresh""")
+ESEA_ELBOW_DRIVE_LEAD_STATUS_ENUM_END = 3
+enums["ESEA_ELBOW_DRIVE_LEAD_STATUS"][3] = EnumEntry("ESEA_ELBOW_DRIVE_LEAD_STATUS_ENUM_END", """""")
+
 # ESEA_ELBOW_DRIVE_INVERSE_STATUS
 enums["ESEA_ELBOW_DRIVE_INVERSE_STATUS"] = Enum()
 enums["ESEA_ELBOW_DRIVE_INVERSE_STATUS"].bitmask = True
@@ -682,6 +692,16 @@ ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ACCELERATION_CLIPPED = 8
 enums["ESEA_ELBOW_DRIVE_SETPOINT_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ACCELERATION_CLIPPED", """the acceleration was clipped""")
 ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ENUM_END = 9
 enums["ESEA_ELBOW_DRIVE_SETPOINT_STATUS"][9] = EnumEntry("ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ENUM_END", """""")
+
+# ESEA_ELBOW_DRIVE_SMOOTH_STATUS
+enums["ESEA_ELBOW_DRIVE_SMOOTH_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_SMOOTH_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_SMOOTH_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_SMOOTH_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_SMOOTH_STATUS_INPUT_INVALID", """an input was NaN or outside its range; not smoothed""")
+ESEA_ELBOW_DRIVE_SMOOTH_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_SMOOTH_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_SMOOTH_STATUS_STATE_REPAIRED", """the state was corrupt; started afresh""")
+ESEA_ELBOW_DRIVE_SMOOTH_STATUS_ENUM_END = 3
+enums["ESEA_ELBOW_DRIVE_SMOOTH_STATUS"][3] = EnumEntry("ESEA_ELBOW_DRIVE_SMOOTH_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_LIMITS_STATUS
 enums["ESEA_ELBOW_DRIVE_LIMITS_STATUS"] = Enum()
@@ -786,6 +806,18 @@ ESEA_ELBOW_DRIVE_SET_RATE_STATUS_RATE_CLIPPED = 8
 enums["ESEA_ELBOW_DRIVE_SET_RATE_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_SET_RATE_STATUS_RATE_CLIPPED", """the filtered rate was clipped at its physical range""")
 ESEA_ELBOW_DRIVE_SET_RATE_STATUS_ENUM_END = 9
 enums["ESEA_ELBOW_DRIVE_SET_RATE_STATUS"][9] = EnumEntry("ESEA_ELBOW_DRIVE_SET_RATE_STATUS_ENUM_END", """""")
+
+# ESEA_ELBOW_DRIVE_SET_TREND_STATUS
+enums["ESEA_ELBOW_DRIVE_SET_TREND_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_SET_TREND_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_SET_TREND_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_SET_TREND_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_SET_TREND_STATUS_INPUT_INVALID", """the input was NaN or outside its range; the last one counts""")
+ESEA_ELBOW_DRIVE_SET_TREND_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_SET_TREND_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_SET_TREND_STATUS_STATE_REPAIRED", """the state was corrupt; started afresh""")
+ESEA_ELBOW_DRIVE_SET_TREND_STATUS_CLIPPED = 4
+enums["ESEA_ELBOW_DRIVE_SET_TREND_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_SET_TREND_STATUS_CLIPPED", """rate or acceleration is at its range""")
+ESEA_ELBOW_DRIVE_SET_TREND_STATUS_ENUM_END = 5
+enums["ESEA_ELBOW_DRIVE_SET_TREND_STATUS"][5] = EnumEntry("ESEA_ELBOW_DRIVE_SET_TREND_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_SMC_STATUS
 enums["ESEA_ELBOW_DRIVE_SMC_STATUS"] = Enum()
@@ -1094,22 +1126,22 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_OUT
     msgname = "ESEA_SENSE_OUT"
-    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "inverse_status", "setpoint_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "inverse_status", "setpoint_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "reference_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_DRIVE_GEAR_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
+    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "reference_status": "bitmask", "lead_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "smooth_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "lead_status": "ESEA_ELBOW_DRIVE_LEAD_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "smooth_status": "ESEA_ELBOW_DRIVE_SMOOTH_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_DRIVE_GEAR_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"theta_rad": "rad", "theta_motor_rad": "rad", "theta_load_rad": "rad", "omega_motor_rad_s": "rad/s", "omega_load_rad_s": "rad/s", "delta_set_rad": "rad"}
-    native_format = bytearray(b"<IffffffffffffffIIIIIIIIIIIIIIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 238
-    unpacker = struct.Struct("<IffffffffffffffIIIIIIIIIIIIIIIII")
+    native_format = bytearray(b"<IffffffffffffffIIIIIIIIIIIIIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 64
+    unpacker = struct.Struct("<IffffffffffffffIIIIIIIIIIIIIIIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_sense_out_message.id, MAVLink_esea_sense_out_message.msgname)
         self._fieldnames = MAVLink_esea_sense_out_message.fieldnames
         self._instance_field = MAVLink_esea_sense_out_message.instance_field
@@ -1138,8 +1170,10 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.load_rate_status = load_rate_status
         self.encoder_gear_status = encoder_gear_status
         self.reference_status = reference_status
+        self.lead_status = lead_status
         self.inverse_status = inverse_status
         self.setpoint_status = setpoint_status
+        self.smooth_status = smooth_status
         self.limits_status = limits_status
         self.drive_status = drive_status
         self.gear_status = gear_status
@@ -1148,7 +1182,7 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.reference_status, self.inverse_status, self.setpoint_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.reference_status, self.lead_status, self.inverse_status, self.setpoint_status, self.smooth_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1202,22 +1236,22 @@ class MAVLink_esea_control_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_CONTROL_OUT
     msgname = "ESEA_CONTROL_OUT"
-    fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "smc_status", "redundancy_status", "stamp_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "smc_status", "redundancy_status", "stamp_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"smc_status": "bitmask", "redundancy_status": "bitmask", "stamp_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"smc_status": "ESEA_ELBOW_DRIVE_SMC_STATUS", "redundancy_status": "ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS", "stamp_status": "ESEA_ELBOW_DRIVE_STAMP_STATUS"}
+    fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "room_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "set_trend_status", "smc_status", "redundancy_status", "stamp_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "room_Nm", "surface_rad_s", "u_eq_Nm", "k_smc_Nm", "set_trend_status", "smc_status", "redundancy_status", "stamp_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"set_trend_status": "bitmask", "smc_status": "bitmask", "redundancy_status": "bitmask", "stamp_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"set_trend_status": "ESEA_ELBOW_DRIVE_SET_TREND_STATUS", "smc_status": "ESEA_ELBOW_DRIVE_SMC_STATUS", "redundancy_status": "ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS", "stamp_status": "ESEA_ELBOW_DRIVE_STAMP_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"apart_rad": "rad", "surface_rad_s": "rad/s"}
-    native_format = bytearray(b"<IffffffIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 0
-    unpacker = struct.Struct("<IffffffIIII")
+    native_format = bytearray(b"<IfffffffIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 41
+    unpacker = struct.Struct("<IfffffffIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, room_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, set_trend_status: int, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_control_out_message.id, MAVLink_esea_control_out_message.msgname)
         self._fieldnames = MAVLink_esea_control_out_message.fieldnames
         self._instance_field = MAVLink_esea_control_out_message.instance_field
@@ -1226,16 +1260,18 @@ class MAVLink_esea_control_out_message(MAVLink_message):
         self.u_command_Nm = u_command_Nm
         self.apart_rad = apart_rad
         self.apart_Nm = apart_Nm
+        self.room_Nm = room_Nm
         self.surface_rad_s = surface_rad_s
         self.u_eq_Nm = u_eq_Nm
         self.k_smc_Nm = k_smc_Nm
+        self.set_trend_status = set_trend_status
         self.smc_status = smc_status
         self.redundancy_status = redundancy_status
         self.stamp_status = stamp_status
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.apart_rad, self.apart_Nm, self.surface_rad_s, self.u_eq_Nm, self.k_smc_Nm, self.smc_status, self.redundancy_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.apart_rad, self.apart_Nm, self.room_Nm, self.surface_rad_s, self.u_eq_Nm, self.k_smc_Nm, self.set_trend_status, self.smc_status, self.redundancy_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1834,7 +1870,7 @@ class MAVLink(object):
         """
         self.send(self.esea_sense_in_encode(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, count_gear, frame_error_gear), force_mavlink1=force_mavlink1)
 
-    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
+    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
         """
         Output of one run of task sense.
 
@@ -1862,8 +1898,10 @@ class MAVLink(object):
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
         encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
+        lead_status               : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LEAD_STATUS)
         inverse_status            : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_INVERSE_STATUS)
         setpoint_status           : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SETPOINT_STATUS)
+        smooth_status             : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SMOOTH_STATUS)
         limits_status             : which limits act, and what holds the latch; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LIMITS_STATUS)
         drive_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_DRIVE_STATUS)
         gear_status               : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_GEAR_STATUS)
@@ -1872,9 +1910,9 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, inverse_status, setpoint_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks)
+        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks)
 
-    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, inverse_status: int, setpoint_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task sense.
 
@@ -1902,8 +1940,10 @@ class MAVLink(object):
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
         encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
+        lead_status               : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LEAD_STATUS)
         inverse_status            : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_INVERSE_STATUS)
         setpoint_status           : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SETPOINT_STATUS)
+        smooth_status             : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SMOOTH_STATUS)
         limits_status             : which limits act, and what holds the latch; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LIMITS_STATUS)
         drive_status              : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_DRIVE_STATUS)
         gear_status               : what is known of this estimate; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_GEAR_STATUS)
@@ -1912,7 +1952,7 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, inverse_status, setpoint_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
 
     def esea_control_in_encode(self, sequence: int) -> MAVLink_esea_control_in_message:
         """
@@ -1934,7 +1974,7 @@ class MAVLink(object):
         """
         self.send(self.esea_control_in_encode(sequence), force_mavlink1=force_mavlink1)
 
-    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
+    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, room_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, set_trend_status: int, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
         """
         Output of one run of task control.
 
@@ -1942,18 +1982,20 @@ class MAVLink(object):
         u_command_Nm              : command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22) (type:float)
         apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
         apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
+        room_Nm                   : how large that may be now; [Nm], range 0 to 30.1256943 (type:float)
         surface_rad_s             : surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12) [rad/s] (type:float)
         u_eq_Nm                   : equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16) (type:float)
         k_smc_Nm                  : switching gain; [Nm], range 0 to 10.9715872; eq. (5.20) (type:float)
+        set_trend_status          : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SET_TREND_STATUS)
         smc_status                : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SMC_STATUS)
         redundancy_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS)
         stamp_status              : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_STAMP_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_control_out_message(sequence, u_command_Nm, apart_rad, apart_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, smc_status, redundancy_status, stamp_status, step_ticks)
+        return MAVLink_esea_control_out_message(sequence, u_command_Nm, apart_rad, apart_Nm, room_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, set_trend_status, smc_status, redundancy_status, stamp_status, step_ticks)
 
-    def esea_control_out_send(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_control_out_send(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, room_Nm: float, surface_rad_s: float, u_eq_Nm: float, k_smc_Nm: float, set_trend_status: int, smc_status: int, redundancy_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task control.
 
@@ -1961,13 +2003,15 @@ class MAVLink(object):
         u_command_Nm              : command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22) (type:float)
         apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
         apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
+        room_Nm                   : how large that may be now; [Nm], range 0 to 30.1256943 (type:float)
         surface_rad_s             : surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12) [rad/s] (type:float)
         u_eq_Nm                   : equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16) (type:float)
         k_smc_Nm                  : switching gain; [Nm], range 0 to 10.9715872; eq. (5.20) (type:float)
+        set_trend_status          : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SET_TREND_STATUS)
         smc_status                : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SMC_STATUS)
         redundancy_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS)
         stamp_status              : what is known of this command; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_STAMP_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_control_out_encode(sequence, u_command_Nm, apart_rad, apart_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, smc_status, redundancy_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_control_out_encode(sequence, u_command_Nm, apart_rad, apart_Nm, room_Nm, surface_rad_s, u_eq_Nm, k_smc_Nm, set_trend_status, smc_status, redundancy_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)

@@ -66,6 +66,14 @@ extern "C" {
 #define casadi_f4 CASADI_PREFIX(f4)
 #define casadi_f40 CASADI_PREFIX(f40)
 #define casadi_f41 CASADI_PREFIX(f41)
+#define casadi_f42 CASADI_PREFIX(f42)
+#define casadi_f43 CASADI_PREFIX(f43)
+#define casadi_f44 CASADI_PREFIX(f44)
+#define casadi_f45 CASADI_PREFIX(f45)
+#define casadi_f46 CASADI_PREFIX(f46)
+#define casadi_f47 CASADI_PREFIX(f47)
+#define casadi_f48 CASADI_PREFIX(f48)
+#define casadi_f49 CASADI_PREFIX(f49)
 #define casadi_f5 CASADI_PREFIX(f5)
 #define casadi_f6 CASADI_PREFIX(f6)
 #define casadi_f7 CASADI_PREFIX(f7)
@@ -3097,8 +3105,366 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work_bytes(casad
   return 0;
 }
 
-/* esea_elbow_drive_casadi_inverse_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
+/* esea_elbow_drive_casadi_torque_lead_prepare:(share)->(c_share) */
 static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f18(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_prepare_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_prepare_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_prepare_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_torque_lead_prepare_n_in(void) { return 1;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_torque_lead_prepare_n_out(void) { return 1;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_torque_lead_prepare_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_torque_lead_prepare_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "share";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_torque_lead_prepare_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_torque_lead_prepare_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_torque_lead_prepare_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1;
+  if (sz_res) *sz_res = 1;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 1*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_torque_lead_init:(share)->(slow_0,tau_set_Nm_0) */
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f19(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_torque_lead_init_n_in(void) { return 1;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_torque_lead_init_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_torque_lead_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_torque_lead_init_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "share";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_torque_lead_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "slow_0";
+    case 1: return "tau_set_Nm_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_torque_lead_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_torque_lead_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_torque_lead_step:(c_share,s_slow,s_tau_set_Nm,u_tau_set_Nm,u_tau_rate_Nm_s,u_tau_curve_Nm_s2,u_trust,u_settled,u_mode)->(next_slow,next_tau_set_Nm,y_tau_led_Nm,y_governed,y_status) */
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  a00=arg[3]? arg[3][0] : 0;
+  a01=20.;
+  a02=(a00<=a01);
+  a03=-20.;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[4]? arg[4][0] : 0;
+  a05=8.4257514953613281e+01;
+  a05=(a04<=a05);
+  a06=-8.4257514953613281e+01;
+  a06=(a06<=a04);
+  a05=(a05&&a06);
+  a06=(a02&&a05);
+  a07=arg[5]? arg[5][0] : 0;
+  a08=1.5882166748046875e+03;
+  a08=(a07<=a08);
+  a09=-1.5882166748046875e+03;
+  a09=(a09<=a07);
+  a08=(a08&&a09);
+  a06=(a06&&a08);
+  a09=arg[6]? arg[6][0] : 0;
+  a10=1.;
+  a11=(a09<=a10);
+  a12=0.;
+  a13=(a12<=a09);
+  a11=(a11&&a13);
+  a06=(a06&&a11);
+  a13=arg[7]? arg[7][0] : 0;
+  a14=(a13<=a10);
+  a15=(a12<=a13);
+  a14=(a14&&a15);
+  a06=(a06&&a14);
+  a15=arg[8]? arg[8][0] : 0;
+  a16=2.;
+  a17=(a15<=a16);
+  a18=(a12<=a15);
+  a17=(a17&&a18);
+  a06=(a06&&a17);
+  a18=5.0000000000000000e-01;
+  a17=(a17?a15:0);
+  a18=(a18<a17);
+  a15=1.5000000000000000e+00;
+  a17=(a17<a15);
+  a18=(a18&&a17);
+  a18=(a06&&a18);
+  a17=9.9501662508318933e-03;
+  a15=arg[0]? arg[0][0] : 0;
+  a15=(a15*a09);
+  a17=(a17*a15);
+  a11=(a11?a17:0);
+  a18=(a18?a11:0);
+  a11=arg[1]? arg[1][0] : 0;
+  a17=(a11<=a10);
+  a12=(a12<=a11);
+  a17=(a17&&a12);
+  a12=arg[2]? arg[2][0] : 0;
+  a01=(a12<=a01);
+  a03=(a03<=a12);
+  a01=(a01&&a03);
+  a17=(a17&&a01);
+  a01=9.9004983374916811e-01;
+  a01=(a01*a11);
+  a01=(a17?a01:0);
+  a18=(a18+a01);
+  a18=casadi_fmin(a18,a10);
+  if (res[0]!=0) res[0][0]=a18;
+  a00=(a02?a00:0);
+  a02=(!a02);
+  a12=(a17?a12:0);
+  a02=(a02?a12:0);
+  a00=(a00+a02);
+  if (res[1]!=0) res[1][0]=a00;
+  a14=(a14?a13:0);
+  a18=casadi_fmin(a18,a14);
+  a14=6.7606180094051727e-02;
+  a14=(a14*a04);
+  a05=(a05?a14:0);
+  a14=2.3386127006353452e-03;
+  a14=(a14*a07);
+  a08=(a08?a14:0);
+  a05=(a05+a08);
+  a05=(a18*a05);
+  a00=(a00+a05);
+  a05=4.4699997901916504e+00;
+  a00=casadi_fmin(a00,a05);
+  a05=-4.4699997901916504e+00;
+  a00=casadi_fmax(a00,a05);
+  if (res[2]!=0) res[2][0]=a00;
+  if (res[3]!=0) res[3][0]=a18;
+  a06=(!a06);
+  a06=(a06?a10:0);
+  a17=(!a17);
+  a17=(a17?a16:0);
+  a06=(a06+a17);
+  if (res[4]!=0) res[4][0]=a06;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f20(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_torque_lead_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_torque_lead_step_n_in(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_torque_lead_step_n_out(void) { return 5;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_torque_lead_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_torque_lead_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    case 1: return "s_slow";
+    case 2: return "s_tau_set_Nm";
+    case 3: return "u_tau_set_Nm";
+    case 4: return "u_tau_rate_Nm_s";
+    case 5: return "u_tau_curve_Nm_s2";
+    case 6: return "u_trust";
+    case 7: return "u_settled";
+    case 8: return "u_mode";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_torque_lead_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_slow";
+    case 1: return "next_tau_set_Nm";
+    case 2: return "y_tau_led_Nm";
+    case 3: return "y_governed";
+    case 4: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_torque_lead_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_torque_lead_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9;
+  if (sz_res) *sz_res = 5;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_inverse_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -3127,7 +3493,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_checkout(void) {
@@ -3202,7 +3568,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_inverse_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10],theta_hat_rad_0,v_rad_s_0,a_rad_s2_0) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3225,7 +3591,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_checkout(void) {
@@ -3312,7 +3678,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_inverse_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_tau_Nm)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_theta_rad,y_omega_mid_rad_s,y_tau_model_Nm,y_residual_Nm,y_step_rad,y_status) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -4197,7 +4563,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_checkout(void) {
@@ -4312,7 +4678,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -4341,7 +4707,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_checkout(void) {
@@ -4416,7 +4782,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,held_rad_0,delta_rad_0,rate_rad_s_0,acc_rad_s2_0) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4428,7 +4794,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_checkout(void) {
@@ -4511,7 +4877,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_held_rad,s_delta_rad,s_rate_rad_s,s_acc_rad_s2,u_theta_set_rad)->(next_primed,next_held_rad,next_delta_rad,next_rate_rad_s,next_acc_rad_s2,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_status) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19;
   a00=arg[3]? arg[3][0] : 0;
@@ -4635,7 +5001,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_checkout(void) {
@@ -4737,8 +5103,342 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_work_bytes(
   return 0;
 }
 
+/* esea_elbow_drive_casadi_smoothed_setpoint_init:()->(primed_0,first_rad_0,second_rad_0,third_rad_0) */
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f27(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_smoothed_setpoint_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_smoothed_setpoint_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_smoothed_setpoint_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_smoothed_setpoint_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_smoothed_setpoint_init_n_out(void) { return 4;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_smoothed_setpoint_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_smoothed_setpoint_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_smoothed_setpoint_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "primed_0";
+    case 1: return "first_rad_0";
+    case 2: return "second_rad_0";
+    case 3: return "third_rad_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 4;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 4*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_smoothed_setpoint_step:(s_primed,s_first_rad,s_second_rad,s_third_rad,u_theta_set_rad,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_governed)->(next_primed,next_first_rad,next_second_rad,next_third_rad,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_theta_smooth_rad,y_status) */
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24;
+  a00=arg[0]? arg[0][0] : 0;
+  a01=1.;
+  a02=(a00<=a01);
+  a03=0.;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[1]? arg[1][0] : 0;
+  a05=3.4999999403953552e-01;
+  a06=(a04<=a05);
+  a07=-3.4999999403953552e-01;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a02=(a02&&a06);
+  a06=arg[2]? arg[2][0] : 0;
+  a08=(a06<=a05);
+  a09=(a07<=a06);
+  a08=(a08&&a09);
+  a02=(a02&&a08);
+  a08=arg[3]? arg[3][0] : 0;
+  a09=(a08<=a05);
+  a10=(a07<=a08);
+  a09=(a09&&a10);
+  a02=(a02&&a09);
+  a00=(a02?a00:0);
+  a09=arg[4]? arg[4][0] : 0;
+  a10=(a09<=a05);
+  a11=(a07<=a09);
+  a10=(a10&&a11);
+  a11=arg[5]? arg[5][0] : 0;
+  a05=(a11<=a05);
+  a07=(a07<=a11);
+  a05=(a05&&a07);
+  a07=(a10&&a05);
+  a12=arg[6]? arg[6][0] : 0;
+  a13=25.;
+  a14=(a12<=a13);
+  a15=-25.;
+  a16=(a15<=a12);
+  a14=(a14&&a16);
+  a07=(a07&&a14);
+  a16=arg[7]? arg[7][0] : 0;
+  a17=7.3999992370605469e+01;
+  a18=(a16<=a17);
+  a19=-7.3999992370605469e+01;
+  a20=(a19<=a16);
+  a18=(a18&&a20);
+  a07=(a07&&a18);
+  a20=arg[8]? arg[8][0] : 0;
+  a21=(a20<=a01);
+  a03=(a03<=a20);
+  a21=(a21&&a03);
+  a07=(a07&&a21);
+  a03=(a00||a07);
+  if (res[0]!=0) res[0][0]=a03;
+  a00=(a07&&a00);
+  a03=1.0000000000000000e-02;
+  a22=(a21?a20:0);
+  a03=(a03<a22);
+  a03=(a00&&a03);
+  a22=9.5804824432639746e-01;
+  a04=(a22*a04);
+  a04=(a02?a04:0);
+  a23=4.1951755673602542e-02;
+  a09=(a10?a09:0);
+  a10=(!a10);
+  a24=(a02?a08:0);
+  a10=(a10?a24:0);
+  a09=(a09+a10);
+  a10=(a23*a09);
+  a04=(a04+a10);
+  a04=(a03?a04:0);
+  a10=(!a03);
+  a10=(a10?a09:0);
+  a04=(a04+a10);
+  if (res[1]!=0) res[1][0]=a04;
+  a06=(a22*a06);
+  a06=(a02?a06:0);
+  a24=(a23*a04);
+  a06=(a06+a24);
+  a06=(a03?a06:0);
+  a06=(a06+a10);
+  if (res[2]!=0) res[2][0]=a06;
+  a22=(a22*a08);
+  a22=(a02?a22:0);
+  a23=(a23*a06);
+  a22=(a22+a23);
+  a03=(a03?a22:0);
+  a03=(a03+a10);
+  if (res[3]!=0) res[3][0]=a03;
+  a05=(a05?a11:0);
+  a11=9.9900000000000000e-01;
+  a11=(a11*a20);
+  a20=(a03-a05);
+  a20=(a11*a20);
+  a20=(a21?a20:0);
+  a20=(a00?a20:0);
+  a05=(a05+a20);
+  if (res[4]!=0) res[4][0]=a05;
+  a14=(a14?a12:0);
+  a12=4.2857142857142854e+01;
+  a05=(a06-a03);
+  a12=(a12*a05);
+  a12=(a12-a14);
+  a12=(a11*a12);
+  a12=(a21?a12:0);
+  a12=(a00?a12:0);
+  a14=(a14+a12);
+  a14=casadi_fmin(a14,a13);
+  a14=casadi_fmax(a14,a15);
+  if (res[5]!=0) res[5][0]=a14;
+  a18=(a18?a16:0);
+  a16=1.8367346938775509e+03;
+  a06=(2.*a06);
+  a04=(a04-a06);
+  a04=(a04+a03);
+  a16=(a16*a04);
+  a16=(a16-a18);
+  a16=(a11*a16);
+  a16=(a21?a16:0);
+  a16=(a00?a16:0);
+  a18=(a18+a16);
+  a18=casadi_fmin(a18,a17);
+  a18=casadi_fmax(a18,a19);
+  if (res[6]!=0) res[6][0]=a18;
+  a03=(a03-a09);
+  a11=(a11*a03);
+  a21=(a21?a11:0);
+  a00=(a00?a21:0);
+  a09=(a09+a00);
+  if (res[7]!=0) res[7][0]=a09;
+  a07=(!a07);
+  a07=(a07?a01:0);
+  a02=(!a02);
+  a01=2.;
+  a02=(a02?a01:0);
+  a07=(a07+a02);
+  if (res[8]!=0) res[8][0]=a07;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f28(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_smoothed_setpoint_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_smoothed_setpoint_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_smoothed_setpoint_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_smoothed_setpoint_step_n_in(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_smoothed_setpoint_step_n_out(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_smoothed_setpoint_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_smoothed_setpoint_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_primed";
+    case 1: return "s_first_rad";
+    case 2: return "s_second_rad";
+    case 3: return "s_third_rad";
+    case 4: return "u_theta_set_rad";
+    case 5: return "u_delta_set_rad";
+    case 6: return "u_delta_rate_rad_s";
+    case 7: return "u_delta_acc_rad_s2";
+    case 8: return "u_governed";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_smoothed_setpoint_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_primed";
+    case 1: return "next_first_rad";
+    case 2: return "next_second_rad";
+    case 3: return "next_third_rad";
+    case 4: return "y_delta_set_rad";
+    case 5: return "y_delta_rate_rad_s";
+    case 6: return "y_delta_acc_rad_s2";
+    case 7: return "y_theta_smooth_rad";
+    case 8: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9;
+  if (sz_res) *sz_res = 9;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
 /* esea_elbow_drive_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -4776,7 +5476,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_checkout(void) {
@@ -4885,7 +5585,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4916,7 +5616,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_checkout(void) {
@@ -5033,7 +5733,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -5782,7 +6482,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_checkout(void) {
@@ -5967,7 +6667,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -5982,7 +6682,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_checkout(void) {
@@ -6055,7 +6755,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6068,7 +6768,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_checkout(void) {
@@ -6151,7 +6851,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -6287,7 +6987,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_checkout(void) {
@@ -6393,8 +7093,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_work_bytes(
   return 0;
 }
 
-/* esea_elbow_drive_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0,a_rad_s2_0,moved_rad_s2_0) */
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6403,11 +7103,13 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[3]!=0) res[3][0]=a0;
   if (res[4]!=0) res[4][0]=a0;
   if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_checkout(void) {
@@ -6425,7 +7127,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_init_decref(void
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_init_n_in(void) { return 0;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_init_n_out(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_init_n_out(void) { return 8;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_gear_observer_init_default_in(casadi_int i) {
   switch (i) {
@@ -6447,6 +7149,8 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_gear_observer_init_name
     case 3: return "u_held_Nm_0";
     case 4: return "u_a_Nm_0";
     case 5: return "d4_rad_s2_0";
+    case 6: return "a_rad_s2_0";
+    case 7: return "moved_rad_s2_0";
     default: return 0;
   }
 }
@@ -6465,13 +7169,15 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_gear_observer_ini
     case 3: return casadi_s0;
     case 4: return casadi_s0;
     case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0;
-  if (sz_res) *sz_res = 6;
+  if (sz_res) *sz_res = 8;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
@@ -6479,30 +7185,30 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_work(casadi_
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_drive_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d_gear_rad_s2,y_status) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,s_a_rad_s2,s_moved_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,next_a_rad_s2,next_moved_rad_s2,y_d_gear_rad_s2,y_moves_rad_s2,y_status) */
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
-  a00=arg[6]? arg[6][0] : 0;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
+  a00=arg[8]? arg[8][0] : 0;
   a01=2.2099998593330383e-01;
   a02=(a00<=a01);
   a03=-2.2099998593330383e-01;
   a04=(a03<=a00);
   a02=(a02&&a04);
-  a04=arg[7]? arg[7][0] : 0;
+  a04=arg[9]? arg[9][0] : 0;
   a05=12.;
   a06=(a04<=a05);
   a07=-12.;
   a08=(a07<=a04);
   a06=(a06&&a08);
   a08=(a02&&a06);
-  a09=arg[8]? arg[8][0] : 0;
+  a09=arg[10]? arg[10][0] : 0;
   a10=20.;
   a10=(a09<=a10);
   a11=-20.;
@@ -6516,49 +7222,61 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a12=1.;
   a13=(a11<=a12);
   a14=0.;
-  a14=(a14<=a11);
-  a13=(a13&&a14);
-  a14=arg[1]? arg[1][0] : 0;
-  a05=(a14<=a05);
-  a07=(a07<=a14);
+  a15=(a14<=a11);
+  a13=(a13&&a15);
+  a15=arg[1]? arg[1][0] : 0;
+  a05=(a15<=a05);
+  a07=(a07<=a15);
   a05=(a05&&a07);
   a13=(a13&&a05);
   a05=arg[2]? arg[2][0] : 0;
   a07=6.5652305603027344e+01;
   a07=(a05<=a07);
-  a15=-6.5652305603027344e+01;
-  a15=(a15<=a05);
-  a07=(a07&&a15);
+  a16=-6.5652305603027344e+01;
+  a16=(a16<=a05);
+  a07=(a07&&a16);
   a13=(a13&&a07);
   a07=arg[3]? arg[3][0] : 0;
-  a15=(a07<=a01);
-  a16=(a03<=a07);
-  a15=(a15&&a16);
-  a13=(a13&&a15);
-  a15=arg[4]? arg[4][0] : 0;
-  a01=(a15<=a01);
-  a03=(a03<=a15);
+  a16=(a07<=a01);
+  a17=(a03<=a07);
+  a16=(a16&&a17);
+  a13=(a13&&a16);
+  a16=arg[4]? arg[4][0] : 0;
+  a01=(a16<=a01);
+  a03=(a03<=a16);
   a01=(a01&&a03);
   a13=(a13&&a01);
   a01=arg[5]? arg[5][0] : 0;
   a03=2.4666666030883789e+01;
-  a16=(a01<=a03);
-  a17=-2.4666666030883789e+01;
-  a18=(a17<=a01);
-  a16=(a16&&a18);
-  a13=(a13&&a16);
-  a14=(a13?a14:0);
-  a06=(a06?a14:0);
+  a17=(a01<=a03);
+  a18=-2.4666666030883789e+01;
+  a19=(a18<=a01);
+  a17=(a17&&a19);
+  a13=(a13&&a17);
+  a17=arg[6]? arg[6][0] : 0;
+  a19=9.8666664123535156e+01;
+  a20=(a17<=a19);
+  a21=-9.8666664123535156e+01;
+  a22=(a21<=a17);
+  a20=(a20&&a22);
+  a13=(a13&&a20);
+  a20=arg[7]? arg[7][0] : 0;
+  a22=(a20<=a19);
+  a14=(a14<=a20);
+  a22=(a22&&a14);
+  a13=(a13&&a22);
+  a15=(a13?a15:0);
+  a06=(a06?a15:0);
   a04=(a04+a06);
   if (res[1]!=0) res[1][0]=a04;
   a06=-4.6879999999999999e-01;
-  a16=5.0000000000000003e-02;
-  a16=(a04/a16);
-  a16=tanh(a16);
-  a06=(a06*a16);
-  a16=5.5510000000000004e-01;
-  a16=(a16*a04);
-  a06=(a06-a16);
+  a22=5.0000000000000003e-02;
+  a22=(a04/a22);
+  a22=tanh(a22);
+  a06=(a06*a22);
+  a22=5.5510000000000004e-01;
+  a22=(a22*a04);
+  a06=(a06-a22);
   a10=(a10?a09:0);
   a06=(a06-a10);
   a10=6.6300000000000003e-01;
@@ -6568,60 +7286,82 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[3]!=0) res[3][0]=a02;
   a07=(a13?a07:0);
   a02=9.7173735224993463e-01;
-  a15=(a13?a15:0);
-  a15=(a15-a07);
-  a02=(a02*a15);
+  a16=(a13?a16:0);
+  a16=(a16-a07);
+  a02=(a02*a16);
   a02=(a07+a02);
   if (res[4]!=0) res[4][0]=a02;
   a11=(a13?a11:0);
   a11=(a08&&a11);
   a02=9.8019867330675525e-01;
-  a02=(a02*a01);
-  a02=(a13?a02:0);
-  a00=1.9801326693244747e-02;
-  a10=1000.;
-  a04=(a04-a14);
-  a10=(a10*a04);
-  a04=1.1161387631975867e+02;
-  a14=9.8580115352228026e-01;
-  a14=(a14*a15);
-  a07=(a07+a14);
-  a04=(a04*a07);
+  a00=(a02*a01);
+  a00=(a13?a00:0);
+  a10=1.9801326693244747e-02;
+  a09=1000.;
+  a04=(a04-a15);
+  a09=(a09*a04);
+  a15=1.1161387631975867e+02;
+  a22=9.8580115352228026e-01;
+  a22=(a22*a16);
+  a07=(a07+a22);
+  a15=(a15*a07);
   a07=5.0000000000000000e-01;
   a05=(a13?a05:0);
   a06=(a06+a05);
   a07=(a07*a06);
-  a04=(a04+a07);
-  a10=(a10-a04);
-  a00=(a00*a10);
-  a02=(a02+a00);
-  a00=casadi_fmin(a02,a03);
-  a00=casadi_fmax(a00,a17);
-  a00=(a11?a00:0);
-  a17=(!a11);
+  a15=(a15+a07);
+  a09=(a09-a15);
+  a10=(a10*a09);
+  a00=(a00+a10);
+  a10=casadi_fmin(a00,a03);
+  a10=casadi_fmax(a10,a18);
+  a10=(a11?a10:0);
+  a18=(!a11);
   a01=(a13?a01:0);
-  a17=(a17?a01:0);
-  a00=(a00+a17);
-  if (res[5]!=0) res[5][0]=a00;
-  if (res[6]!=0) res[6][0]=a00;
+  a01=(a18?a01:0);
+  a10=(a10+a01);
+  if (res[5]!=0) res[5][0]=a10;
+  a02=(a02*a17);
+  a02=(a13?a02:0);
+  a01=1.9801326693244746e+01;
+  a01=(a01*a04);
+  a02=(a02+a01);
+  a01=casadi_fmin(a02,a19);
+  a01=casadi_fmax(a01,a21);
+  a01=(a11?a01:0);
+  a17=(a13?a17:0);
+  a18=(a18?a17:0);
+  a01=(a01+a18);
+  if (res[6]!=0) res[6][0]=a01;
+  a01=casadi_fabs(a01);
+  a18=9.9004983374916811e-01;
+  a18=(a18*a20);
+  a18=(a13?a18:0);
+  a01=casadi_fmax(a01,a18);
+  if (res[7]!=0) res[7][0]=a01;
+  if (res[8]!=0) res[8][0]=a10;
+  if (res[9]!=0) res[9][0]=a01;
   a08=(!a08);
   a08=(a08?a12:0);
   a13=(!a13);
   a12=2.;
   a13=(a13?a12:0);
   a08=(a08+a13);
+  a00=casadi_fabs(a00);
+  a03=(a03<a00);
   a02=casadi_fabs(a02);
-  a03=(a03<a02);
+  a19=(a19<a02);
+  a03=(a03||a19);
   a11=(a11&&a03);
   a03=4.;
   a11=(a11?a03:0);
   a08=(a08+a11);
-  if (res[7]!=0) res[7][0]=a08;
+  if (res[10]!=0) res[10][0]=a08;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f36(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_checkout(void) {
@@ -6637,9 +7377,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_step_incref(void
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_gear_observer_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_step_n_in(void) { return 9;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_step_n_in(void) { return 11;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_step_n_out(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_gear_observer_step_n_out(void) { return 11;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_gear_observer_step_default_in(casadi_int i) {
   switch (i) {
@@ -6655,9 +7395,11 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_gear_observer_step_name
     case 3: return "s_u_held_Nm";
     case 4: return "s_u_a_Nm";
     case 5: return "s_d4_rad_s2";
-    case 6: return "u_u_Nm";
-    case 7: return "u_omega_gear_rad_s";
-    case 8: return "u_tau_Nm";
+    case 6: return "s_a_rad_s2";
+    case 7: return "s_moved_rad_s2";
+    case 8: return "u_u_Nm";
+    case 9: return "u_omega_gear_rad_s";
+    case 10: return "u_tau_Nm";
     default: return 0;
   }
 }
@@ -6670,8 +7412,11 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_gear_observer_step_name
     case 3: return "next_u_held_Nm";
     case 4: return "next_u_a_Nm";
     case 5: return "next_d4_rad_s2";
-    case 6: return "y_d_gear_rad_s2";
-    case 7: return "y_status";
+    case 6: return "next_a_rad_s2";
+    case 7: return "next_moved_rad_s2";
+    case 8: return "y_d_gear_rad_s2";
+    case 9: return "y_moves_rad_s2";
+    case 10: return "y_status";
     default: return 0;
   }
 }
@@ -6687,6 +7432,8 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_gear_observer_ste
     case 6: return casadi_s0;
     case 7: return casadi_s0;
     case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
     default: return 0;
   }
 }
@@ -6701,28 +7448,31 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_gear_observer_ste
     case 5: return casadi_s0;
     case 6: return casadi_s0;
     case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9;
-  if (sz_res) *sz_res = 8;
+  if (sz_arg) *sz_arg = 11;
+  if (sz_res) *sz_res = 11;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 11*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 11*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
 /* esea_elbow_drive_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -6737,7 +7487,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_checkout(void) {
@@ -6810,7 +7560,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6823,7 +7573,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f38(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_checkout(void) {
@@ -6906,7 +7656,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
@@ -7077,7 +7827,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f39(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_checkout(void) {
@@ -7185,8 +7935,526 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_work_bytes(casad
   return 0;
 }
 
-/* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_set_trend_prepare:(bandwidth_Hz,quiet_Nm)->(c_quick,c_noises_1_Nm) */
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1, a2;
+  a0=1.;
+  a1=-3.1415926535897934e-02;
+  a2=arg[0]? arg[0][0] : 0;
+  a1=(a1*a2);
+  a1=exp(a1);
+  a0=(a0-a1);
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  a0=(1./a0);
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f40(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_prepare_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_prepare_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_prepare_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_trend_prepare_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_trend_prepare_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_set_trend_prepare_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_trend_prepare_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "bandwidth_Hz";
+    case 1: return "quiet_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_trend_prepare_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "c_quick";
+    case 1: return "c_noises_1_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_trend_prepare_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_trend_prepare_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_set_trend_init:(quick,noises_1_Nm)->(primed_0,last_Nm_0,raw_Nm_0[2],grown_Nm_0[2],noise_Nm_0,stepped_0,miss_Nm_0,rate_Nm_s_0,acc_Nm_s2_0) */
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[2]!=0) res[2][1]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[3]!=0) res[3][1]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
+  if (res[8]!=0) res[8][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f41(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_trend_init_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_trend_init_n_out(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_set_trend_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_trend_init_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "quick";
+    case 1: return "noises_1_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_trend_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "primed_0";
+    case 1: return "last_Nm_0";
+    case 2: return "raw_Nm_0";
+    case 3: return "grown_Nm_0";
+    case 4: return "noise_Nm_0";
+    case 5: return "stepped_0";
+    case 6: return "miss_Nm_0";
+    case 7: return "rate_Nm_s_0";
+    case 8: return "acc_Nm_s2_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_trend_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_trend_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s3;
+    case 3: return casadi_s3;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 9;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_set_trend_step:(c_quick,c_noises_1_Nm,s_primed,s_last_Nm,s_raw_Nm[2],s_grown_Nm[2],s_noise_Nm,s_stepped,s_miss_Nm,s_rate_Nm_s,s_acc_Nm_s2,u_tau_wanted_Nm)->(next_primed,next_last_Nm,next_raw_Nm[2],next_grown_Nm[2],next_noise_Nm,next_stepped,next_miss_Nm,next_rate_Nm_s,next_acc_Nm_s2,y_tau_rate_Nm_s,y_tau_curve_Nm_s2,y_trust,y_settled,y_status) */
+static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  a00=arg[2]? arg[2][0] : 0;
+  a01=1.;
+  a02=(a00<=a01);
+  a03=0.;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[3]? arg[3][0] : 0;
+  a05=20.;
+  a06=(a04<=a05);
+  a07=-20.;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a02=(a02&&a06);
+  a06=arg[4]? arg[4][0] : 0;
+  a08=casadi_fabs(a06);
+  a09=arg[4]? arg[4][1] : 0;
+  a10=casadi_fabs(a09);
+  a08=(a08+a10);
+  a10=8.0080001831054688e+01;
+  a08=(a08<=a10);
+  a02=(a02&&a08);
+  a08=arg[5]? arg[5][0] : 0;
+  a11=casadi_fabs(a08);
+  a12=arg[5]? arg[5][1] : 0;
+  a13=casadi_fabs(a12);
+  a11=(a11+a13);
+  a11=(a11<=a10);
+  a02=(a02&&a11);
+  a11=arg[6]? arg[6][0] : 0;
+  a10=1.6159999084472656e+02;
+  a10=(a11<=a10);
+  a13=(a03<=a11);
+  a10=(a10&&a13);
+  a02=(a02&&a10);
+  a10=arg[7]? arg[7][0] : 0;
+  a13=(a10<=a01);
+  a14=(a03<=a10);
+  a13=(a13&&a14);
+  a02=(a02&&a13);
+  a13=arg[8]? arg[8][0] : 0;
+  a14=80.;
+  a15=(a13<=a14);
+  a16=-80.;
+  a17=(a16<=a13);
+  a15=(a15&&a17);
+  a02=(a02&&a15);
+  a15=arg[9]? arg[9][0] : 0;
+  a17=8.4257514953613281e+01;
+  a18=(a15<=a17);
+  a19=-8.4257514953613281e+01;
+  a20=(a19<=a15);
+  a18=(a18&&a20);
+  a02=(a02&&a18);
+  a18=arg[10]? arg[10][0] : 0;
+  a20=1.5882166748046875e+03;
+  a21=(a18<=a20);
+  a22=-1.5882166748046875e+03;
+  a23=(a22<=a18);
+  a21=(a21&&a23);
+  a02=(a02&&a21);
+  a00=(a02?a00:0);
+  a21=arg[11]? arg[11][0] : 0;
+  a05=(a21<=a05);
+  a07=(a07<=a21);
+  a05=(a05&&a07);
+  a07=(a00||a05);
+  if (res[0]!=0) res[0][0]=a07;
+  a21=(a05?a21:0);
+  a05=(!a05);
+  a04=(a02?a04:0);
+  a07=(a05?a04:0);
+  a21=(a21+a07);
+  if (res[1]!=0) res[1][0]=a21;
+  a21=(a21-a04);
+  a00=(a00?a21:0);
+  if (res[2]!=0) res[2][0]=a00;
+  a06=(a02?a06:0);
+  if (res[2]!=0) res[2][1]=a06;
+  a09=(a02?a09:0);
+  a21=casadi_fmin(a06,a09);
+  a06=casadi_fmax(a06,a09);
+  a06=casadi_fmin(a06,a00);
+  a21=casadi_fmax(a21,a06);
+  a00=(a00-a21);
+  a06=1.0000000000000000e-02;
+  a09=4.;
+  a04=(a09*a11);
+  a04=(a02?a04:0);
+  a06=(a06+a04);
+  a06=(2.*a06);
+  a04=casadi_fabs(a00);
+  a06=(a06-a04);
+  a06=casadi_fmax(a06,a03);
+  a03=casadi_fmin(a00,a06);
+  a06=(-a06);
+  a03=casadi_fmax(a03,a06);
+  a21=(a21+a03);
+  if (res[3]!=0) res[3][0]=a21;
+  a06=(a02?a08:0);
+  if (res[3]!=0) res[3][1]=a06;
+  a06=2.4690087971667274e-02;
+  a08=(2.*a08);
+  a08=(a02?a08:0);
+  a08=(a21-a08);
+  a12=(a02?a12:0);
+  a08=(a08+a12);
+  a08=casadi_fabs(a08);
+  a06=(a06*a08);
+  a12=9.7530991202833273e-01;
+  a12=(a12*a11);
+  a12=(a02?a12:0);
+  a06=(a06+a12);
+  if (res[4]!=0) res[4][0]=a06;
+  a12=10.;
+  a00=(a00-a03);
+  a00=casadi_fabs(a00);
+  a12=(a12*a00);
+  a12=casadi_fmin(a12,a01);
+  a00=9.6721610048200590e-01;
+  a00=(a00*a10);
+  a00=(a02?a00:0);
+  a12=casadi_fmax(a12,a00);
+  if (res[5]!=0) res[5][0]=a12;
+  a00=arg[0]? arg[0][0] : 0;
+  a10=arg[1]? arg[1][0] : 0;
+  a08=casadi_fmax(a06,a08);
+  a08=(a10*a08);
+  a03=100.;
+  a08=casadi_fmin(a08,a03);
+  a08=(a01+a08);
+  a00=(a00/a08);
+  a08=(a01-a00);
+  a11=casadi_sq(a08);
+  a11=(a11*a08);
+  a13=(a02?a13:0);
+  a13=(a13+a21);
+  a21=5.0000000000000001e-03;
+  a04=2.5000000000000001e-03;
+  a04=(a04*a18);
+  a04=(a15+a04);
+  a04=(a21*a04);
+  a04=(a02?a04:0);
+  a13=(a13-a04);
+  a11=(a11*a13);
+  a11=casadi_fmin(a11,a14);
+  a11=casadi_fmax(a11,a16);
+  if (res[6]!=0) res[6][0]=a11;
+  a21=(a21*a18);
+  a15=(a15+a21);
+  a15=(a02?a15:0);
+  a21=300.;
+  a11=casadi_sq(a00);
+  a08=(a01+a08);
+  a08=(a11*a08);
+  a21=(a21*a08);
+  a21=(a21*a13);
+  a15=(a15+a21);
+  a21=casadi_fmin(a15,a17);
+  a21=casadi_fmax(a21,a19);
+  if (res[7]!=0) res[7][0]=a21;
+  a18=(a02?a18:0);
+  a19=40000.;
+  a11=(a11*a00);
+  a19=(a19*a11);
+  a19=(a19*a13);
+  a18=(a18+a19);
+  a19=casadi_fmin(a18,a20);
+  a19=casadi_fmax(a19,a22);
+  if (res[8]!=0) res[8][0]=a19;
+  if (res[9]!=0) res[9][0]=a21;
+  if (res[10]!=0) res[10][0]=a19;
+  a19=1.0000000000000001e-01;
+  a10=(a10*a06);
+  a10=casadi_fmin(a10,a03);
+  a19=(a19*a10);
+  a19=casadi_sq(a19);
+  a19=(a01+a19);
+  a19=(1./a19);
+  if (res[11]!=0) res[11][0]=a19;
+  a12=(a01-a12);
+  if (res[12]!=0) res[12][0]=a12;
+  a05=(a05?a01:0);
+  a02=(!a02);
+  a01=2.;
+  a02=(a02?a01:0);
+  a05=(a05+a02);
+  a15=casadi_fabs(a15);
+  a17=(a17<a15);
+  a18=casadi_fabs(a18);
+  a20=(a20<a18);
+  a17=(a17||a20);
+  a17=(a17?a09:0);
+  a05=(a05+a17);
+  if (res[13]!=0) res[13][0]=a05;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f42(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_set_trend_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_trend_step_n_in(void) { return 12;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_set_trend_step_n_out(void) { return 14;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_set_trend_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_trend_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "c_quick";
+    case 1: return "c_noises_1_Nm";
+    case 2: return "s_primed";
+    case 3: return "s_last_Nm";
+    case 4: return "s_raw_Nm";
+    case 5: return "s_grown_Nm";
+    case 6: return "s_noise_Nm";
+    case 7: return "s_stepped";
+    case 8: return "s_miss_Nm";
+    case 9: return "s_rate_Nm_s";
+    case 10: return "s_acc_Nm_s2";
+    case 11: return "u_tau_wanted_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_set_trend_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_primed";
+    case 1: return "next_last_Nm";
+    case 2: return "next_raw_Nm";
+    case 3: return "next_grown_Nm";
+    case 4: return "next_noise_Nm";
+    case 5: return "next_stepped";
+    case 6: return "next_miss_Nm";
+    case 7: return "next_rate_Nm_s";
+    case 8: return "next_acc_Nm_s2";
+    case 9: return "y_tau_rate_Nm_s";
+    case 10: return "y_tau_curve_Nm_s2";
+    case 11: return "y_trust";
+    case 12: return "y_settled";
+    case 13: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_trend_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s3;
+    case 5: return casadi_s3;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_set_trend_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s3;
+    case 3: return casadi_s3;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 12;
+  if (sz_res) *sz_res = 14;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 12*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 14*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share,friction_ahead)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead) */
+static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -7207,11 +8475,13 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[5]!=0) res[5][0]=a1;
   a1=arg[4]? arg[4][0] : 0;
   if (res[6]!=0) res[6][0]=a1;
+  a1=arg[5]? arg[5][0] : 0;
+  if (res[7]!=0) res[7][0]=a1;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f43(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_checkout(void) {
@@ -7227,9 +8497,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_prepare_incref(vo
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_prepare_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_in(void) { return 5;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_in(void) { return 6;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_out(void) { return 7;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_out(void) { return 8;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_sliding_mode_prepare_default_in(casadi_int i) {
   switch (i) {
@@ -7244,6 +8514,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_prepare_na
     case 2: return "margin";
     case 3: return "lead";
     case 4: return "load_share";
+    case 5: return "friction_ahead";
     default: return 0;
   }
 }
@@ -7257,6 +8528,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_prepare_na
     case 4: return "c_margin";
     case 5: return "c_lead";
     case 6: return "c_load_share";
+    case 7: return "c_friction_ahead";
     default: return 0;
   }
 }
@@ -7268,6 +8540,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_prep
     case 2: return casadi_s0;
     case 3: return casadi_s0;
     case 4: return casadi_s0;
+    case 5: return casadi_s0;
     default: return 0;
   }
 }
@@ -7281,28 +8554,29 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_prep
     case 4: return casadi_s0;
     case 5: return casadi_s0;
     case 6: return casadi_s0;
+    case 7: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 5;
-  if (sz_res) *sz_res = 7;
+  if (sz_arg) *sz_arg = 6;
+  if (sz_res) *sz_res = 8;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 5*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 6*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share,friction_ahead)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0) */
+static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7314,7 +8588,7 @@ static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f44(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_checkout(void) {
@@ -7330,7 +8604,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_init_incref(void)
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_init_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_init_n_in(void) { return 7;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_init_n_in(void) { return 8;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_init_n_out(void) { return 5;}
 
@@ -7349,6 +8623,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_init_name_
     case 4: return "margin";
     case 5: return "lead";
     case 6: return "load_share";
+    case 7: return "friction_ahead";
     default: return 0;
   }
 }
@@ -7373,6 +8648,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_init
     case 4: return casadi_s0;
     case 5: return casadi_s0;
     case 6: return casadi_s0;
+    case 7: return casadi_s0;
     default: return 0;
   }
 }
@@ -7389,7 +8665,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_init
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 7;
+  if (sz_arg) *sz_arg = 8;
   if (sz_res) *sz_res = 5;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -7397,353 +8673,363 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work(casadi_i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 7*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 5*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
+static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
-  casadi_real a36, a37, a38, a39, a40;
-  a00=arg[12]? arg[12][0] : 0;
+  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44;
+  a00=arg[13]? arg[13][0] : 0;
   a01=3.4999999403953552e-01;
   a02=(a00<=a01);
   a03=-3.4999999403953552e-01;
   a04=(a03<=a00);
   a02=(a02&&a04);
-  a04=arg[13]? arg[13][0] : 0;
+  a04=arg[14]? arg[14][0] : 0;
   a05=25.;
   a05=(a04<=a05);
   a06=-25.;
   a06=(a06<=a04);
   a05=(a05&&a06);
   a06=(a02&&a05);
-  a07=arg[14]? arg[14][0] : 0;
+  a07=arg[15]? arg[15][0] : 0;
   a08=7.3999992370605469e+01;
   a08=(a07<=a08);
   a09=-7.3999992370605469e+01;
   a09=(a09<=a07);
   a08=(a08&&a09);
   a06=(a06&&a08);
-  a09=arg[15]? arg[15][0] : 0;
+  a09=arg[16]? arg[16][0] : 0;
   a01=(a09<=a01);
   a03=(a03<=a09);
   a01=(a01&&a03);
   a06=(a06&&a01);
-  a03=arg[16]? arg[16][0] : 0;
+  a03=arg[17]? arg[17][0] : 0;
   a10=12.;
   a11=(a03<=a10);
   a12=-12.;
   a13=(a12<=a03);
   a11=(a11&&a13);
   a06=(a06&&a11);
-  a13=arg[17]? arg[17][0] : 0;
-  a10=(a13<=a10);
-  a12=(a12<=a13);
-  a10=(a10&&a12);
-  a06=(a06&&a10);
-  a12=arg[18]? arg[18][0] : 0;
-  a14=20.;
-  a15=(a12<=a14);
-  a16=-20.;
-  a17=(a16<=a12);
-  a15=(a15&&a17);
-  a06=(a06&&a15);
-  a17=arg[19]? arg[19][0] : 0;
-  a14=(a17<=a14);
-  a16=(a16<=a17);
-  a14=(a14&&a16);
+  a13=arg[18]? arg[18][0] : 0;
+  a14=(a13<=a10);
+  a15=(a12<=a13);
+  a14=(a14&&a15);
   a06=(a06&&a14);
-  a16=arg[20]? arg[20][0] : 0;
-  a18=2.4666666030883789e+01;
-  a18=(a16<=a18);
-  a19=-2.4666666030883789e+01;
-  a19=(a19<=a16);
-  a18=(a18&&a19);
-  a06=(a06&&a18);
-  a19=arg[21]? arg[21][0] : 0;
-  a20=2.2099998593330383e-01;
-  a21=(a19<=a20);
-  a22=-2.2099998593330383e-01;
-  a23=(a22<=a19);
-  a21=(a21&&a23);
-  a06=(a06&&a21);
-  a23=arg[22]? arg[22][0] : 0;
-  a24=2.;
-  a25=(a23<=a24);
-  a26=0.;
-  a27=(a26<=a23);
-  a25=(a25&&a27);
-  a06=(a06&&a25);
-  a27=arg[23]? arg[23][0] : 0;
-  a28=(a27<=a20);
-  a29=(a22<=a27);
-  a28=(a28&&a29);
-  a06=(a06&&a28);
-  a29=arg[7]? arg[7][0] : 0;
-  a30=1.;
-  a31=(a29<=a30);
-  a32=(a26<=a29);
-  a31=(a31&&a32);
-  a32=arg[8]? arg[8][0] : 0;
-  a33=8.3999992370605469e+01;
-  a34=(a32<=a33);
-  a35=-8.3999992370605469e+01;
-  a36=(a35<=a32);
-  a34=(a34&&a36);
-  a31=(a31&&a34);
+  a15=arg[19]? arg[19][0] : 0;
+  a16=20.;
+  a17=(a15<=a16);
+  a18=-20.;
+  a19=(a18<=a15);
+  a17=(a17&&a19);
+  a06=(a06&&a17);
+  a19=arg[20]? arg[20][0] : 0;
+  a16=(a19<=a16);
+  a18=(a18<=a19);
+  a16=(a16&&a18);
+  a06=(a06&&a16);
+  a18=arg[21]? arg[21][0] : 0;
+  a20=2.4666666030883789e+01;
+  a20=(a18<=a20);
+  a21=-2.4666666030883789e+01;
+  a21=(a21<=a18);
+  a20=(a20&&a21);
+  a06=(a06&&a20);
+  a21=arg[22]? arg[22][0] : 0;
+  a22=2.2099998593330383e-01;
+  a23=(a21<=a22);
+  a24=-2.2099998593330383e-01;
+  a25=(a24<=a21);
+  a23=(a23&&a25);
+  a06=(a06&&a23);
+  a25=arg[23]? arg[23][0] : 0;
+  a26=2.;
+  a27=(a25<=a26);
+  a28=0.;
+  a29=(a28<=a25);
+  a27=(a27&&a29);
+  a06=(a06&&a27);
+  a29=arg[24]? arg[24][0] : 0;
+  a30=(a29<=a22);
+  a31=(a24<=a29);
+  a30=(a30&&a31);
+  a06=(a06&&a30);
+  a31=arg[8]? arg[8][0] : 0;
+  a32=1.;
+  a33=(a31<=a32);
+  a34=(a28<=a31);
+  a33=(a33&&a34);
   a34=arg[9]? arg[9][0] : 0;
-  a36=4.4420996308326721e-01;
-  a36=(a34<=a36);
-  a37=-4.4420996308326721e-01;
-  a37=(a37<=a34);
-  a36=(a36&&a37);
-  a31=(a31&&a36);
+  a35=8.3999992370605469e+01;
+  a36=(a34<=a35);
+  a37=-8.3999992370605469e+01;
+  a38=(a37<=a34);
+  a36=(a36&&a38);
+  a33=(a33&&a36);
   a36=arg[10]? arg[10][0] : 0;
-  a37=(a36<=a20);
-  a38=(a22<=a36);
-  a37=(a37&&a38);
-  a31=(a31&&a37);
-  a37=arg[11]? arg[11][0] : 0;
-  a38=(a37<=a20);
-  a39=(a22<=a37);
+  a38=4.4420996308326721e-01;
+  a38=(a36<=a38);
+  a39=-4.4420996308326721e-01;
+  a39=(a39<=a36);
   a38=(a38&&a39);
-  a31=(a31&&a38);
-  a38=(a06&&a31);
-  a39=5.0000000000000000e-01;
-  a25=(a25?a23:0);
-  a39=(a39<a25);
-  a38=(a38&&a39);
-  if (res[0]!=0) res[0][0]=a38;
-  a29=(a31?a29:0);
-  a29=(!a29);
-  a29=(a38&&a29);
+  a33=(a33&&a38);
+  a38=arg[11]? arg[11][0] : 0;
+  a39=(a38<=a22);
+  a40=(a24<=a38);
+  a39=(a39&&a40);
+  a33=(a33&&a39);
+  a39=arg[12]? arg[12][0] : 0;
+  a40=(a39<=a22);
+  a41=(a24<=a39);
+  a40=(a40&&a41);
+  a33=(a33&&a40);
+  a40=(a06&&a33);
+  a41=5.0000000000000000e-01;
+  a27=(a27?a25:0);
+  a41=(a41<a27);
+  a40=(a40&&a41);
+  if (res[0]!=0) res[0][0]=a40;
+  a31=(a33?a31:0);
+  a31=(!a31);
+  a31=(a40&&a31);
   a05=(a05?a04:0);
-  a04=(a11?a03:0);
-  a10=(a10?a13:0);
-  a10=(a04-a10);
-  a05=(a05-a10);
-  a10=arg[0]? arg[0][0] : 0;
-  a13=(2.*a10);
+  a11=(a11?a03:0);
+  a14=(a14?a13:0);
+  a13=(a11-a14);
+  a13=(a05-a13);
+  a03=arg[0]? arg[0][0] : 0;
+  a04=(2.*a03);
   a02=(a02?a00:0);
   a00=(a01?a09:0);
   a02=(a02-a00);
-  a39=(a13*a02);
-  a39=(a05+a39);
-  a25=(-a39);
-  a25=(a29?a25:0);
-  a23=(!a29);
-  a32=(a31?a32:0);
-  a32=(a23?a32:0);
-  a25=(a25+a32);
-  a32=6.6300000000000003e-01;
-  a10=casadi_sq(a10);
-  a40=(a32*a10);
-  a40=(a40*a02);
-  a13=(a13*a05);
-  a05=(a32*a13);
-  a40=(a40+a05);
-  a05=(a32*a16);
-  a05=(a18?a05:0);
-  a40=(a40-a05);
-  a08=(a08?a07:0);
-  a07=arg[6]? arg[6][0] : 0;
-  a05=4.5454545454545459e+00;
-  a15=(a15?a12:0);
-  a14=(a14?a17:0);
-  a14=(a15+a14);
-  a05=(a05*a14);
-  a07=(a07*a05);
-  a08=(a08+a07);
-  a08=(a08+a13);
-  a07=arg[1]? arg[1][0] : 0;
-  a07=(a07*a02);
-  a08=(a08+a07);
-  a10=(a10*a02);
-  a10=(a10+a13);
-  a10=(a08-a10);
-  a32=(a32*a10);
-  a40=(a40+a32);
-  a32=4.6879999999999999e-01;
-  a10=5.0000000000000003e-02;
-  a13=(a04/a10);
-  a13=tanh(a13);
-  a32=(a32*a13);
-  a40=(a40+a32);
-  a32=5.5510000000000004e-01;
-  a32=(a32*a03);
-  a11=(a11?a32:0);
-  a40=(a40+a11);
-  a40=(a40+a15);
-  a15=74.;
-  a40=(a40/a15);
-  a11=arg[4]? arg[4][0] : 0;
-  a32=1.5000000000000000e+00;
+  a41=(a04*a02);
+  a41=(a13+a41);
+  a27=(-a41);
+  a27=(a31?a27:0);
+  a25=(!a31);
+  a34=(a33?a34:0);
+  a34=(a25?a34:0);
+  a27=(a27+a34);
+  a34=6.6300000000000003e-01;
+  a03=casadi_sq(a03);
+  a42=(a34*a03);
+  a42=(a42*a02);
+  a04=(a04*a13);
+  a13=(a34*a04);
+  a42=(a42+a13);
+  a13=(a34*a18);
+  a13=(a20?a13:0);
+  a42=(a42-a13);
+  a13=(a08?a07:0);
+  a43=arg[6]? arg[6][0] : 0;
+  a44=4.5454545454545459e+00;
+  a17=(a17?a15:0);
+  a16=(a16?a19:0);
+  a16=(a17+a16);
+  a44=(a44*a16);
+  a43=(a43*a44);
+  a13=(a13+a43);
+  a13=(a13+a04);
+  a43=arg[1]? arg[1][0] : 0;
+  a43=(a43*a02);
+  a13=(a13+a43);
+  a03=(a03*a02);
+  a03=(a03+a04);
+  a03=(a13-a03);
+  a34=(a34*a03);
+  a42=(a42+a34);
+  a34=4.6879999999999999e-01;
+  a03=arg[7]? arg[7][0] : 0;
+  a14=(a14+a05);
+  a05=3.5000000000000003e-02;
+  a05=(a05*a07);
+  a08=(a08?a05:0);
+  a14=(a14+a08);
+  a14=(a14-a11);
+  a03=(a03*a14);
+  a11=(a11+a03);
+  a11=casadi_fmin(a11,a10);
+  a11=casadi_fmax(a11,a12);
+  a12=5.0000000000000003e-02;
+  a10=(a11/a12);
+  a10=tanh(a10);
+  a34=(a34*a10);
+  a42=(a42+a34);
+  a34=5.5510000000000004e-01;
+  a34=(a34*a11);
+  a42=(a42+a34);
+  a42=(a42+a17);
+  a17=74.;
+  a42=(a42/a17);
+  a34=arg[4]? arg[4][0] : 0;
+  a03=1.5000000000000000e+00;
   a09=casadi_sq(a09);
-  a09=(a32*a09);
+  a09=(a03*a09);
   a00=casadi_fabs(a00);
   a09=(a09*a00);
   a09=(a01?a09:0);
   a01=(a01?a09:0);
-  a32=(a32*a00);
-  a01=(a01+a32);
-  a32=1.3877500000000001e-01;
-  a04=casadi_fabs(a04);
-  a32=(a32*a04);
-  a01=(a01+a32);
-  a32=1.1720000000000000e-01;
+  a03=(a03*a00);
+  a01=(a01+a03);
+  a03=1.3877500000000001e-01;
+  a11=casadi_fabs(a11);
+  a03=(a03*a11);
+  a01=(a01+a03);
+  a03=1.1720000000000000e-01;
+  a10=casadi_fabs(a10);
+  a03=(a03*a10);
+  a01=(a01+a03);
+  a03=7.1300000000000009e-04;
+  a01=(a01+a03);
   a13=casadi_fabs(a13);
-  a32=(a32*a13);
-  a01=(a01+a32);
-  a32=7.1300000000000009e-04;
-  a01=(a01+a32);
-  a08=casadi_fabs(a08);
-  a08=(a10*a08);
-  a01=(a01+a08);
-  a18=(a18?a16:0);
-  a18=casadi_fabs(a18);
-  a10=(a10*a18);
-  a01=(a01+a10);
-  a01=(a01/a15);
-  a11=(a11*a01);
-  a39=(a39+a25);
+  a13=(a12*a13);
+  a01=(a01+a13);
+  a20=(a20?a18:0);
+  a20=casadi_fabs(a20);
+  a12=(a12*a20);
+  a01=(a01+a12);
+  a01=(a01/a17);
+  a34=(a34*a01);
+  a41=(a41+a27);
   a01=arg[3]? arg[3][0] : 0;
-  a01=(a39*a01);
-  a01=(a23?a01:0);
-  a15=casadi_fmin(a01,a30);
-  a10=-1.;
-  a15=casadi_fmax(a15,a10);
-  a15=(a11*a15);
-  a15=(a40+a15);
-  a18=arg[5]? arg[5][0] : 0;
-  a21=(a21?a19:0);
-  a21=(a15-a21);
-  a18=(a18*a21);
-  a15=(a15+a18);
-  a18=(a20<a15);
-  a21=casadi_fmin(a15,a20);
-  a21=casadi_fmax(a21,a22);
-  a28=(a28?a27:0);
-  a27=(a28-a21);
-  a27=(a29?a27:0);
-  a34=(a31?a34:0);
-  a34=(a23?a34:0);
-  a27=(a27+a34);
-  a21=(a21+a27);
-  a34=(a20<a21);
-  a18=(a18||a34);
-  a34=(a18?a30:0);
-  a18=(!a18);
-  a19=(a15<a22);
-  a16=(a21<a22);
-  a19=(a19||a16);
-  a19=(a19?a10:0);
-  a18=(a18?a19:0);
-  a34=(a34+a18);
-  a18=(a34==a26);
-  a19=2.2099998022895306e-04;
-  a36=(a31?a36:0);
-  a16=(a36-a28);
-  a08=casadi_fabs(a16);
-  a37=(a31?a37:0);
-  a37=(a37-a28);
-  a32=casadi_fabs(a37);
-  a08=(a08<a32);
-  a16=(a08?a16:0);
-  a08=(!a08);
-  a08=(a08?a37:0);
-  a16=(a16+a08);
-  a16=(a23?a16:0);
-  a19=(a19<a16);
-  a08=(a19?a30:0);
-  a19=(!a19);
-  a37=-2.2099998022895306e-04;
-  a16=(a16<a37);
-  a16=(a16?a10:0);
-  a19=(a19?a16:0);
-  a08=(a08+a19);
-  a08=(a18?a08:0);
-  a18=(!a18);
-  a18=(a18?a34:0);
-  a08=(a08+a18);
-  a08=(a08*a02);
-  a26=(a26<a08);
-  a08=(!a26);
-  a18=arg[2]? arg[2][0] : 0;
-  a18=(a18*a02);
-  a08=(a08?a18:0);
-  a25=(a25+a08);
-  a08=casadi_fmin(a25,a33);
-  a08=casadi_fmax(a08,a35);
-  a08=(a38?a08:0);
-  if (res[1]!=0) res[1][0]=a08;
-  a08=8.6645195041811807e-01;
-  a08=(a08*a27);
-  a08=(a38?a08:0);
-  if (res[2]!=0) res[2][0]=a08;
-  a08=casadi_fmin(a21,a20);
-  a08=casadi_fmax(a08,a22);
-  a08=(a38?a08:0);
-  if (res[3]!=0) res[3][0]=a08;
-  a28=(a29?a28:0);
-  a36=(a23?a36:0);
-  a28=(a28+a36);
-  a28=(a38?a28:0);
-  if (res[4]!=0) res[4][0]=a28;
-  if (res[5]!=0) res[5][0]=a08;
-  a08=(a38?a15:0);
-  if (res[6]!=0) res[6][0]=a08;
-  a23=(a23?a39:0);
-  a23=(a38?a23:0);
-  if (res[7]!=0) res[7][0]=a23;
-  a40=(a38?a40:0);
-  if (res[8]!=0) res[8][0]=a40;
-  a11=(a38?a11:0);
-  if (res[9]!=0) res[9][0]=a11;
+  a01=(a41*a01);
+  a01=(a25?a01:0);
+  a17=casadi_fmin(a01,a32);
+  a12=-1.;
+  a17=casadi_fmax(a17,a12);
+  a17=(a34*a17);
+  a17=(a42+a17);
+  a20=arg[5]? arg[5][0] : 0;
+  a23=(a23?a21:0);
+  a23=(a17-a23);
+  a20=(a20*a23);
+  a17=(a17+a20);
+  a20=(a22<a17);
+  a23=casadi_fmin(a17,a22);
+  a23=casadi_fmax(a23,a24);
+  a30=(a30?a29:0);
+  a29=(a30-a23);
+  a29=(a31?a29:0);
+  a36=(a33?a36:0);
+  a36=(a25?a36:0);
+  a29=(a29+a36);
+  a23=(a23+a29);
+  a36=(a22<a23);
+  a20=(a20||a36);
+  a36=(a20?a32:0);
+  a20=(!a20);
+  a21=(a17<a24);
+  a18=(a23<a24);
+  a21=(a21||a18);
+  a21=(a21?a12:0);
+  a20=(a20?a21:0);
+  a36=(a36+a20);
+  a20=(a36==a28);
+  a21=2.2099998022895306e-04;
+  a38=(a33?a38:0);
+  a18=(a38-a30);
+  a13=casadi_fabs(a18);
+  a39=(a33?a39:0);
+  a39=(a39-a30);
+  a03=casadi_fabs(a39);
+  a13=(a13<a03);
+  a18=(a13?a18:0);
+  a13=(!a13);
+  a13=(a13?a39:0);
+  a18=(a18+a13);
+  a18=(a25?a18:0);
+  a21=(a21<a18);
+  a13=(a21?a32:0);
+  a21=(!a21);
+  a39=-2.2099998022895306e-04;
+  a18=(a18<a39);
+  a18=(a18?a12:0);
+  a21=(a21?a18:0);
+  a13=(a13+a21);
+  a13=(a20?a13:0);
+  a20=(!a20);
+  a20=(a20?a36:0);
+  a13=(a13+a20);
+  a13=(a13*a02);
+  a28=(a28<a13);
+  a13=(!a28);
+  a20=arg[2]? arg[2][0] : 0;
+  a20=(a20*a02);
+  a13=(a13?a20:0);
+  a27=(a27+a13);
+  a13=casadi_fmin(a27,a35);
+  a13=casadi_fmax(a13,a37);
+  a13=(a40?a13:0);
+  if (res[1]!=0) res[1][0]=a13;
+  a13=8.6645195041811807e-01;
+  a13=(a13*a29);
+  a13=(a40?a13:0);
+  if (res[2]!=0) res[2][0]=a13;
+  a13=casadi_fmin(a23,a22);
+  a13=casadi_fmax(a13,a24);
+  a13=(a40?a13:0);
+  if (res[3]!=0) res[3][0]=a13;
+  a30=(a31?a30:0);
+  a38=(a25?a38:0);
+  a30=(a30+a38);
+  a30=(a40?a30:0);
+  if (res[4]!=0) res[4][0]=a30;
+  if (res[5]!=0) res[5][0]=a13;
+  a13=(a40?a17:0);
+  if (res[6]!=0) res[6][0]=a13;
+  a25=(a25?a41:0);
+  a25=(a40?a25:0);
+  if (res[7]!=0) res[7][0]=a25;
+  a42=(a40?a42:0);
+  if (res[8]!=0) res[8][0]=a42;
+  a34=(a40?a34:0);
+  if (res[9]!=0) res[9][0]=a34;
   a06=(!a06);
-  a06=(a06?a30:0);
-  a31=(!a31);
-  a31=(a31?a24:0);
-  a06=(a06+a31);
-  a15=casadi_fabs(a15);
-  a15=(a20<a15);
-  a21=casadi_fabs(a21);
-  a20=(a20<a21);
-  a15=(a15||a20);
-  a15=(a38&&a15);
-  a20=4.;
-  a15=(a15?a20:0);
-  a06=(a06+a15);
+  a06=(a06?a32:0);
+  a33=(!a33);
+  a33=(a33?a26:0);
+  a06=(a06+a33);
+  a17=casadi_fabs(a17);
+  a17=(a22<a17);
+  a23=casadi_fabs(a23);
+  a22=(a22<a23);
+  a17=(a17||a22);
+  a17=(a40&&a17);
+  a22=4.;
+  a17=(a17?a22:0);
+  a06=(a06+a17);
   a01=casadi_fabs(a01);
-  a30=(a30<a01);
-  a30=(a38&&a30);
+  a32=(a32<a01);
+  a32=(a40&&a32);
   a01=8.;
-  a30=(a30?a01:0);
-  a06=(a06+a30);
-  a25=casadi_fabs(a25);
-  a33=(a33<a25);
-  a26=(a26||a33);
-  a26=(a38&&a26);
-  a33=16.;
-  a26=(a26?a33:0);
-  a06=(a06+a26);
-  a26=32.;
-  a38=(a38?a26:0);
-  a06=(a06+a38);
-  a38=64.;
-  a29=(a29?a38:0);
-  a06=(a06+a29);
+  a32=(a32?a01:0);
+  a06=(a06+a32);
+  a27=casadi_fabs(a27);
+  a35=(a35<a27);
+  a28=(a28||a35);
+  a28=(a40&&a28);
+  a35=16.;
+  a28=(a28?a35:0);
+  a06=(a06+a28);
+  a28=32.;
+  a40=(a40?a28:0);
+  a06=(a06+a40);
+  a40=64.;
+  a31=(a31?a40:0);
+  a06=(a06+a31);
   if (res[10]!=0) res[10][0]=a06;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
+  return casadi_f45(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_checkout(void) {
@@ -7759,7 +9045,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_step_incref(void)
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_step_n_in(void) { return 24;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_step_n_in(void) { return 25;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_step_n_out(void) { return 11;}
 
@@ -7778,23 +9064,24 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_step_name_
     case 4: return "c_margin";
     case 5: return "c_lead";
     case 6: return "c_load_share";
-    case 7: return "s_active";
-    case 8: return "s_integral_rad_s";
-    case 9: return "s_offset_Nm";
-    case 10: return "s_u_last_Nm";
-    case 11: return "s_u_before_Nm";
-    case 12: return "u_delta_set_rad";
-    case 13: return "u_delta_rate_rad_s";
-    case 14: return "u_delta_acc_rad_s2";
-    case 15: return "u_theta_rad";
-    case 16: return "u_omega_motor_rad_s";
-    case 17: return "u_omega_load_rad_s";
-    case 18: return "u_tau_Nm";
-    case 19: return "u_tau_h_Nm";
-    case 20: return "u_d4_rad_s2";
-    case 21: return "u_u_a_Nm";
-    case 22: return "u_mode";
-    case 23: return "u_u_applied_Nm";
+    case 7: return "c_friction_ahead";
+    case 8: return "s_active";
+    case 9: return "s_integral_rad_s";
+    case 10: return "s_offset_Nm";
+    case 11: return "s_u_last_Nm";
+    case 12: return "s_u_before_Nm";
+    case 13: return "u_delta_set_rad";
+    case 14: return "u_delta_rate_rad_s";
+    case 15: return "u_delta_acc_rad_s2";
+    case 16: return "u_theta_rad";
+    case 17: return "u_omega_motor_rad_s";
+    case 18: return "u_omega_load_rad_s";
+    case 19: return "u_tau_Nm";
+    case 20: return "u_tau_h_Nm";
+    case 21: return "u_d4_rad_s2";
+    case 22: return "u_u_a_Nm";
+    case 23: return "u_mode";
+    case 24: return "u_u_applied_Nm";
     default: return 0;
   }
 }
@@ -7842,6 +9129,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_step
     case 21: return casadi_s0;
     case 22: return casadi_s0;
     case 23: return casadi_s0;
+    case 24: return casadi_s0;
     default: return 0;
   }
 }
@@ -7864,7 +9152,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_step
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 24;
+  if (sz_arg) *sz_arg = 25;
   if (sz_res) *sz_res = 11;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -7872,7 +9160,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work(casadi_i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 24*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 25*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 11*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -7880,7 +9168,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_redundancy_init:()->(zero_rad_0,zeroed_0) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7889,7 +9177,7 @@ static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
+  return casadi_f46(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_checkout(void) {
@@ -7959,10 +9247,10 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_work_bytes(casa
   return 0;
 }
 
-/* esea_elbow_drive_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_status) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm,u_moves_rad_s2)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_room_Nm,y_status) */
+static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20;
   a00=5.0000000000000000e-01;
   a01=arg[0]? arg[0][0] : 0;
   a02=7.9045963287353516e+00;
@@ -7999,23 +9287,29 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a10=(a10&&a12);
   a13=arg[5]? arg[5][0] : 0;
   a14=(a13<=a04);
-  a06=(a06<=a13);
-  a14=(a14&&a06);
+  a15=(a06<=a13);
+  a14=(a14&&a15);
   a10=(a10&&a14);
-  a06=arg[6]? arg[6][0] : 0;
-  a15=2.4666666030883789e+01;
-  a15=(a06<=a15);
-  a16=-2.4666666030883789e+01;
-  a16=(a16<=a06);
-  a15=(a15&&a16);
-  a10=(a10&&a15);
-  a16=arg[7]? arg[7][0] : 0;
-  a17=20.;
-  a17=(a16<=a17);
-  a18=-20.;
-  a18=(a18<=a16);
-  a17=(a17&&a18);
-  a10=(a10&&a17);
+  a15=arg[6]? arg[6][0] : 0;
+  a16=2.4666666030883789e+01;
+  a16=(a15<=a16);
+  a17=-2.4666666030883789e+01;
+  a17=(a17<=a15);
+  a16=(a16&&a17);
+  a10=(a10&&a16);
+  a17=arg[7]? arg[7][0] : 0;
+  a18=20.;
+  a18=(a17<=a18);
+  a19=-20.;
+  a19=(a19<=a17);
+  a18=(a18&&a19);
+  a10=(a10&&a18);
+  a19=arg[8]? arg[8][0] : 0;
+  a20=9.8666664123535156e+01;
+  a20=(a19<=a20);
+  a06=(a06<=a19);
+  a20=(a20&&a06);
+  a10=(a10&&a20);
   a09=(a09?a08:0);
   a09=(a00<=a09);
   a14=(a14?a13:0);
@@ -8031,8 +9325,8 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a07=(a07?a05:0);
   a12=(a12-a07);
   a07=6.6666666666666671e-03;
-  a07=(a07*a16);
-  a07=(a17?a07:0);
+  a07=(a07*a17);
+  a07=(a18?a07:0);
   a12=(a12-a07);
   a14=(a14?a12:0);
   a13=(a13+a14);
@@ -8040,32 +9334,37 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[1]!=0) res[1][0]=a09;
   a13=5.9999999999999998e-02;
   a14=5.8333333333333336e-03;
-  a17=(a17?a16:0);
-  a17=casadi_fabs(a17);
-  a14=(a14*a17);
+  a18=(a18?a17:0);
+  a18=casadi_fabs(a18);
+  a14=(a14*a18);
   a13=(a13+a14);
   a12=(a12-a01);
   a03=(a03?a12:0);
   a12=casadi_fabs(a03);
   a13=(a13<a12);
   a13=(a09&&a13);
-  a12=2.5000000000000000e+00;
+  a12=2.2000000000000002e+00;
   a01=2.5000000000000000e-01;
-  a01=(a01*a17);
+  a01=(a01*a18);
   a12=(a12+a01);
-  a01=6.6300000000000003e-01;
-  a01=(a01*a06);
-  a15=(a15?a01:0);
-  a01=casadi_fabs(a15);
-  a12=(a12<a01);
-  a12=(a09&&a12);
-  a01=(a13||a12);
-  a01=(!a01);
-  a01=(a09&&a01);
-  if (res[2]!=0) res[2][0]=a01;
+  a01=2.3205000000000001e-01;
+  a01=(a01*a19);
+  a20=(a20?a01:0);
+  a12=(a12+a20);
+  a20=6.6300000000000003e-01;
+  a20=(a20*a15);
+  a16=(a16?a20:0);
+  a20=casadi_fabs(a16);
+  a20=(a12<a20);
+  a20=(a09&&a20);
+  a15=(a13||a20);
+  a15=(!a15);
+  a15=(a09&&a15);
+  if (res[2]!=0) res[2][0]=a15;
   a09=(a09?a03:0);
   if (res[3]!=0) res[3][0]=a09;
-  if (res[4]!=0) res[4][0]=a15;
+  if (res[4]!=0) res[4][0]=a16;
+  if (res[5]!=0) res[5][0]=a12;
   a10=(!a10);
   a10=(a10?a04:0);
   a02=(!a02);
@@ -8079,14 +9378,14 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a13=(a13?a00:0);
   a10=(a10+a13);
   a13=16.;
-  a12=(a12?a13:0);
-  a10=(a10+a12);
-  if (res[5]!=0) res[5][0]=a10;
+  a20=(a20?a13:0);
+  a10=(a10+a20);
+  if (res[6]!=0) res[6][0]=a10;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
+  return casadi_f47(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_checkout(void) {
@@ -8102,9 +9401,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_redundancy_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_step_n_in(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_step_n_in(void) { return 9;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_step_n_out(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_redundancy_step_n_out(void) { return 7;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_redundancy_step_default_in(casadi_int i) {
   switch (i) {
@@ -8122,6 +9421,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_redundancy_step_name_in
     case 5: return "u_gear_usable";
     case 6: return "u_d_gear_rad_s2";
     case 7: return "u_tau_Nm";
+    case 8: return "u_moves_rad_s2";
     default: return 0;
   }
 }
@@ -8133,7 +9433,8 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_redundancy_step_name_ou
     case 2: return "y_agree";
     case 3: return "y_apart_rad";
     case 4: return "y_apart_Nm";
-    case 5: return "y_status";
+    case 5: return "y_room_Nm";
+    case 6: return "y_status";
     default: return 0;
   }
 }
@@ -8148,6 +9449,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_redundancy_step_s
     case 5: return casadi_s0;
     case 6: return casadi_s0;
     case 7: return casadi_s0;
+    case 8: return casadi_s0;
     default: return 0;
   }
 }
@@ -8160,28 +9462,29 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_redundancy_step_s
     case 3: return casadi_s0;
     case 4: return casadi_s0;
     case 5: return casadi_s0;
+    case 6: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8;
-  if (sz_res) *sz_res = 6;
+  if (sz_arg) *sz_arg = 9;
+  if (sz_res) *sz_res = 7;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
 /* esea_elbow_drive_casadi_stamp_init:()->(beats_0) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8189,7 +9492,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f48(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_checkout(void) {
@@ -8258,7 +9561,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_work_bytes(casadi_in
 }
 
 /* esea_elbow_drive_casadi_stamp_step:(s_beats,u_u_command_Nm)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -8296,7 +9599,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f49(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step_checkout(void) {

@@ -341,6 +341,60 @@ int esea_elbow_drive_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi
 #define esea_elbow_drive_casadi_reference_step_SZ_RES 7
 #define esea_elbow_drive_casadi_reference_step_SZ_IW 0
 #define esea_elbow_drive_casadi_reference_step_SZ_W 0
+int esea_elbow_drive_casadi_torque_lead_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_torque_lead_prepare_checkout(void);
+void esea_elbow_drive_casadi_torque_lead_prepare_release(int mem);
+void esea_elbow_drive_casadi_torque_lead_prepare_incref(void);
+void esea_elbow_drive_casadi_torque_lead_prepare_decref(void);
+casadi_int esea_elbow_drive_casadi_torque_lead_prepare_n_in(void);
+casadi_int esea_elbow_drive_casadi_torque_lead_prepare_n_out(void);
+casadi_real esea_elbow_drive_casadi_torque_lead_prepare_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_torque_lead_prepare_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_torque_lead_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_torque_lead_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_torque_lead_prepare_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_torque_lead_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_torque_lead_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_torque_lead_prepare_SZ_ARG 1
+#define esea_elbow_drive_casadi_torque_lead_prepare_SZ_RES 1
+#define esea_elbow_drive_casadi_torque_lead_prepare_SZ_IW 0
+#define esea_elbow_drive_casadi_torque_lead_prepare_SZ_W 0
+int esea_elbow_drive_casadi_torque_lead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_torque_lead_init_checkout(void);
+void esea_elbow_drive_casadi_torque_lead_init_release(int mem);
+void esea_elbow_drive_casadi_torque_lead_init_incref(void);
+void esea_elbow_drive_casadi_torque_lead_init_decref(void);
+casadi_int esea_elbow_drive_casadi_torque_lead_init_n_in(void);
+casadi_int esea_elbow_drive_casadi_torque_lead_init_n_out(void);
+casadi_real esea_elbow_drive_casadi_torque_lead_init_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_torque_lead_init_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_torque_lead_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_torque_lead_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_torque_lead_init_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_torque_lead_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_torque_lead_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_torque_lead_init_SZ_ARG 1
+#define esea_elbow_drive_casadi_torque_lead_init_SZ_RES 2
+#define esea_elbow_drive_casadi_torque_lead_init_SZ_IW 0
+#define esea_elbow_drive_casadi_torque_lead_init_SZ_W 0
+int esea_elbow_drive_casadi_torque_lead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_torque_lead_step_checkout(void);
+void esea_elbow_drive_casadi_torque_lead_step_release(int mem);
+void esea_elbow_drive_casadi_torque_lead_step_incref(void);
+void esea_elbow_drive_casadi_torque_lead_step_decref(void);
+casadi_int esea_elbow_drive_casadi_torque_lead_step_n_in(void);
+casadi_int esea_elbow_drive_casadi_torque_lead_step_n_out(void);
+casadi_real esea_elbow_drive_casadi_torque_lead_step_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_torque_lead_step_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_torque_lead_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_torque_lead_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_torque_lead_step_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_torque_lead_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_torque_lead_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_torque_lead_step_SZ_ARG 9
+#define esea_elbow_drive_casadi_torque_lead_step_SZ_RES 5
+#define esea_elbow_drive_casadi_torque_lead_step_SZ_IW 0
+#define esea_elbow_drive_casadi_torque_lead_step_SZ_W 0
 int esea_elbow_drive_casadi_inverse_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_drive_casadi_inverse_prepare_checkout(void);
 void esea_elbow_drive_casadi_inverse_prepare_release(int mem);
@@ -449,6 +503,42 @@ int esea_elbow_drive_casadi_setpoint_rates_step_work_bytes(casadi_int *sz_arg, c
 #define esea_elbow_drive_casadi_setpoint_rates_step_SZ_RES 9
 #define esea_elbow_drive_casadi_setpoint_rates_step_SZ_IW 0
 #define esea_elbow_drive_casadi_setpoint_rates_step_SZ_W 0
+int esea_elbow_drive_casadi_smoothed_setpoint_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_smoothed_setpoint_init_checkout(void);
+void esea_elbow_drive_casadi_smoothed_setpoint_init_release(int mem);
+void esea_elbow_drive_casadi_smoothed_setpoint_init_incref(void);
+void esea_elbow_drive_casadi_smoothed_setpoint_init_decref(void);
+casadi_int esea_elbow_drive_casadi_smoothed_setpoint_init_n_in(void);
+casadi_int esea_elbow_drive_casadi_smoothed_setpoint_init_n_out(void);
+casadi_real esea_elbow_drive_casadi_smoothed_setpoint_init_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_smoothed_setpoint_init_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_smoothed_setpoint_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_init_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_smoothed_setpoint_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_smoothed_setpoint_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_smoothed_setpoint_init_SZ_ARG 0
+#define esea_elbow_drive_casadi_smoothed_setpoint_init_SZ_RES 4
+#define esea_elbow_drive_casadi_smoothed_setpoint_init_SZ_IW 0
+#define esea_elbow_drive_casadi_smoothed_setpoint_init_SZ_W 0
+int esea_elbow_drive_casadi_smoothed_setpoint_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_smoothed_setpoint_step_checkout(void);
+void esea_elbow_drive_casadi_smoothed_setpoint_step_release(int mem);
+void esea_elbow_drive_casadi_smoothed_setpoint_step_incref(void);
+void esea_elbow_drive_casadi_smoothed_setpoint_step_decref(void);
+casadi_int esea_elbow_drive_casadi_smoothed_setpoint_step_n_in(void);
+casadi_int esea_elbow_drive_casadi_smoothed_setpoint_step_n_out(void);
+casadi_real esea_elbow_drive_casadi_smoothed_setpoint_step_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_smoothed_setpoint_step_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_smoothed_setpoint_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_smoothed_setpoint_step_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_smoothed_setpoint_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_smoothed_setpoint_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_smoothed_setpoint_step_SZ_ARG 9
+#define esea_elbow_drive_casadi_smoothed_setpoint_step_SZ_RES 9
+#define esea_elbow_drive_casadi_smoothed_setpoint_step_SZ_IW 0
+#define esea_elbow_drive_casadi_smoothed_setpoint_step_SZ_W 0
 int esea_elbow_drive_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_drive_casadi_limits_prepare_checkout(void);
 void esea_elbow_drive_casadi_limits_prepare_release(int mem);
@@ -572,7 +662,7 @@ const casadi_int* esea_elbow_drive_casadi_gear_observer_init_sparsity_out(casadi
 int esea_elbow_drive_casadi_gear_observer_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_gear_observer_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 #define esea_elbow_drive_casadi_gear_observer_init_SZ_ARG 0
-#define esea_elbow_drive_casadi_gear_observer_init_SZ_RES 6
+#define esea_elbow_drive_casadi_gear_observer_init_SZ_RES 8
 #define esea_elbow_drive_casadi_gear_observer_init_SZ_IW 0
 #define esea_elbow_drive_casadi_gear_observer_init_SZ_W 0
 int esea_elbow_drive_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -589,8 +679,8 @@ const casadi_int* esea_elbow_drive_casadi_gear_observer_step_sparsity_in(casadi_
 const casadi_int* esea_elbow_drive_casadi_gear_observer_step_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_gear_observer_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_gear_observer_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_gear_observer_step_SZ_ARG 9
-#define esea_elbow_drive_casadi_gear_observer_step_SZ_RES 8
+#define esea_elbow_drive_casadi_gear_observer_step_SZ_ARG 11
+#define esea_elbow_drive_casadi_gear_observer_step_SZ_RES 11
 #define esea_elbow_drive_casadi_gear_observer_step_SZ_IW 0
 #define esea_elbow_drive_casadi_gear_observer_step_SZ_W 0
 int esea_elbow_drive_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -647,6 +737,60 @@ int esea_elbow_drive_casadi_human_eso_step_work_bytes(casadi_int *sz_arg, casadi
 #define esea_elbow_drive_casadi_human_eso_step_SZ_RES 11
 #define esea_elbow_drive_casadi_human_eso_step_SZ_IW 0
 #define esea_elbow_drive_casadi_human_eso_step_SZ_W 0
+int esea_elbow_drive_casadi_set_trend_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_set_trend_prepare_checkout(void);
+void esea_elbow_drive_casadi_set_trend_prepare_release(int mem);
+void esea_elbow_drive_casadi_set_trend_prepare_incref(void);
+void esea_elbow_drive_casadi_set_trend_prepare_decref(void);
+casadi_int esea_elbow_drive_casadi_set_trend_prepare_n_in(void);
+casadi_int esea_elbow_drive_casadi_set_trend_prepare_n_out(void);
+casadi_real esea_elbow_drive_casadi_set_trend_prepare_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_set_trend_prepare_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_set_trend_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_set_trend_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_set_trend_prepare_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_set_trend_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_set_trend_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_set_trend_prepare_SZ_ARG 2
+#define esea_elbow_drive_casadi_set_trend_prepare_SZ_RES 2
+#define esea_elbow_drive_casadi_set_trend_prepare_SZ_IW 0
+#define esea_elbow_drive_casadi_set_trend_prepare_SZ_W 0
+int esea_elbow_drive_casadi_set_trend_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_set_trend_init_checkout(void);
+void esea_elbow_drive_casadi_set_trend_init_release(int mem);
+void esea_elbow_drive_casadi_set_trend_init_incref(void);
+void esea_elbow_drive_casadi_set_trend_init_decref(void);
+casadi_int esea_elbow_drive_casadi_set_trend_init_n_in(void);
+casadi_int esea_elbow_drive_casadi_set_trend_init_n_out(void);
+casadi_real esea_elbow_drive_casadi_set_trend_init_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_set_trend_init_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_set_trend_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_set_trend_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_set_trend_init_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_set_trend_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_set_trend_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_set_trend_init_SZ_ARG 2
+#define esea_elbow_drive_casadi_set_trend_init_SZ_RES 9
+#define esea_elbow_drive_casadi_set_trend_init_SZ_IW 0
+#define esea_elbow_drive_casadi_set_trend_init_SZ_W 0
+int esea_elbow_drive_casadi_set_trend_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_set_trend_step_checkout(void);
+void esea_elbow_drive_casadi_set_trend_step_release(int mem);
+void esea_elbow_drive_casadi_set_trend_step_incref(void);
+void esea_elbow_drive_casadi_set_trend_step_decref(void);
+casadi_int esea_elbow_drive_casadi_set_trend_step_n_in(void);
+casadi_int esea_elbow_drive_casadi_set_trend_step_n_out(void);
+casadi_real esea_elbow_drive_casadi_set_trend_step_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_set_trend_step_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_set_trend_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_set_trend_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_set_trend_step_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_set_trend_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_set_trend_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_set_trend_step_SZ_ARG 12
+#define esea_elbow_drive_casadi_set_trend_step_SZ_RES 14
+#define esea_elbow_drive_casadi_set_trend_step_SZ_IW 0
+#define esea_elbow_drive_casadi_set_trend_step_SZ_W 0
 int esea_elbow_drive_casadi_sliding_mode_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_drive_casadi_sliding_mode_prepare_checkout(void);
 void esea_elbow_drive_casadi_sliding_mode_prepare_release(int mem);
@@ -661,8 +805,8 @@ const casadi_int* esea_elbow_drive_casadi_sliding_mode_prepare_sparsity_in(casad
 const casadi_int* esea_elbow_drive_casadi_sliding_mode_prepare_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_sliding_mode_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_ARG 5
-#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_RES 7
+#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_ARG 6
+#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_RES 8
 #define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_IW 0
 #define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_W 0
 int esea_elbow_drive_casadi_sliding_mode_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -679,7 +823,7 @@ const casadi_int* esea_elbow_drive_casadi_sliding_mode_init_sparsity_in(casadi_i
 const casadi_int* esea_elbow_drive_casadi_sliding_mode_init_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_sliding_mode_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_sliding_mode_init_SZ_ARG 7
+#define esea_elbow_drive_casadi_sliding_mode_init_SZ_ARG 8
 #define esea_elbow_drive_casadi_sliding_mode_init_SZ_RES 5
 #define esea_elbow_drive_casadi_sliding_mode_init_SZ_IW 0
 #define esea_elbow_drive_casadi_sliding_mode_init_SZ_W 0
@@ -697,7 +841,7 @@ const casadi_int* esea_elbow_drive_casadi_sliding_mode_step_sparsity_in(casadi_i
 const casadi_int* esea_elbow_drive_casadi_sliding_mode_step_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_sliding_mode_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_sliding_mode_step_SZ_ARG 24
+#define esea_elbow_drive_casadi_sliding_mode_step_SZ_ARG 25
 #define esea_elbow_drive_casadi_sliding_mode_step_SZ_RES 11
 #define esea_elbow_drive_casadi_sliding_mode_step_SZ_IW 0
 #define esea_elbow_drive_casadi_sliding_mode_step_SZ_W 0
@@ -733,8 +877,8 @@ const casadi_int* esea_elbow_drive_casadi_redundancy_step_sparsity_in(casadi_int
 const casadi_int* esea_elbow_drive_casadi_redundancy_step_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_redundancy_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_redundancy_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_redundancy_step_SZ_ARG 8
-#define esea_elbow_drive_casadi_redundancy_step_SZ_RES 6
+#define esea_elbow_drive_casadi_redundancy_step_SZ_ARG 9
+#define esea_elbow_drive_casadi_redundancy_step_SZ_RES 7
 #define esea_elbow_drive_casadi_redundancy_step_SZ_IW 0
 #define esea_elbow_drive_casadi_redundancy_step_SZ_W 0
 int esea_elbow_drive_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);

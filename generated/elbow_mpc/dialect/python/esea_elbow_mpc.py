@@ -1155,22 +1155,22 @@ class MAVLink_esea_control_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_CONTROL_OUT
     msgname = "ESEA_CONTROL_OUT"
-    fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "iterations", "ahead_status", "predictive_status", "redundancy_status", "stamp_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "iterations", "ahead_status", "predictive_status", "redundancy_status", "stamp_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "room_Nm", "iterations", "ahead_status", "predictive_status", "redundancy_status", "stamp_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_command_Nm", "apart_rad", "apart_Nm", "room_Nm", "iterations", "ahead_status", "predictive_status", "redundancy_status", "stamp_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
     fielddisplays_by_name: Dict[str, str] = {"ahead_status": "bitmask", "predictive_status": "bitmask", "redundancy_status": "bitmask", "stamp_status": "bitmask"}
     fieldenums_by_name: Dict[str, str] = {"ahead_status": "ESEA_ELBOW_MPC_AHEAD_STATUS", "predictive_status": "ESEA_ELBOW_MPC_PREDICTIVE_STATUS", "redundancy_status": "ESEA_ELBOW_MPC_REDUNDANCY_STATUS", "stamp_status": "ESEA_ELBOW_MPC_STAMP_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"apart_rad": "rad"}
-    native_format = bytearray(b"<IffffIIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 248
-    unpacker = struct.Struct("<IffffIIIII")
+    native_format = bytearray(b"<IfffffIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 212
+    unpacker = struct.Struct("<IfffffIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, room_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_control_out_message.id, MAVLink_esea_control_out_message.msgname)
         self._fieldnames = MAVLink_esea_control_out_message.fieldnames
         self._instance_field = MAVLink_esea_control_out_message.instance_field
@@ -1179,6 +1179,7 @@ class MAVLink_esea_control_out_message(MAVLink_message):
         self.u_command_Nm = u_command_Nm
         self.apart_rad = apart_rad
         self.apart_Nm = apart_Nm
+        self.room_Nm = room_Nm
         self.iterations = iterations
         self.ahead_status = ahead_status
         self.predictive_status = predictive_status
@@ -1187,7 +1188,7 @@ class MAVLink_esea_control_out_message(MAVLink_message):
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.apart_rad, self.apart_Nm, self.iterations, self.ahead_status, self.predictive_status, self.redundancy_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_command_Nm, self.apart_rad, self.apart_Nm, self.room_Nm, self.iterations, self.ahead_status, self.predictive_status, self.redundancy_status, self.stamp_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1884,7 +1885,7 @@ class MAVLink(object):
         """
         self.send(self.esea_control_in_encode(sequence, tau_preview_Nm, theta_preview_rad, omega_preview_rad_s), force_mavlink1=force_mavlink1)
 
-    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
+    def esea_control_out_encode(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, room_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int) -> MAVLink_esea_control_out_message:
         """
         Output of one run of task control.
 
@@ -1892,6 +1893,7 @@ class MAVLink(object):
         u_command_Nm              : command; [Nm], range -0.220999986 to 0.220999986 (type:float)
         apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
         apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
+        room_Nm                   : how large that may be now; [Nm], range 0 to 30.1256943 (type:float)
         iterations                : QP: changes of its active set; [dimensionless], range 0 to 1000 (type:float)
         ahead_status              : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_AHEAD_STATUS)
         predictive_status         : what is known of the command; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_PREDICTIVE_STATUS)
@@ -1900,9 +1902,9 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_control_out_message(sequence, u_command_Nm, apart_rad, apart_Nm, iterations, ahead_status, predictive_status, redundancy_status, stamp_status, step_ticks)
+        return MAVLink_esea_control_out_message(sequence, u_command_Nm, apart_rad, apart_Nm, room_Nm, iterations, ahead_status, predictive_status, redundancy_status, stamp_status, step_ticks)
 
-    def esea_control_out_send(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_control_out_send(self, sequence: int, u_command_Nm: float, apart_rad: float, apart_Nm: float, room_Nm: float, iterations: float, ahead_status: int, predictive_status: int, redundancy_status: int, stamp_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task control.
 
@@ -1910,6 +1912,7 @@ class MAVLink(object):
         u_command_Nm              : command; [Nm], range -0.220999986 to 0.220999986 (type:float)
         apart_rad                 : drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927 [rad] (type:float)
         apart_Nm                  : torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518 (type:float)
+        room_Nm                   : how large that may be now; [Nm], range 0 to 30.1256943 (type:float)
         iterations                : QP: changes of its active set; [dimensionless], range 0 to 1000 (type:float)
         ahead_status              : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_AHEAD_STATUS)
         predictive_status         : what is known of the command; bits below (type:uint32_t, values:ESEA_ELBOW_MPC_PREDICTIVE_STATUS)
@@ -1918,4 +1921,4 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_control_out_encode(sequence, u_command_Nm, apart_rad, apart_Nm, iterations, ahead_status, predictive_status, redundancy_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_control_out_encode(sequence, u_command_Nm, apart_rad, apart_Nm, room_Nm, iterations, ahead_status, predictive_status, redundancy_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)

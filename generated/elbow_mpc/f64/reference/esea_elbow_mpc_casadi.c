@@ -4889,7 +4889,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_work_bytes(ca
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
+/* esea_elbow_mpc_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0,a_rad_s2_0,moved_rad_s2_0) */
 static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
@@ -4899,6 +4899,8 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[3]!=0) res[3][0]=a0;
   if (res[4]!=0) res[4][0]=a0;
   if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
   return 0;
 }
 
@@ -4921,7 +4923,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_init_decref(void) 
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_init_n_in(void) { return 0;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_init_n_out(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_init_n_out(void) { return 8;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_gear_observer_init_default_in(casadi_int i) {
   switch (i) {
@@ -4943,6 +4945,8 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_gear_observer_init_name_o
     case 3: return "u_held_Nm_0";
     case 4: return "u_a_Nm_0";
     case 5: return "d4_rad_s2_0";
+    case 6: return "a_rad_s2_0";
+    case 7: return "moved_rad_s2_0";
     default: return 0;
   }
 }
@@ -4961,13 +4965,15 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_gear_observer_init_
     case 3: return casadi_s0;
     case 4: return casadi_s0;
     case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0;
-  if (sz_res) *sz_res = 6;
+  if (sz_res) *sz_res = 8;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
@@ -4975,30 +4981,30 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_work(casadi_in
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d_gear_rad_s2,y_status) */
+/* esea_elbow_mpc_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,s_a_rad_s2,s_moved_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,next_a_rad_s2,next_moved_rad_s2,y_d_gear_rad_s2,y_moves_rad_s2,y_status) */
 static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
-  a00=arg[6]? arg[6][0] : 0;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
+  a00=arg[8]? arg[8][0] : 0;
   a01=2.2099998593330383e-01;
   a02=(a00<=a01);
   a03=-2.2099998593330383e-01;
   a04=(a03<=a00);
   a02=(a02&&a04);
-  a04=arg[7]? arg[7][0] : 0;
+  a04=arg[9]? arg[9][0] : 0;
   a05=12.;
   a06=(a04<=a05);
   a07=-12.;
   a08=(a07<=a04);
   a06=(a06&&a08);
   a08=(a02&&a06);
-  a09=arg[8]? arg[8][0] : 0;
+  a09=arg[10]? arg[10][0] : 0;
   a10=20.;
   a10=(a09<=a10);
   a11=-20.;
@@ -5012,49 +5018,61 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a12=1.;
   a13=(a11<=a12);
   a14=0.;
-  a14=(a14<=a11);
-  a13=(a13&&a14);
-  a14=arg[1]? arg[1][0] : 0;
-  a05=(a14<=a05);
-  a07=(a07<=a14);
+  a15=(a14<=a11);
+  a13=(a13&&a15);
+  a15=arg[1]? arg[1][0] : 0;
+  a05=(a15<=a05);
+  a07=(a07<=a15);
   a05=(a05&&a07);
   a13=(a13&&a05);
   a05=arg[2]? arg[2][0] : 0;
   a07=6.5652305603027344e+01;
   a07=(a05<=a07);
-  a15=-6.5652305603027344e+01;
-  a15=(a15<=a05);
-  a07=(a07&&a15);
+  a16=-6.5652305603027344e+01;
+  a16=(a16<=a05);
+  a07=(a07&&a16);
   a13=(a13&&a07);
   a07=arg[3]? arg[3][0] : 0;
-  a15=(a07<=a01);
-  a16=(a03<=a07);
-  a15=(a15&&a16);
-  a13=(a13&&a15);
-  a15=arg[4]? arg[4][0] : 0;
-  a01=(a15<=a01);
-  a03=(a03<=a15);
+  a16=(a07<=a01);
+  a17=(a03<=a07);
+  a16=(a16&&a17);
+  a13=(a13&&a16);
+  a16=arg[4]? arg[4][0] : 0;
+  a01=(a16<=a01);
+  a03=(a03<=a16);
   a01=(a01&&a03);
   a13=(a13&&a01);
   a01=arg[5]? arg[5][0] : 0;
   a03=2.4666666030883789e+01;
-  a16=(a01<=a03);
-  a17=-2.4666666030883789e+01;
-  a18=(a17<=a01);
-  a16=(a16&&a18);
-  a13=(a13&&a16);
-  a14=(a13?a14:0);
-  a06=(a06?a14:0);
+  a17=(a01<=a03);
+  a18=-2.4666666030883789e+01;
+  a19=(a18<=a01);
+  a17=(a17&&a19);
+  a13=(a13&&a17);
+  a17=arg[6]? arg[6][0] : 0;
+  a19=9.8666664123535156e+01;
+  a20=(a17<=a19);
+  a21=-9.8666664123535156e+01;
+  a22=(a21<=a17);
+  a20=(a20&&a22);
+  a13=(a13&&a20);
+  a20=arg[7]? arg[7][0] : 0;
+  a22=(a20<=a19);
+  a14=(a14<=a20);
+  a22=(a22&&a14);
+  a13=(a13&&a22);
+  a15=(a13?a15:0);
+  a06=(a06?a15:0);
   a04=(a04+a06);
   if (res[1]!=0) res[1][0]=a04;
   a06=-4.6879999999999999e-01;
-  a16=5.0000000000000003e-02;
-  a16=(a04/a16);
-  a16=tanh(a16);
-  a06=(a06*a16);
-  a16=5.5510000000000004e-01;
-  a16=(a16*a04);
-  a06=(a06-a16);
+  a22=5.0000000000000003e-02;
+  a22=(a04/a22);
+  a22=tanh(a22);
+  a06=(a06*a22);
+  a22=5.5510000000000004e-01;
+  a22=(a22*a04);
+  a06=(a06-a22);
   a10=(a10?a09:0);
   a06=(a06-a10);
   a10=6.6300000000000003e-01;
@@ -5064,55 +5082,77 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[3]!=0) res[3][0]=a02;
   a07=(a13?a07:0);
   a02=9.7173735224993463e-01;
-  a15=(a13?a15:0);
-  a15=(a15-a07);
-  a02=(a02*a15);
+  a16=(a13?a16:0);
+  a16=(a16-a07);
+  a02=(a02*a16);
   a02=(a07+a02);
   if (res[4]!=0) res[4][0]=a02;
   a11=(a13?a11:0);
   a11=(a08&&a11);
   a02=9.8019867330675525e-01;
-  a02=(a02*a01);
-  a02=(a13?a02:0);
-  a00=1.9801326693244747e-02;
-  a10=1000.;
-  a04=(a04-a14);
-  a10=(a10*a04);
-  a04=1.1161387631975867e+02;
-  a14=9.8580115352228026e-01;
-  a14=(a14*a15);
-  a07=(a07+a14);
-  a04=(a04*a07);
+  a00=(a02*a01);
+  a00=(a13?a00:0);
+  a10=1.9801326693244747e-02;
+  a09=1000.;
+  a04=(a04-a15);
+  a09=(a09*a04);
+  a15=1.1161387631975867e+02;
+  a22=9.8580115352228026e-01;
+  a22=(a22*a16);
+  a07=(a07+a22);
+  a15=(a15*a07);
   a07=5.0000000000000000e-01;
   a05=(a13?a05:0);
   a06=(a06+a05);
   a07=(a07*a06);
-  a04=(a04+a07);
-  a10=(a10-a04);
-  a00=(a00*a10);
-  a02=(a02+a00);
-  a00=casadi_fmin(a02,a03);
-  a00=casadi_fmax(a00,a17);
-  a00=(a11?a00:0);
-  a17=(!a11);
+  a15=(a15+a07);
+  a09=(a09-a15);
+  a10=(a10*a09);
+  a00=(a00+a10);
+  a10=casadi_fmin(a00,a03);
+  a10=casadi_fmax(a10,a18);
+  a10=(a11?a10:0);
+  a18=(!a11);
   a01=(a13?a01:0);
-  a17=(a17?a01:0);
-  a00=(a00+a17);
-  if (res[5]!=0) res[5][0]=a00;
-  if (res[6]!=0) res[6][0]=a00;
+  a01=(a18?a01:0);
+  a10=(a10+a01);
+  if (res[5]!=0) res[5][0]=a10;
+  a02=(a02*a17);
+  a02=(a13?a02:0);
+  a01=1.9801326693244746e+01;
+  a01=(a01*a04);
+  a02=(a02+a01);
+  a01=casadi_fmin(a02,a19);
+  a01=casadi_fmax(a01,a21);
+  a01=(a11?a01:0);
+  a17=(a13?a17:0);
+  a18=(a18?a17:0);
+  a01=(a01+a18);
+  if (res[6]!=0) res[6][0]=a01;
+  a01=casadi_fabs(a01);
+  a18=9.9004983374916811e-01;
+  a18=(a18*a20);
+  a18=(a13?a18:0);
+  a01=casadi_fmax(a01,a18);
+  if (res[7]!=0) res[7][0]=a01;
+  if (res[8]!=0) res[8][0]=a10;
+  if (res[9]!=0) res[9][0]=a01;
   a08=(!a08);
   a08=(a08?a12:0);
   a13=(!a13);
   a12=2.;
   a13=(a13?a12:0);
   a08=(a08+a13);
+  a00=casadi_fabs(a00);
+  a03=(a03<a00);
   a02=casadi_fabs(a02);
-  a03=(a03<a02);
+  a19=(a19<a02);
+  a03=(a03||a19);
   a11=(a11&&a03);
   a03=4.;
   a11=(a11?a03:0);
   a08=(a08+a11);
-  if (res[7]!=0) res[7][0]=a08;
+  if (res[10]!=0) res[10][0]=a08;
   return 0;
 }
 
@@ -5133,9 +5173,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_step_incref(void) 
 CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_gear_observer_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_in(void) { return 9;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_in(void) { return 11;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_out(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_gear_observer_step_n_out(void) { return 11;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_gear_observer_step_default_in(casadi_int i) {
   switch (i) {
@@ -5151,9 +5191,11 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_gear_observer_step_name_i
     case 3: return "s_u_held_Nm";
     case 4: return "s_u_a_Nm";
     case 5: return "s_d4_rad_s2";
-    case 6: return "u_u_Nm";
-    case 7: return "u_omega_gear_rad_s";
-    case 8: return "u_tau_Nm";
+    case 6: return "s_a_rad_s2";
+    case 7: return "s_moved_rad_s2";
+    case 8: return "u_u_Nm";
+    case 9: return "u_omega_gear_rad_s";
+    case 10: return "u_tau_Nm";
     default: return 0;
   }
 }
@@ -5166,8 +5208,11 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_gear_observer_step_name_o
     case 3: return "next_u_held_Nm";
     case 4: return "next_u_a_Nm";
     case 5: return "next_d4_rad_s2";
-    case 6: return "y_d_gear_rad_s2";
-    case 7: return "y_status";
+    case 6: return "next_a_rad_s2";
+    case 7: return "next_moved_rad_s2";
+    case 8: return "y_d_gear_rad_s2";
+    case 9: return "y_moves_rad_s2";
+    case 10: return "y_status";
     default: return 0;
   }
 }
@@ -5183,6 +5228,8 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_
     case 6: return casadi_s0;
     case 7: return casadi_s0;
     case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
     default: return 0;
   }
 }
@@ -5197,21 +5244,24 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_
     case 5: return casadi_s0;
     case 6: return casadi_s0;
     case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9;
-  if (sz_res) *sz_res = 8;
+  if (sz_arg) *sz_arg = 11;
+  if (sz_res) *sz_res = 11;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 11*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 11*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
@@ -5802,14 +5852,16 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a17=-2.4845999145507812e+02;
   a17=(a17<=a15);
   a16=(a16&&a17);
-  a11=casadi_sq(a11);
   a17=casadi_sq(a11);
+  a11=(a11*a17);
+  a17=casadi_sq(a17);
   a11=(a11*a17);
   a18=casadi_sq(a17);
   a18=casadi_sq(a18);
   a11=(a11*a18);
   a19=(a15*a11);
   a19=(a16?a19:0);
+  a19=(a13?a19:0);
   a19=(a13?a19:0);
   a19=(a13?a19:0);
   a19=(a13?a19:0);
@@ -5894,6 +5946,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a18=(a13?a18:0);
   a18=(a13?a18:0);
   a18=(a13?a18:0);
+  a18=(a13?a18:0);
   a02=(a02+a18);
   a02=casadi_fmin(a02,a19);
   a02=casadi_fmax(a02,a22);
@@ -5902,6 +5955,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=(a11*a17);
   a02=(a15*a11);
   a02=(a16?a02:0);
+  a02=(a13?a02:0);
   a02=(a13?a02:0);
   a02=(a13?a02:0);
   a02=(a13?a02:0);
@@ -6054,6 +6108,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a03=(a13?a03:0);
   a03=(a13?a03:0);
   a03=(a13?a03:0);
+  a03=(a13?a03:0);
   a04=(a04+a03);
   a04=casadi_fmin(a04,a19);
   a04=casadi_fmax(a04,a22);
@@ -6062,6 +6117,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=(a11*a17);
   a04=(a15*a11);
   a04=(a16?a04:0);
+  a04=(a13?a04:0);
   a04=(a13?a04:0);
   a04=(a13?a04:0);
   a04=(a13?a04:0);
@@ -6294,6 +6350,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a05=(a13?a05:0);
   a05=(a13?a05:0);
   a05=(a13?a05:0);
+  a05=(a13?a05:0);
   a06=(a06+a05);
   a06=casadi_fmin(a06,a19);
   a06=casadi_fmax(a06,a22);
@@ -6302,6 +6359,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=(a11*a17);
   a06=(a15*a11);
   a06=(a16?a06:0);
+  a06=(a13?a06:0);
   a06=(a13?a06:0);
   a06=(a13?a06:0);
   a06=(a13?a06:0);
@@ -6614,6 +6672,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a07=(a13?a07:0);
   a07=(a13?a07:0);
   a07=(a13?a07:0);
+  a07=(a13?a07:0);
   a08=(a08+a07);
   a08=casadi_fmin(a08,a19);
   a08=casadi_fmax(a08,a22);
@@ -6622,6 +6681,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=(a11*a17);
   a08=(a15*a11);
   a08=(a16?a08:0);
+  a08=(a13?a08:0);
   a08=(a13?a08:0);
   a08=(a13?a08:0);
   a08=(a13?a08:0);
@@ -7014,6 +7074,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a15=(a13?a15:0);
   a15=(a13?a15:0);
   a15=(a13?a15:0);
+  a15=(a13?a15:0);
   a10=(a10+a15);
   a10=casadi_fmin(a10,a19);
   a10=casadi_fmax(a10,a22);
@@ -7063,7 +7124,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a24=-12.;
   a24=(a24<=a20);
   a23=(a23&&a24);
-  a24=2.1999999999999999e-02;
+  a24=2.3000000000000000e-02;
   a24=(a24*a20);
   a24=(a23?a24:0);
   a24=(a03+a24);
@@ -7093,7 +7154,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a10=casadi_fmax(a10,a24);
   if (res[1]!=0) res[1][0]=a10;
   a15=(a22?a15:0);
-  a10=4.2000000000000003e-02;
+  a10=4.3000000000000003e-02;
   a10=(a10*a20);
   a10=(a23?a10:0);
   a10=(a03+a10);
@@ -7105,7 +7166,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a15=casadi_fmax(a15,a10);
   if (res[1]!=0) res[1][1]=a15;
   a11=(a22?a11:0);
-  a15=6.2000000000000000e-02;
+  a15=6.3000000000000000e-02;
   a15=(a15*a20);
   a15=(a23?a15:0);
   a15=(a03+a15);
@@ -7117,7 +7178,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=casadi_fmax(a11,a15);
   if (res[1]!=0) res[1][2]=a11;
   a17=(a22?a17:0);
-  a11=8.2000000000000003e-02;
+  a11=8.3000000000000004e-02;
   a11=(a11*a20);
   a11=(a23?a11:0);
   a11=(a03+a11);
@@ -7129,7 +7190,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a17=casadi_fmax(a17,a11);
   if (res[1]!=0) res[1][3]=a17;
   a09=(a22?a09:0);
-  a17=1.0200000000000001e-01;
+  a17=1.0300000000000001e-01;
   a17=(a17*a20);
   a17=(a23?a17:0);
   a17=(a03+a17);
@@ -7141,7 +7202,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a09=casadi_fmax(a09,a17);
   if (res[1]!=0) res[1][4]=a09;
   a08=(a22?a08:0);
-  a09=1.2200000000000000e-01;
+  a09=1.2300000000000000e-01;
   a09=(a09*a20);
   a09=(a23?a09:0);
   a09=(a03+a09);
@@ -7153,7 +7214,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a08=casadi_fmax(a08,a09);
   if (res[1]!=0) res[1][5]=a08;
   a07=(a22?a07:0);
-  a08=1.4200000000000002e-01;
+  a08=1.4300000000000002e-01;
   a08=(a08*a20);
   a08=(a23?a08:0);
   a08=(a03+a08);
@@ -7165,7 +7226,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a07=casadi_fmax(a07,a08);
   if (res[1]!=0) res[1][6]=a07;
   a06=(a22?a06:0);
-  a07=1.6200000000000001e-01;
+  a07=1.6300000000000001e-01;
   a07=(a07*a20);
   a07=(a23?a07:0);
   a07=(a03+a07);
@@ -7177,7 +7238,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a06=casadi_fmax(a06,a07);
   if (res[1]!=0) res[1][7]=a06;
   a05=(a22?a05:0);
-  a06=1.8200000000000000e-01;
+  a06=1.8300000000000000e-01;
   a06=(a06*a20);
   a06=(a23?a06:0);
   a06=(a03+a06);
@@ -7189,7 +7250,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a05=casadi_fmax(a05,a06);
   if (res[1]!=0) res[1][8]=a05;
   a04=(a22?a04:0);
-  a05=2.0200000000000001e-01;
+  a05=2.0300000000000001e-01;
   a05=(a05*a20);
   a05=(a23?a05:0);
   a03=(a03+a05);
@@ -7386,19 +7447,22 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int 
 
 /* esea_elbow_mpc_casadi_predictive_prepare:(Q,R,load_free)->(c_root_q,c_root_r,c_load_1_kgm2) */
 static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0, a1;
+  casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
-  a0=sqrt(a0);
-  if (res[0]!=0) res[0][0]=a0;
-  a0=arg[1]? arg[1][0] : 0;
-  a0=sqrt(a0);
-  a1=3.4880000000000001e-02;
-  a0=(a0/a1);
-  if (res[1]!=0) res[1][0]=a0;
-  a0=4.5454545454545459e+00;
-  a1=arg[2]? arg[2][0] : 0;
-  a0=(a0*a1);
-  if (res[2]!=0) res[2][0]=a0;
+  a1=sqrt(a0);
+  if (res[0]!=0) res[0][0]=a1;
+  a1=arg[1]? arg[1][0] : 0;
+  a2=1.0000000000000000e-04;
+  a2=(a2*a0);
+  a1=casadi_fmax(a1,a2);
+  a1=sqrt(a1);
+  a2=3.4880000000000001e-02;
+  a1=(a1/a2);
+  if (res[1]!=0) res[1][0]=a1;
+  a1=4.5454545454545459e+00;
+  a2=arg[2]? arg[2][0] : 0;
+  a1=(a1*a2);
+  if (res[2]!=0) res[2][0]=a1;
   return 0;
 }
 
@@ -16308,10 +16372,10 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_work_byte
 /* esea_elbow_mpc_casadi_predictive_k92_before:(i0[7],i1,i2[6],i3)->(o0[8],o1) */
 static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
-  a0=1.0000000000000000e-03;
+  a0=1.5000000000000000e-03;
   a1=1.1161387631975867e+02;
   a2=arg[1]? arg[1][0] : 0;
-  a3=9.7187047814547411e-01;
+  a3=9.5820228128273377e-01;
   a4=arg[0]? arg[0][4] : 0;
   a4=(a4-a2);
   a3=(a3*a4);
@@ -16333,7 +16397,7 @@ static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* i
   a3=20.;
   a5=arg[0]? arg[0][2] : 0;
   a5=(a5+a1);
-  a1=1.5082956259426848e-03;
+  a1=2.2624434389140269e-03;
   a4=(a1*a4);
   a5=(a5-a4);
   a3=(a3*a5);
@@ -16350,7 +16414,7 @@ static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* i
   a4=(a4+a1);
   a1=(1./a4);
   if (res[0]!=0) res[0][3]=a1;
-  a1=3.0165912518853697e-03;
+  a1=4.5248868778280538e-03;
   a6=(a6*a5);
   a7=4.6879999999999999e-01;
   a7=(a7*a3);
@@ -16362,7 +16426,7 @@ static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* i
   if (res[0]!=0) res[0][5]=a1;
   a5=(a5+a1);
   a0=(a0*a5);
-  a5=2.0000000000000000e-03;
+  a5=3.0000000000000001e-03;
   a5=(a5*a2);
   a0=(a0-a5);
   if (res[0]!=0) res[0][6]=a0;
@@ -16457,7 +16521,7 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12;
   a00=arg[0]? arg[0][0] : 0;
-  a01=2.0000000000000000e-03;
+  a01=3.0000000000000001e-03;
   a02=arg[4]? arg[4][1] : 0;
   a01=(a01*a02);
   a00=(a00+a01);
@@ -16467,7 +16531,7 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
   a01=arg[4]? arg[4][5] : 0;
   a03=arg[4]? arg[4][0] : 0;
   a01=(a01+a03);
-  a03=1.5082956259426848e-03;
+  a03=2.2624434389140269e-03;
   a04=9.3900000000000006e+00;
   a05=239.;
   a05=(a05*a00);
@@ -16476,9 +16540,9 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
   a00=(a00*a04);
   a04=arg[0]? arg[0][5] : 0;
   a05=1.;
-  a06=1.0320000000000000e-01;
+  a06=1.5480000000000002e-01;
   a07=7.3199999999999998e-01;
-  a08=500.;
+  a08=3.3333333333333331e+02;
   a09=arg[4]? arg[4][6] : 0;
   a08=(a08*a09);
   a08=casadi_sq(a08);
@@ -16522,7 +16586,7 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
   a03=(a03*a00);
   a01=(a01-a03);
   if (res[0]!=0) res[0][2]=a01;
-  a01=1.0000000000000000e-03;
+  a01=1.5000000000000000e-03;
   a03=arg[2]? arg[2][3] : 0;
   a01=(a01*a03);
   a03=arg[3]? arg[3][0] : 0;
@@ -16531,7 +16595,7 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
   a02=(a02+a01);
   if (res[0]!=0) res[0][3]=a02;
   a02=arg[1]? arg[1][0] : 0;
-  a01=9.4427348175771364e-01;
+  a01=9.1758581296306763e-01;
   a03=arg[0]? arg[0][4] : 0;
   a03=(a03-a02);
   a01=(a01*a03);
@@ -17535,10 +17599,10 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_work_bytes(casadi
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_status) */
+/* esea_elbow_mpc_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm,u_moves_rad_s2)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_room_Nm,y_status) */
 static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20;
   a00=5.0000000000000000e-01;
   a01=arg[0]? arg[0][0] : 0;
   a02=7.9045963287353516e+00;
@@ -17575,23 +17639,29 @@ static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* i
   a10=(a10&&a12);
   a13=arg[5]? arg[5][0] : 0;
   a14=(a13<=a04);
-  a06=(a06<=a13);
-  a14=(a14&&a06);
+  a15=(a06<=a13);
+  a14=(a14&&a15);
   a10=(a10&&a14);
-  a06=arg[6]? arg[6][0] : 0;
-  a15=2.4666666030883789e+01;
-  a15=(a06<=a15);
-  a16=-2.4666666030883789e+01;
-  a16=(a16<=a06);
-  a15=(a15&&a16);
-  a10=(a10&&a15);
-  a16=arg[7]? arg[7][0] : 0;
-  a17=20.;
-  a17=(a16<=a17);
-  a18=-20.;
-  a18=(a18<=a16);
-  a17=(a17&&a18);
-  a10=(a10&&a17);
+  a15=arg[6]? arg[6][0] : 0;
+  a16=2.4666666030883789e+01;
+  a16=(a15<=a16);
+  a17=-2.4666666030883789e+01;
+  a17=(a17<=a15);
+  a16=(a16&&a17);
+  a10=(a10&&a16);
+  a17=arg[7]? arg[7][0] : 0;
+  a18=20.;
+  a18=(a17<=a18);
+  a19=-20.;
+  a19=(a19<=a17);
+  a18=(a18&&a19);
+  a10=(a10&&a18);
+  a19=arg[8]? arg[8][0] : 0;
+  a20=9.8666664123535156e+01;
+  a20=(a19<=a20);
+  a06=(a06<=a19);
+  a20=(a20&&a06);
+  a10=(a10&&a20);
   a09=(a09?a08:0);
   a09=(a00<=a09);
   a14=(a14?a13:0);
@@ -17607,8 +17677,8 @@ static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* i
   a07=(a07?a05:0);
   a12=(a12-a07);
   a07=6.6666666666666671e-03;
-  a07=(a07*a16);
-  a07=(a17?a07:0);
+  a07=(a07*a17);
+  a07=(a18?a07:0);
   a12=(a12-a07);
   a14=(a14?a12:0);
   a13=(a13+a14);
@@ -17616,32 +17686,37 @@ static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* i
   if (res[1]!=0) res[1][0]=a09;
   a13=5.9999999999999998e-02;
   a14=5.8333333333333336e-03;
-  a17=(a17?a16:0);
-  a17=casadi_fabs(a17);
-  a14=(a14*a17);
+  a18=(a18?a17:0);
+  a18=casadi_fabs(a18);
+  a14=(a14*a18);
   a13=(a13+a14);
   a12=(a12-a01);
   a03=(a03?a12:0);
   a12=casadi_fabs(a03);
   a13=(a13<a12);
   a13=(a09&&a13);
-  a12=2.5000000000000000e+00;
+  a12=2.2000000000000002e+00;
   a01=2.5000000000000000e-01;
-  a01=(a01*a17);
+  a01=(a01*a18);
   a12=(a12+a01);
-  a01=6.6300000000000003e-01;
-  a01=(a01*a06);
-  a15=(a15?a01:0);
-  a01=casadi_fabs(a15);
-  a12=(a12<a01);
-  a12=(a09&&a12);
-  a01=(a13||a12);
-  a01=(!a01);
-  a01=(a09&&a01);
-  if (res[2]!=0) res[2][0]=a01;
+  a01=2.3205000000000001e-01;
+  a01=(a01*a19);
+  a20=(a20?a01:0);
+  a12=(a12+a20);
+  a20=6.6300000000000003e-01;
+  a20=(a20*a15);
+  a16=(a16?a20:0);
+  a20=casadi_fabs(a16);
+  a20=(a12<a20);
+  a20=(a09&&a20);
+  a15=(a13||a20);
+  a15=(!a15);
+  a15=(a09&&a15);
+  if (res[2]!=0) res[2][0]=a15;
   a09=(a09?a03:0);
   if (res[3]!=0) res[3][0]=a09;
-  if (res[4]!=0) res[4][0]=a15;
+  if (res[4]!=0) res[4][0]=a16;
+  if (res[5]!=0) res[5][0]=a12;
   a10=(!a10);
   a10=(a10?a04:0);
   a02=(!a02);
@@ -17655,9 +17730,9 @@ static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* i
   a13=(a13?a00:0);
   a10=(a10+a13);
   a13=16.;
-  a12=(a12?a13:0);
-  a10=(a10+a12);
-  if (res[5]!=0) res[5][0]=a10;
+  a20=(a20?a13:0);
+  a10=(a10+a20);
+  if (res[6]!=0) res[6][0]=a10;
   return 0;
 }
 
@@ -17678,9 +17753,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_redundancy_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_step_n_in(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_step_n_in(void) { return 9;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_step_n_out(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_redundancy_step_n_out(void) { return 7;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_redundancy_step_default_in(casadi_int i) {
   switch (i) {
@@ -17698,6 +17773,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_redundancy_step_name_in(c
     case 5: return "u_gear_usable";
     case 6: return "u_d_gear_rad_s2";
     case 7: return "u_tau_Nm";
+    case 8: return "u_moves_rad_s2";
     default: return 0;
   }
 }
@@ -17709,7 +17785,8 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_redundancy_step_name_out(
     case 2: return "y_agree";
     case 3: return "y_apart_rad";
     case 4: return "y_apart_Nm";
-    case 5: return "y_status";
+    case 5: return "y_room_Nm";
+    case 6: return "y_status";
     default: return 0;
   }
 }
@@ -17724,6 +17801,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_redundancy_step_spa
     case 5: return casadi_s0;
     case 6: return casadi_s0;
     case 7: return casadi_s0;
+    case 8: return casadi_s0;
     default: return 0;
   }
 }
@@ -17736,21 +17814,22 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_redundancy_step_spa
     case 3: return casadi_s0;
     case 4: return casadi_s0;
     case 5: return casadi_s0;
+    case 6: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8;
-  if (sz_res) *sz_res = 6;
+  if (sz_arg) *sz_arg = 9;
+  if (sz_res) *sz_res = 7;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;

@@ -464,7 +464,7 @@ const casadi_int* esea_elbow_mpc_casadi_gear_observer_init_sparsity_out(casadi_i
 int esea_elbow_mpc_casadi_gear_observer_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_gear_observer_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 #define esea_elbow_mpc_casadi_gear_observer_init_SZ_ARG 0
-#define esea_elbow_mpc_casadi_gear_observer_init_SZ_RES 6
+#define esea_elbow_mpc_casadi_gear_observer_init_SZ_RES 8
 #define esea_elbow_mpc_casadi_gear_observer_init_SZ_IW 0
 #define esea_elbow_mpc_casadi_gear_observer_init_SZ_W 0
 int esea_elbow_mpc_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -481,8 +481,8 @@ const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_sparsity_in(casadi_in
 const casadi_int* esea_elbow_mpc_casadi_gear_observer_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_gear_observer_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_gear_observer_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_gear_observer_step_SZ_ARG 9
-#define esea_elbow_mpc_casadi_gear_observer_step_SZ_RES 8
+#define esea_elbow_mpc_casadi_gear_observer_step_SZ_ARG 11
+#define esea_elbow_mpc_casadi_gear_observer_step_SZ_RES 11
 #define esea_elbow_mpc_casadi_gear_observer_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_gear_observer_step_SZ_W 0
 int esea_elbow_mpc_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -2479,8 +2479,8 @@ const casadi_int* esea_elbow_mpc_casadi_redundancy_step_sparsity_in(casadi_int i
 const casadi_int* esea_elbow_mpc_casadi_redundancy_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_redundancy_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_redundancy_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_redundancy_step_SZ_ARG 8
-#define esea_elbow_mpc_casadi_redundancy_step_SZ_RES 6
+#define esea_elbow_mpc_casadi_redundancy_step_SZ_ARG 9
+#define esea_elbow_mpc_casadi_redundancy_step_SZ_RES 7
 #define esea_elbow_mpc_casadi_redundancy_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_redundancy_step_SZ_W 0
 int esea_elbow_mpc_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);

@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 238, 128, 128, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 0, 44, 44, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 64, 136, 136, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 41, 52, 52, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -272,6 +272,17 @@ typedef enum ESEA_ELBOW_DRIVE_REFERENCE_STATUS
 } ESEA_ELBOW_DRIVE_REFERENCE_STATUS;
 #endif
 
+/** @brief what is known of it */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_LEAD_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_LEAD_STATUS
+typedef enum ESEA_ELBOW_DRIVE_LEAD_STATUS
+{
+   ESEA_ELBOW_DRIVE_LEAD_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; not led | */
+   ESEA_ELBOW_DRIVE_LEAD_STATUS_STATE_REPAIRED=2, /* the state was corrupt; started afresh | */
+   ESEA_ELBOW_DRIVE_LEAD_STATUS_ENUM_END=3, /*  | */
+} ESEA_ELBOW_DRIVE_LEAD_STATUS;
+#endif
+
 /** @brief what is known of this set-point */
 #ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_INVERSE_STATUS
 #define HAVE_ENUM_ESEA_ELBOW_DRIVE_INVERSE_STATUS
@@ -300,6 +311,17 @@ typedef enum ESEA_ELBOW_DRIVE_SETPOINT_STATUS
    ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ACCELERATION_CLIPPED=8, /* the acceleration was clipped | */
    ESEA_ELBOW_DRIVE_SETPOINT_STATUS_ENUM_END=9, /*  | */
 } ESEA_ELBOW_DRIVE_SETPOINT_STATUS;
+#endif
+
+/** @brief what is known of it */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_SMOOTH_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_SMOOTH_STATUS
+typedef enum ESEA_ELBOW_DRIVE_SMOOTH_STATUS
+{
+   ESEA_ELBOW_DRIVE_SMOOTH_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; not smoothed | */
+   ESEA_ELBOW_DRIVE_SMOOTH_STATUS_STATE_REPAIRED=2, /* the state was corrupt; started afresh | */
+   ESEA_ELBOW_DRIVE_SMOOTH_STATUS_ENUM_END=3, /*  | */
+} ESEA_ELBOW_DRIVE_SMOOTH_STATUS;
 #endif
 
 /** @brief which limits act, and what holds the latch */
@@ -382,6 +404,18 @@ typedef enum ESEA_ELBOW_DRIVE_SET_RATE_STATUS
    ESEA_ELBOW_DRIVE_SET_RATE_STATUS_RATE_CLIPPED=8, /* the filtered rate was clipped at its physical range | */
    ESEA_ELBOW_DRIVE_SET_RATE_STATUS_ENUM_END=9, /*  | */
 } ESEA_ELBOW_DRIVE_SET_RATE_STATUS;
+#endif
+
+/** @brief what is known of it */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_SET_TREND_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_SET_TREND_STATUS
+typedef enum ESEA_ELBOW_DRIVE_SET_TREND_STATUS
+{
+   ESEA_ELBOW_DRIVE_SET_TREND_STATUS_INPUT_INVALID=1, /* the input was NaN or outside its range; the last one counts | */
+   ESEA_ELBOW_DRIVE_SET_TREND_STATUS_STATE_REPAIRED=2, /* the state was corrupt; started afresh | */
+   ESEA_ELBOW_DRIVE_SET_TREND_STATUS_CLIPPED=4, /* rate or acceleration is at its range | */
+   ESEA_ELBOW_DRIVE_SET_TREND_STATUS_ENUM_END=5, /*  | */
+} ESEA_ELBOW_DRIVE_SET_TREND_STATUS;
 #endif
 
 /** @brief what is known of this command */

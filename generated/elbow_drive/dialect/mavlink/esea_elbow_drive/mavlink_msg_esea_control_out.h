@@ -11,22 +11,24 @@ typedef struct __mavlink_esea_control_out_t {
  float u_command_Nm; /*<  command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22)*/
  float apart_rad; /*< [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927*/
  float apart_Nm; /*<  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518*/
+ float room_Nm; /*<  how large that may be now; [Nm], range 0 to 30.1256943*/
  float surface_rad_s; /*< [rad/s] surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12)*/
  float u_eq_Nm; /*<  equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16)*/
  float k_smc_Nm; /*<  switching gain; [Nm], range 0 to 10.9715872; eq. (5.20)*/
+ uint32_t set_trend_status; /*<  what is known of it; bits below*/
  uint32_t smc_status; /*<  what is known of this command; bits below*/
  uint32_t redundancy_status; /*<  what is known of this sample; bits below*/
  uint32_t stamp_status; /*<  what is known of this command; bits below*/
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_control_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN 44
-#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN 44
-#define MAVLINK_MSG_ID_42604_LEN 44
-#define MAVLINK_MSG_ID_42604_MIN_LEN 44
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN 52
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN 52
+#define MAVLINK_MSG_ID_42604_LEN 52
+#define MAVLINK_MSG_ID_42604_MIN_LEN 52
 
-#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC 0
-#define MAVLINK_MSG_ID_42604_CRC 0
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC 41
+#define MAVLINK_MSG_ID_42604_CRC 41
 
 
 
@@ -34,35 +36,39 @@ typedef struct __mavlink_esea_control_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT { \
     42604, \
     "ESEA_CONTROL_OUT", \
-    11, \
+    13, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_control_out_t, sequence) }, \
          { "u_command_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_control_out_t, u_command_Nm) }, \
          { "apart_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_control_out_t, apart_rad) }, \
          { "apart_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 12, offsetof(mavlink_esea_control_out_t, apart_Nm) }, \
-         { "surface_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, surface_rad_s) }, \
-         { "u_eq_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_control_out_t, u_eq_Nm) }, \
-         { "k_smc_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 24, offsetof(mavlink_esea_control_out_t, k_smc_Nm) }, \
-         { "smc_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_control_out_t, smc_status) }, \
-         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
-         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 40, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
+         { "room_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, room_Nm) }, \
+         { "surface_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_control_out_t, surface_rad_s) }, \
+         { "u_eq_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 24, offsetof(mavlink_esea_control_out_t, u_eq_Nm) }, \
+         { "k_smc_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 28, offsetof(mavlink_esea_control_out_t, k_smc_Nm) }, \
+         { "set_trend_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, set_trend_status) }, \
+         { "smc_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, smc_status) }, \
+         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 40, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
+         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 44, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 48, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT { \
     "ESEA_CONTROL_OUT", \
-    11, \
+    13, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_control_out_t, sequence) }, \
          { "u_command_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_control_out_t, u_command_Nm) }, \
          { "apart_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_control_out_t, apart_rad) }, \
          { "apart_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 12, offsetof(mavlink_esea_control_out_t, apart_Nm) }, \
-         { "surface_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, surface_rad_s) }, \
-         { "u_eq_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_control_out_t, u_eq_Nm) }, \
-         { "k_smc_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 24, offsetof(mavlink_esea_control_out_t, k_smc_Nm) }, \
-         { "smc_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_control_out_t, smc_status) }, \
-         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
-         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 40, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
+         { "room_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, room_Nm) }, \
+         { "surface_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_control_out_t, surface_rad_s) }, \
+         { "u_eq_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 24, offsetof(mavlink_esea_control_out_t, u_eq_Nm) }, \
+         { "k_smc_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 28, offsetof(mavlink_esea_control_out_t, k_smc_Nm) }, \
+         { "set_trend_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, set_trend_status) }, \
+         { "smc_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, smc_status) }, \
+         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 40, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
+         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 44, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 48, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -77,9 +83,11 @@ typedef struct __mavlink_esea_control_out_t {
  * @param u_command_Nm  command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22)
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param surface_rad_s [rad/s] surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12)
  * @param u_eq_Nm  equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16)
  * @param k_smc_Nm  switching gain; [Nm], range 0 to 10.9715872; eq. (5.20)
+ * @param set_trend_status  what is known of it; bits below
  * @param smc_status  what is known of this command; bits below
  * @param redundancy_status  what is known of this sample; bits below
  * @param stamp_status  what is known of this command; bits below
@@ -87,7 +95,7 @@ typedef struct __mavlink_esea_control_out_t {
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t set_trend_status, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -95,13 +103,15 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, surface_rad_s);
-    _mav_put_float(buf, 20, u_eq_Nm);
-    _mav_put_float(buf, 24, k_smc_Nm);
-    _mav_put_uint32_t(buf, 28, smc_status);
-    _mav_put_uint32_t(buf, 32, redundancy_status);
-    _mav_put_uint32_t(buf, 36, stamp_status);
-    _mav_put_uint32_t(buf, 40, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, surface_rad_s);
+    _mav_put_float(buf, 24, u_eq_Nm);
+    _mav_put_float(buf, 28, k_smc_Nm);
+    _mav_put_uint32_t(buf, 32, set_trend_status);
+    _mav_put_uint32_t(buf, 36, smc_status);
+    _mav_put_uint32_t(buf, 40, redundancy_status);
+    _mav_put_uint32_t(buf, 44, stamp_status);
+    _mav_put_uint32_t(buf, 48, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
 #else
@@ -110,9 +120,11 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.surface_rad_s = surface_rad_s;
     packet.u_eq_Nm = u_eq_Nm;
     packet.k_smc_Nm = k_smc_Nm;
+    packet.set_trend_status = set_trend_status;
     packet.smc_status = smc_status;
     packet.redundancy_status = redundancy_status;
     packet.stamp_status = stamp_status;
@@ -136,9 +148,11 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
  * @param u_command_Nm  command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22)
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param surface_rad_s [rad/s] surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12)
  * @param u_eq_Nm  equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16)
  * @param k_smc_Nm  switching gain; [Nm], range 0 to 10.9715872; eq. (5.20)
+ * @param set_trend_status  what is known of it; bits below
  * @param smc_status  what is known of this command; bits below
  * @param redundancy_status  what is known of this sample; bits below
  * @param stamp_status  what is known of this command; bits below
@@ -146,7 +160,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t set_trend_status, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -154,13 +168,15 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, surface_rad_s);
-    _mav_put_float(buf, 20, u_eq_Nm);
-    _mav_put_float(buf, 24, k_smc_Nm);
-    _mav_put_uint32_t(buf, 28, smc_status);
-    _mav_put_uint32_t(buf, 32, redundancy_status);
-    _mav_put_uint32_t(buf, 36, stamp_status);
-    _mav_put_uint32_t(buf, 40, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, surface_rad_s);
+    _mav_put_float(buf, 24, u_eq_Nm);
+    _mav_put_float(buf, 28, k_smc_Nm);
+    _mav_put_uint32_t(buf, 32, set_trend_status);
+    _mav_put_uint32_t(buf, 36, smc_status);
+    _mav_put_uint32_t(buf, 40, redundancy_status);
+    _mav_put_uint32_t(buf, 44, stamp_status);
+    _mav_put_uint32_t(buf, 48, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
 #else
@@ -169,9 +185,11 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.surface_rad_s = surface_rad_s;
     packet.u_eq_Nm = u_eq_Nm;
     packet.k_smc_Nm = k_smc_Nm;
+    packet.set_trend_status = set_trend_status;
     packet.smc_status = smc_status;
     packet.redundancy_status = redundancy_status;
     packet.stamp_status = stamp_status;
@@ -198,9 +216,11 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
  * @param u_command_Nm  command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22)
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param surface_rad_s [rad/s] surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12)
  * @param u_eq_Nm  equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16)
  * @param k_smc_Nm  switching gain; [Nm], range 0 to 10.9715872; eq. (5.20)
+ * @param set_trend_status  what is known of it; bits below
  * @param smc_status  what is known of this command; bits below
  * @param redundancy_status  what is known of this sample; bits below
  * @param stamp_status  what is known of this command; bits below
@@ -209,7 +229,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
  */
 static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_command_Nm,float apart_rad,float apart_Nm,float surface_rad_s,float u_eq_Nm,float k_smc_Nm,uint32_t smc_status,uint32_t redundancy_status,uint32_t stamp_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_command_Nm,float apart_rad,float apart_Nm,float room_Nm,float surface_rad_s,float u_eq_Nm,float k_smc_Nm,uint32_t set_trend_status,uint32_t smc_status,uint32_t redundancy_status,uint32_t stamp_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -217,13 +237,15 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id,
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, surface_rad_s);
-    _mav_put_float(buf, 20, u_eq_Nm);
-    _mav_put_float(buf, 24, k_smc_Nm);
-    _mav_put_uint32_t(buf, 28, smc_status);
-    _mav_put_uint32_t(buf, 32, redundancy_status);
-    _mav_put_uint32_t(buf, 36, stamp_status);
-    _mav_put_uint32_t(buf, 40, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, surface_rad_s);
+    _mav_put_float(buf, 24, u_eq_Nm);
+    _mav_put_float(buf, 28, k_smc_Nm);
+    _mav_put_uint32_t(buf, 32, set_trend_status);
+    _mav_put_uint32_t(buf, 36, smc_status);
+    _mav_put_uint32_t(buf, 40, redundancy_status);
+    _mav_put_uint32_t(buf, 44, stamp_status);
+    _mav_put_uint32_t(buf, 48, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
 #else
@@ -232,9 +254,11 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id,
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.surface_rad_s = surface_rad_s;
     packet.u_eq_Nm = u_eq_Nm;
     packet.k_smc_Nm = k_smc_Nm;
+    packet.set_trend_status = set_trend_status;
     packet.smc_status = smc_status;
     packet.redundancy_status = redundancy_status;
     packet.stamp_status = stamp_status;
@@ -257,7 +281,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_control_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
 {
-    return mavlink_msg_esea_control_out_pack(system_id, component_id, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    return mavlink_msg_esea_control_out_pack(system_id, component_id, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->set_trend_status, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 }
 
 /**
@@ -271,7 +295,7 @@ static inline uint16_t mavlink_msg_esea_control_out_encode(uint8_t system_id, ui
  */
 static inline uint16_t mavlink_msg_esea_control_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
 {
-    return mavlink_msg_esea_control_out_pack_chan(system_id, component_id, chan, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    return mavlink_msg_esea_control_out_pack_chan(system_id, component_id, chan, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->set_trend_status, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 }
 
 /**
@@ -285,7 +309,7 @@ static inline uint16_t mavlink_msg_esea_control_out_encode_chan(uint8_t system_i
  */
 static inline uint16_t mavlink_msg_esea_control_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
 {
-    return mavlink_msg_esea_control_out_pack_status(system_id, component_id, _status, msg,  esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    return mavlink_msg_esea_control_out_pack_status(system_id, component_id, _status, msg,  esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->set_trend_status, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 }
 
 /**
@@ -296,9 +320,11 @@ static inline uint16_t mavlink_msg_esea_control_out_encode_status(uint8_t system
  * @param u_command_Nm  command at the motor shaft; [Nm], range -0.220999986 to 0.220999986; eq. (5.22)
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param surface_rad_s [rad/s] surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12)
  * @param u_eq_Nm  equivalent control; [Nm], range -29.0375538 to 29.0375538; eq. (5.16)
  * @param k_smc_Nm  switching gain; [Nm], range 0 to 10.9715872; eq. (5.20)
+ * @param set_trend_status  what is known of it; bits below
  * @param smc_status  what is known of this command; bits below
  * @param redundancy_status  what is known of this sample; bits below
  * @param stamp_status  what is known of this command; bits below
@@ -306,7 +332,7 @@ static inline uint16_t mavlink_msg_esea_control_out_encode_status(uint8_t system
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t set_trend_status, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -314,13 +340,15 @@ static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uin
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, surface_rad_s);
-    _mav_put_float(buf, 20, u_eq_Nm);
-    _mav_put_float(buf, 24, k_smc_Nm);
-    _mav_put_uint32_t(buf, 28, smc_status);
-    _mav_put_uint32_t(buf, 32, redundancy_status);
-    _mav_put_uint32_t(buf, 36, stamp_status);
-    _mav_put_uint32_t(buf, 40, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, surface_rad_s);
+    _mav_put_float(buf, 24, u_eq_Nm);
+    _mav_put_float(buf, 28, k_smc_Nm);
+    _mav_put_uint32_t(buf, 32, set_trend_status);
+    _mav_put_uint32_t(buf, 36, smc_status);
+    _mav_put_uint32_t(buf, 40, redundancy_status);
+    _mav_put_uint32_t(buf, 44, stamp_status);
+    _mav_put_uint32_t(buf, 48, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
 #else
@@ -329,9 +357,11 @@ static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uin
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.surface_rad_s = surface_rad_s;
     packet.u_eq_Nm = u_eq_Nm;
     packet.k_smc_Nm = k_smc_Nm;
+    packet.set_trend_status = set_trend_status;
     packet.smc_status = smc_status;
     packet.redundancy_status = redundancy_status;
     packet.stamp_status = stamp_status;
@@ -349,7 +379,7 @@ static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uin
 static inline void mavlink_msg_esea_control_out_send_struct(mavlink_channel_t chan, const mavlink_esea_control_out_t* esea_control_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_control_out_send(chan, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    mavlink_msg_esea_control_out_send(chan, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->surface_rad_s, esea_control_out->u_eq_Nm, esea_control_out->k_smc_Nm, esea_control_out->set_trend_status, esea_control_out->smc_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, (const char *)esea_control_out, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
 #endif
@@ -363,7 +393,7 @@ static inline void mavlink_msg_esea_control_out_send_struct(mavlink_channel_t ch
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float surface_rad_s, float u_eq_Nm, float k_smc_Nm, uint32_t set_trend_status, uint32_t smc_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -371,13 +401,15 @@ static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgb
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, surface_rad_s);
-    _mav_put_float(buf, 20, u_eq_Nm);
-    _mav_put_float(buf, 24, k_smc_Nm);
-    _mav_put_uint32_t(buf, 28, smc_status);
-    _mav_put_uint32_t(buf, 32, redundancy_status);
-    _mav_put_uint32_t(buf, 36, stamp_status);
-    _mav_put_uint32_t(buf, 40, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, surface_rad_s);
+    _mav_put_float(buf, 24, u_eq_Nm);
+    _mav_put_float(buf, 28, k_smc_Nm);
+    _mav_put_uint32_t(buf, 32, set_trend_status);
+    _mav_put_uint32_t(buf, 36, smc_status);
+    _mav_put_uint32_t(buf, 40, redundancy_status);
+    _mav_put_uint32_t(buf, 44, stamp_status);
+    _mav_put_uint32_t(buf, 48, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
 #else
@@ -386,9 +418,11 @@ static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgb
     packet->u_command_Nm = u_command_Nm;
     packet->apart_rad = apart_rad;
     packet->apart_Nm = apart_Nm;
+    packet->room_Nm = room_Nm;
     packet->surface_rad_s = surface_rad_s;
     packet->u_eq_Nm = u_eq_Nm;
     packet->k_smc_Nm = k_smc_Nm;
+    packet->set_trend_status = set_trend_status;
     packet->smc_status = smc_status;
     packet->redundancy_status = redundancy_status;
     packet->stamp_status = stamp_status;
@@ -445,13 +479,23 @@ static inline float mavlink_msg_esea_control_out_get_apart_Nm(const mavlink_mess
 }
 
 /**
+ * @brief Get field room_Nm from esea_control_out message
+ *
+ * @return  how large that may be now; [Nm], range 0 to 30.1256943
+ */
+static inline float mavlink_msg_esea_control_out_get_room_Nm(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  16);
+}
+
+/**
  * @brief Get field surface_rad_s from esea_control_out message
  *
  * @return [rad/s] surface; [rad/s], range -168.167984 to 168.167984; eq. (5.12)
  */
 static inline float mavlink_msg_esea_control_out_get_surface_rad_s(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_float(msg,  16);
+    return _MAV_RETURN_float(msg,  20);
 }
 
 /**
@@ -461,7 +505,7 @@ static inline float mavlink_msg_esea_control_out_get_surface_rad_s(const mavlink
  */
 static inline float mavlink_msg_esea_control_out_get_u_eq_Nm(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_float(msg,  20);
+    return _MAV_RETURN_float(msg,  24);
 }
 
 /**
@@ -471,7 +515,17 @@ static inline float mavlink_msg_esea_control_out_get_u_eq_Nm(const mavlink_messa
  */
 static inline float mavlink_msg_esea_control_out_get_k_smc_Nm(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_float(msg,  24);
+    return _MAV_RETURN_float(msg,  28);
+}
+
+/**
+ * @brief Get field set_trend_status from esea_control_out message
+ *
+ * @return  what is known of it; bits below
+ */
+static inline uint32_t mavlink_msg_esea_control_out_get_set_trend_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  32);
 }
 
 /**
@@ -481,7 +535,7 @@ static inline float mavlink_msg_esea_control_out_get_k_smc_Nm(const mavlink_mess
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_smc_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  28);
+    return _MAV_RETURN_uint32_t(msg,  36);
 }
 
 /**
@@ -491,7 +545,7 @@ static inline uint32_t mavlink_msg_esea_control_out_get_smc_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_redundancy_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  32);
+    return _MAV_RETURN_uint32_t(msg,  40);
 }
 
 /**
@@ -501,7 +555,7 @@ static inline uint32_t mavlink_msg_esea_control_out_get_redundancy_status(const 
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_stamp_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  36);
+    return _MAV_RETURN_uint32_t(msg,  44);
 }
 
 /**
@@ -511,7 +565,7 @@ static inline uint32_t mavlink_msg_esea_control_out_get_stamp_status(const mavli
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  40);
+    return _MAV_RETURN_uint32_t(msg,  48);
 }
 
 /**
@@ -527,9 +581,11 @@ static inline void mavlink_msg_esea_control_out_decode(const mavlink_message_t* 
     esea_control_out->u_command_Nm = mavlink_msg_esea_control_out_get_u_command_Nm(msg);
     esea_control_out->apart_rad = mavlink_msg_esea_control_out_get_apart_rad(msg);
     esea_control_out->apart_Nm = mavlink_msg_esea_control_out_get_apart_Nm(msg);
+    esea_control_out->room_Nm = mavlink_msg_esea_control_out_get_room_Nm(msg);
     esea_control_out->surface_rad_s = mavlink_msg_esea_control_out_get_surface_rad_s(msg);
     esea_control_out->u_eq_Nm = mavlink_msg_esea_control_out_get_u_eq_Nm(msg);
     esea_control_out->k_smc_Nm = mavlink_msg_esea_control_out_get_k_smc_Nm(msg);
+    esea_control_out->set_trend_status = mavlink_msg_esea_control_out_get_set_trend_status(msg);
     esea_control_out->smc_status = mavlink_msg_esea_control_out_get_smc_status(msg);
     esea_control_out->redundancy_status = mavlink_msg_esea_control_out_get_redundancy_status(msg);
     esea_control_out->stamp_status = mavlink_msg_esea_control_out_get_stamp_status(msg);

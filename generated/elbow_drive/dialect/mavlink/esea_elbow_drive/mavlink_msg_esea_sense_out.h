@@ -31,8 +31,10 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t load_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_gear_status; /*<  what is known of this sample; bits below*/
  uint32_t reference_status; /*<  what is known of this set torque; bits below*/
+ uint32_t lead_status; /*<  what is known of it; bits below*/
  uint32_t inverse_status; /*<  what is known of this set-point; bits below*/
  uint32_t setpoint_status; /*<  what is known of this set-point; bits below*/
+ uint32_t smooth_status; /*<  what is known of it; bits below*/
  uint32_t limits_status; /*<  which limits act, and what holds the latch; bits below*/
  uint32_t drive_status; /*<  what is known of this estimate; bits below*/
  uint32_t gear_status; /*<  what is known of this estimate; bits below*/
@@ -41,13 +43,13 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 128
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 128
-#define MAVLINK_MSG_ID_42602_LEN 128
-#define MAVLINK_MSG_ID_42602_MIN_LEN 128
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 136
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 136
+#define MAVLINK_MSG_ID_42602_LEN 136
+#define MAVLINK_MSG_ID_42602_MIN_LEN 136
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 238
-#define MAVLINK_MSG_ID_42602_CRC 238
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 64
+#define MAVLINK_MSG_ID_42602_CRC 64
 
 
 
@@ -55,7 +57,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    32, \
+    34, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -80,20 +82,22 @@ typedef struct __mavlink_esea_sense_out_t {
          { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
          { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
          { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
-         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "lead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, lead_status) }, \
+         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
+         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
+         { "smooth_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, smooth_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    32, \
+    34, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -118,14 +122,16 @@ typedef struct __mavlink_esea_sense_out_t {
          { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
          { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
          { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
-         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "lead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, lead_status) }, \
+         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
+         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
+         { "smooth_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, smooth_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -160,8 +166,10 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param lead_status  what is known of it; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
+ * @param smooth_status  what is known of it; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
@@ -171,7 +179,7 @@ typedef struct __mavlink_esea_sense_out_t {
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -199,14 +207,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_uint32_t(buf, 84, load_rate_status);
     _mav_put_uint32_t(buf, 88, encoder_gear_status);
     _mav_put_uint32_t(buf, 92, reference_status);
-    _mav_put_uint32_t(buf, 96, inverse_status);
-    _mav_put_uint32_t(buf, 100, setpoint_status);
-    _mav_put_uint32_t(buf, 104, limits_status);
-    _mav_put_uint32_t(buf, 108, drive_status);
-    _mav_put_uint32_t(buf, 112, gear_status);
-    _mav_put_uint32_t(buf, 116, human_status);
-    _mav_put_uint32_t(buf, 120, set_rate_status);
-    _mav_put_uint32_t(buf, 124, step_ticks);
+    _mav_put_uint32_t(buf, 96, lead_status);
+    _mav_put_uint32_t(buf, 100, inverse_status);
+    _mav_put_uint32_t(buf, 104, setpoint_status);
+    _mav_put_uint32_t(buf, 108, smooth_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, set_rate_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -235,8 +245,10 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.lead_status = lead_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
+    packet.smooth_status = smooth_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
@@ -282,8 +294,10 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param lead_status  what is known of it; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
+ * @param smooth_status  what is known of it; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
@@ -293,7 +307,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -321,14 +335,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_uint32_t(buf, 84, load_rate_status);
     _mav_put_uint32_t(buf, 88, encoder_gear_status);
     _mav_put_uint32_t(buf, 92, reference_status);
-    _mav_put_uint32_t(buf, 96, inverse_status);
-    _mav_put_uint32_t(buf, 100, setpoint_status);
-    _mav_put_uint32_t(buf, 104, limits_status);
-    _mav_put_uint32_t(buf, 108, drive_status);
-    _mav_put_uint32_t(buf, 112, gear_status);
-    _mav_put_uint32_t(buf, 116, human_status);
-    _mav_put_uint32_t(buf, 120, set_rate_status);
-    _mav_put_uint32_t(buf, 124, step_ticks);
+    _mav_put_uint32_t(buf, 96, lead_status);
+    _mav_put_uint32_t(buf, 100, inverse_status);
+    _mav_put_uint32_t(buf, 104, setpoint_status);
+    _mav_put_uint32_t(buf, 108, smooth_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, set_rate_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -357,8 +373,10 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.lead_status = lead_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
+    packet.smooth_status = smooth_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
@@ -407,8 +425,10 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param lead_status  what is known of it; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
+ * @param smooth_status  what is known of it; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
@@ -419,7 +439,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float delta_set_rad,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t inverse_status,uint32_t setpoint_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t set_rate_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float delta_set_rad,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t lead_status,uint32_t inverse_status,uint32_t setpoint_status,uint32_t smooth_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t set_rate_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -447,14 +467,16 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_uint32_t(buf, 84, load_rate_status);
     _mav_put_uint32_t(buf, 88, encoder_gear_status);
     _mav_put_uint32_t(buf, 92, reference_status);
-    _mav_put_uint32_t(buf, 96, inverse_status);
-    _mav_put_uint32_t(buf, 100, setpoint_status);
-    _mav_put_uint32_t(buf, 104, limits_status);
-    _mav_put_uint32_t(buf, 108, drive_status);
-    _mav_put_uint32_t(buf, 112, gear_status);
-    _mav_put_uint32_t(buf, 116, human_status);
-    _mav_put_uint32_t(buf, 120, set_rate_status);
-    _mav_put_uint32_t(buf, 124, step_ticks);
+    _mav_put_uint32_t(buf, 96, lead_status);
+    _mav_put_uint32_t(buf, 100, inverse_status);
+    _mav_put_uint32_t(buf, 104, setpoint_status);
+    _mav_put_uint32_t(buf, 108, smooth_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, set_rate_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -483,8 +505,10 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.lead_status = lead_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
+    packet.smooth_status = smooth_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
@@ -509,7 +533,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -523,7 +547,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -537,7 +561,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -568,8 +592,10 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param lead_status  what is known of it; bits below
  * @param inverse_status  what is known of this set-point; bits below
  * @param setpoint_status  what is known of this set-point; bits below
+ * @param smooth_status  what is known of it; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
@@ -579,7 +605,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -607,14 +633,16 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_uint32_t(buf, 84, load_rate_status);
     _mav_put_uint32_t(buf, 88, encoder_gear_status);
     _mav_put_uint32_t(buf, 92, reference_status);
-    _mav_put_uint32_t(buf, 96, inverse_status);
-    _mav_put_uint32_t(buf, 100, setpoint_status);
-    _mav_put_uint32_t(buf, 104, limits_status);
-    _mav_put_uint32_t(buf, 108, drive_status);
-    _mav_put_uint32_t(buf, 112, gear_status);
-    _mav_put_uint32_t(buf, 116, human_status);
-    _mav_put_uint32_t(buf, 120, set_rate_status);
-    _mav_put_uint32_t(buf, 124, step_ticks);
+    _mav_put_uint32_t(buf, 96, lead_status);
+    _mav_put_uint32_t(buf, 100, inverse_status);
+    _mav_put_uint32_t(buf, 104, setpoint_status);
+    _mav_put_uint32_t(buf, 108, smooth_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, set_rate_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -643,8 +671,10 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.lead_status = lead_status;
     packet.inverse_status = inverse_status;
     packet.setpoint_status = setpoint_status;
+    packet.smooth_status = smooth_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
@@ -664,7 +694,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -678,7 +708,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -706,14 +736,16 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_uint32_t(buf, 84, load_rate_status);
     _mav_put_uint32_t(buf, 88, encoder_gear_status);
     _mav_put_uint32_t(buf, 92, reference_status);
-    _mav_put_uint32_t(buf, 96, inverse_status);
-    _mav_put_uint32_t(buf, 100, setpoint_status);
-    _mav_put_uint32_t(buf, 104, limits_status);
-    _mav_put_uint32_t(buf, 108, drive_status);
-    _mav_put_uint32_t(buf, 112, gear_status);
-    _mav_put_uint32_t(buf, 116, human_status);
-    _mav_put_uint32_t(buf, 120, set_rate_status);
-    _mav_put_uint32_t(buf, 124, step_ticks);
+    _mav_put_uint32_t(buf, 96, lead_status);
+    _mav_put_uint32_t(buf, 100, inverse_status);
+    _mav_put_uint32_t(buf, 104, setpoint_status);
+    _mav_put_uint32_t(buf, 108, smooth_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, set_rate_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -742,8 +774,10 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->load_rate_status = load_rate_status;
     packet->encoder_gear_status = encoder_gear_status;
     packet->reference_status = reference_status;
+    packet->lead_status = lead_status;
     packet->inverse_status = inverse_status;
     packet->setpoint_status = setpoint_status;
+    packet->smooth_status = smooth_status;
     packet->limits_status = limits_status;
     packet->drive_status = drive_status;
     packet->gear_status = gear_status;
@@ -1002,13 +1036,23 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mav
 }
 
 /**
+ * @brief Get field lead_status from esea_sense_out message
+ *
+ * @return  what is known of it; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_lead_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  96);
+}
+
+/**
  * @brief Get field inverse_status from esea_sense_out message
  *
  * @return  what is known of this set-point; bits below
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_inverse_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  96);
+    return _MAV_RETURN_uint32_t(msg,  100);
 }
 
 /**
@@ -1018,7 +1062,17 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_inverse_status(const mavli
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_setpoint_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  100);
+    return _MAV_RETURN_uint32_t(msg,  104);
+}
+
+/**
+ * @brief Get field smooth_status from esea_sense_out message
+ *
+ * @return  what is known of it; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_smooth_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  108);
 }
 
 /**
@@ -1028,7 +1082,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_setpoint_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  104);
+    return _MAV_RETURN_uint32_t(msg,  112);
 }
 
 /**
@@ -1038,7 +1092,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  108);
+    return _MAV_RETURN_uint32_t(msg,  116);
 }
 
 /**
@@ -1048,7 +1102,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  112);
+    return _MAV_RETURN_uint32_t(msg,  120);
 }
 
 /**
@@ -1058,7 +1112,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  116);
+    return _MAV_RETURN_uint32_t(msg,  124);
 }
 
 /**
@@ -1068,7 +1122,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_set_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  120);
+    return _MAV_RETURN_uint32_t(msg,  128);
 }
 
 /**
@@ -1078,7 +1132,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_set_rate_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  124);
+    return _MAV_RETURN_uint32_t(msg,  132);
 }
 
 /**
@@ -1114,8 +1168,10 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->load_rate_status = mavlink_msg_esea_sense_out_get_load_rate_status(msg);
     esea_sense_out->encoder_gear_status = mavlink_msg_esea_sense_out_get_encoder_gear_status(msg);
     esea_sense_out->reference_status = mavlink_msg_esea_sense_out_get_reference_status(msg);
+    esea_sense_out->lead_status = mavlink_msg_esea_sense_out_get_lead_status(msg);
     esea_sense_out->inverse_status = mavlink_msg_esea_sense_out_get_inverse_status(msg);
     esea_sense_out->setpoint_status = mavlink_msg_esea_sense_out_get_setpoint_status(msg);
+    esea_sense_out->smooth_status = mavlink_msg_esea_sense_out_get_smooth_status(msg);
     esea_sense_out->limits_status = mavlink_msg_esea_sense_out_get_limits_status(msg);
     esea_sense_out->drive_status = mavlink_msg_esea_sense_out_get_drive_status(msg);
     esea_sense_out->gear_status = mavlink_msg_esea_sense_out_get_gear_status(msg);

@@ -11,6 +11,7 @@ typedef struct __mavlink_esea_control_out_t {
  float u_command_Nm; /*<  command; [Nm], range -0.220999986 to 0.220999986*/
  float apart_rad; /*< [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927*/
  float apart_Nm; /*<  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518*/
+ float room_Nm; /*<  how large that may be now; [Nm], range 0 to 30.1256943*/
  float iterations; /*<  QP: changes of its active set; [dimensionless], range 0 to 1000*/
  uint32_t ahead_status; /*<  what is known of it; bits below*/
  uint32_t predictive_status; /*<  what is known of the command; bits below*/
@@ -19,13 +20,13 @@ typedef struct __mavlink_esea_control_out_t {
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_control_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN 40
-#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN 40
-#define MAVLINK_MSG_ID_42604_LEN 40
-#define MAVLINK_MSG_ID_42604_MIN_LEN 40
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN 44
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN 44
+#define MAVLINK_MSG_ID_42604_LEN 44
+#define MAVLINK_MSG_ID_42604_MIN_LEN 44
 
-#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC 248
-#define MAVLINK_MSG_ID_42604_CRC 248
+#define MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC 212
+#define MAVLINK_MSG_ID_42604_CRC 212
 
 
 
@@ -33,33 +34,35 @@ typedef struct __mavlink_esea_control_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT { \
     42604, \
     "ESEA_CONTROL_OUT", \
-    10, \
+    11, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_control_out_t, sequence) }, \
          { "u_command_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_control_out_t, u_command_Nm) }, \
          { "apart_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_control_out_t, apart_rad) }, \
          { "apart_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 12, offsetof(mavlink_esea_control_out_t, apart_Nm) }, \
-         { "iterations", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, iterations) }, \
-         { "ahead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 20, offsetof(mavlink_esea_control_out_t, ahead_status) }, \
-         { "predictive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_control_out_t, predictive_status) }, \
-         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
-         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
+         { "room_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, room_Nm) }, \
+         { "iterations", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_control_out_t, iterations) }, \
+         { "ahead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_control_out_t, ahead_status) }, \
+         { "predictive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_control_out_t, predictive_status) }, \
+         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
+         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 40, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT { \
     "ESEA_CONTROL_OUT", \
-    10, \
+    11, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_control_out_t, sequence) }, \
          { "u_command_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_control_out_t, u_command_Nm) }, \
          { "apart_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_control_out_t, apart_rad) }, \
          { "apart_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 12, offsetof(mavlink_esea_control_out_t, apart_Nm) }, \
-         { "iterations", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, iterations) }, \
-         { "ahead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 20, offsetof(mavlink_esea_control_out_t, ahead_status) }, \
-         { "predictive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_control_out_t, predictive_status) }, \
-         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
-         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
+         { "room_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 16, offsetof(mavlink_esea_control_out_t, room_Nm) }, \
+         { "iterations", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_control_out_t, iterations) }, \
+         { "ahead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_control_out_t, ahead_status) }, \
+         { "predictive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_control_out_t, predictive_status) }, \
+         { "redundancy_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_control_out_t, redundancy_status) }, \
+         { "stamp_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_control_out_t, stamp_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 40, offsetof(mavlink_esea_control_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -74,6 +77,7 @@ typedef struct __mavlink_esea_control_out_t {
  * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
  * @param ahead_status  what is known of it; bits below
  * @param predictive_status  what is known of the command; bits below
@@ -83,7 +87,7 @@ typedef struct __mavlink_esea_control_out_t {
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -91,12 +95,13 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, iterations);
-    _mav_put_uint32_t(buf, 20, ahead_status);
-    _mav_put_uint32_t(buf, 24, predictive_status);
-    _mav_put_uint32_t(buf, 28, redundancy_status);
-    _mav_put_uint32_t(buf, 32, stamp_status);
-    _mav_put_uint32_t(buf, 36, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, iterations);
+    _mav_put_uint32_t(buf, 24, ahead_status);
+    _mav_put_uint32_t(buf, 28, predictive_status);
+    _mav_put_uint32_t(buf, 32, redundancy_status);
+    _mav_put_uint32_t(buf, 36, stamp_status);
+    _mav_put_uint32_t(buf, 40, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
 #else
@@ -105,6 +110,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.iterations = iterations;
     packet.ahead_status = ahead_status;
     packet.predictive_status = predictive_status;
@@ -130,6 +136,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
  * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
  * @param ahead_status  what is known of it; bits below
  * @param predictive_status  what is known of the command; bits below
@@ -139,7 +146,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack(uint8_t system_id, uint
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -147,12 +154,13 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, iterations);
-    _mav_put_uint32_t(buf, 20, ahead_status);
-    _mav_put_uint32_t(buf, 24, predictive_status);
-    _mav_put_uint32_t(buf, 28, redundancy_status);
-    _mav_put_uint32_t(buf, 32, stamp_status);
-    _mav_put_uint32_t(buf, 36, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, iterations);
+    _mav_put_uint32_t(buf, 24, ahead_status);
+    _mav_put_uint32_t(buf, 28, predictive_status);
+    _mav_put_uint32_t(buf, 32, redundancy_status);
+    _mav_put_uint32_t(buf, 36, stamp_status);
+    _mav_put_uint32_t(buf, 40, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
 #else
@@ -161,6 +169,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.iterations = iterations;
     packet.ahead_status = ahead_status;
     packet.predictive_status = predictive_status;
@@ -189,6 +198,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
  * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
  * @param ahead_status  what is known of it; bits below
  * @param predictive_status  what is known of the command; bits below
@@ -199,7 +209,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_status(uint8_t system_i
  */
 static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_command_Nm,float apart_rad,float apart_Nm,float iterations,uint32_t ahead_status,uint32_t predictive_status,uint32_t redundancy_status,uint32_t stamp_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_command_Nm,float apart_rad,float apart_Nm,float room_Nm,float iterations,uint32_t ahead_status,uint32_t predictive_status,uint32_t redundancy_status,uint32_t stamp_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -207,12 +217,13 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id,
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, iterations);
-    _mav_put_uint32_t(buf, 20, ahead_status);
-    _mav_put_uint32_t(buf, 24, predictive_status);
-    _mav_put_uint32_t(buf, 28, redundancy_status);
-    _mav_put_uint32_t(buf, 32, stamp_status);
-    _mav_put_uint32_t(buf, 36, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, iterations);
+    _mav_put_uint32_t(buf, 24, ahead_status);
+    _mav_put_uint32_t(buf, 28, predictive_status);
+    _mav_put_uint32_t(buf, 32, redundancy_status);
+    _mav_put_uint32_t(buf, 36, stamp_status);
+    _mav_put_uint32_t(buf, 40, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN);
 #else
@@ -221,6 +232,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id,
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.iterations = iterations;
     packet.ahead_status = ahead_status;
     packet.predictive_status = predictive_status;
@@ -245,7 +257,7 @@ static inline uint16_t mavlink_msg_esea_control_out_pack_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_control_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
 {
-    return mavlink_msg_esea_control_out_pack(system_id, component_id, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    return mavlink_msg_esea_control_out_pack(system_id, component_id, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 }
 
 /**
@@ -259,7 +271,7 @@ static inline uint16_t mavlink_msg_esea_control_out_encode(uint8_t system_id, ui
  */
 static inline uint16_t mavlink_msg_esea_control_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
 {
-    return mavlink_msg_esea_control_out_pack_chan(system_id, component_id, chan, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    return mavlink_msg_esea_control_out_pack_chan(system_id, component_id, chan, msg, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 }
 
 /**
@@ -273,7 +285,7 @@ static inline uint16_t mavlink_msg_esea_control_out_encode_chan(uint8_t system_i
  */
 static inline uint16_t mavlink_msg_esea_control_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_control_out_t* esea_control_out)
 {
-    return mavlink_msg_esea_control_out_pack_status(system_id, component_id, _status, msg,  esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    return mavlink_msg_esea_control_out_pack_status(system_id, component_id, _status, msg,  esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 }
 
 /**
@@ -284,6 +296,7 @@ static inline uint16_t mavlink_msg_esea_control_out_encode_status(uint8_t system
  * @param u_command_Nm  command; [Nm], range -0.220999986 to 0.220999986
  * @param apart_rad [rad] drive's angle less the motor side's; [rad], range -15.8091927 to 15.8091927
  * @param apart_Nm  torque at the drive that nothing explains; [Nm], range -16.3703518 to 16.3703518
+ * @param room_Nm  how large that may be now; [Nm], range 0 to 30.1256943
  * @param iterations  QP: changes of its active set; [dimensionless], range 0 to 1000
  * @param ahead_status  what is known of it; bits below
  * @param predictive_status  what is known of the command; bits below
@@ -293,7 +306,7 @@ static inline uint16_t mavlink_msg_esea_control_out_encode_status(uint8_t system
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN];
@@ -301,12 +314,13 @@ static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uin
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, iterations);
-    _mav_put_uint32_t(buf, 20, ahead_status);
-    _mav_put_uint32_t(buf, 24, predictive_status);
-    _mav_put_uint32_t(buf, 28, redundancy_status);
-    _mav_put_uint32_t(buf, 32, stamp_status);
-    _mav_put_uint32_t(buf, 36, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, iterations);
+    _mav_put_uint32_t(buf, 24, ahead_status);
+    _mav_put_uint32_t(buf, 28, predictive_status);
+    _mav_put_uint32_t(buf, 32, redundancy_status);
+    _mav_put_uint32_t(buf, 36, stamp_status);
+    _mav_put_uint32_t(buf, 40, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
 #else
@@ -315,6 +329,7 @@ static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uin
     packet.u_command_Nm = u_command_Nm;
     packet.apart_rad = apart_rad;
     packet.apart_Nm = apart_Nm;
+    packet.room_Nm = room_Nm;
     packet.iterations = iterations;
     packet.ahead_status = ahead_status;
     packet.predictive_status = predictive_status;
@@ -334,7 +349,7 @@ static inline void mavlink_msg_esea_control_out_send(mavlink_channel_t chan, uin
 static inline void mavlink_msg_esea_control_out_send_struct(mavlink_channel_t chan, const mavlink_esea_control_out_t* esea_control_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_control_out_send(chan, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
+    mavlink_msg_esea_control_out_send(chan, esea_control_out->sequence, esea_control_out->u_command_Nm, esea_control_out->apart_rad, esea_control_out->apart_Nm, esea_control_out->room_Nm, esea_control_out->iterations, esea_control_out->ahead_status, esea_control_out->predictive_status, esea_control_out->redundancy_status, esea_control_out->stamp_status, esea_control_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, (const char *)esea_control_out, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
 #endif
@@ -348,7 +363,7 @@ static inline void mavlink_msg_esea_control_out_send_struct(mavlink_channel_t ch
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_command_Nm, float apart_rad, float apart_Nm, float room_Nm, float iterations, uint32_t ahead_status, uint32_t predictive_status, uint32_t redundancy_status, uint32_t stamp_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -356,12 +371,13 @@ static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgb
     _mav_put_float(buf, 4, u_command_Nm);
     _mav_put_float(buf, 8, apart_rad);
     _mav_put_float(buf, 12, apart_Nm);
-    _mav_put_float(buf, 16, iterations);
-    _mav_put_uint32_t(buf, 20, ahead_status);
-    _mav_put_uint32_t(buf, 24, predictive_status);
-    _mav_put_uint32_t(buf, 28, redundancy_status);
-    _mav_put_uint32_t(buf, 32, stamp_status);
-    _mav_put_uint32_t(buf, 36, step_ticks);
+    _mav_put_float(buf, 16, room_Nm);
+    _mav_put_float(buf, 20, iterations);
+    _mav_put_uint32_t(buf, 24, ahead_status);
+    _mav_put_uint32_t(buf, 28, predictive_status);
+    _mav_put_uint32_t(buf, 32, redundancy_status);
+    _mav_put_uint32_t(buf, 36, stamp_status);
+    _mav_put_uint32_t(buf, 40, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_CONTROL_OUT, buf, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_LEN, MAVLINK_MSG_ID_ESEA_CONTROL_OUT_CRC);
 #else
@@ -370,6 +386,7 @@ static inline void mavlink_msg_esea_control_out_send_buf(mavlink_message_t *msgb
     packet->u_command_Nm = u_command_Nm;
     packet->apart_rad = apart_rad;
     packet->apart_Nm = apart_Nm;
+    packet->room_Nm = room_Nm;
     packet->iterations = iterations;
     packet->ahead_status = ahead_status;
     packet->predictive_status = predictive_status;
@@ -428,13 +445,23 @@ static inline float mavlink_msg_esea_control_out_get_apart_Nm(const mavlink_mess
 }
 
 /**
+ * @brief Get field room_Nm from esea_control_out message
+ *
+ * @return  how large that may be now; [Nm], range 0 to 30.1256943
+ */
+static inline float mavlink_msg_esea_control_out_get_room_Nm(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  16);
+}
+
+/**
  * @brief Get field iterations from esea_control_out message
  *
  * @return  QP: changes of its active set; [dimensionless], range 0 to 1000
  */
 static inline float mavlink_msg_esea_control_out_get_iterations(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_float(msg,  16);
+    return _MAV_RETURN_float(msg,  20);
 }
 
 /**
@@ -444,7 +471,7 @@ static inline float mavlink_msg_esea_control_out_get_iterations(const mavlink_me
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_ahead_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  20);
+    return _MAV_RETURN_uint32_t(msg,  24);
 }
 
 /**
@@ -454,7 +481,7 @@ static inline uint32_t mavlink_msg_esea_control_out_get_ahead_status(const mavli
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_predictive_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  24);
+    return _MAV_RETURN_uint32_t(msg,  28);
 }
 
 /**
@@ -464,7 +491,7 @@ static inline uint32_t mavlink_msg_esea_control_out_get_predictive_status(const 
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_redundancy_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  28);
+    return _MAV_RETURN_uint32_t(msg,  32);
 }
 
 /**
@@ -474,7 +501,7 @@ static inline uint32_t mavlink_msg_esea_control_out_get_redundancy_status(const 
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_stamp_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  32);
+    return _MAV_RETURN_uint32_t(msg,  36);
 }
 
 /**
@@ -484,7 +511,7 @@ static inline uint32_t mavlink_msg_esea_control_out_get_stamp_status(const mavli
  */
 static inline uint32_t mavlink_msg_esea_control_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  36);
+    return _MAV_RETURN_uint32_t(msg,  40);
 }
 
 /**
@@ -500,6 +527,7 @@ static inline void mavlink_msg_esea_control_out_decode(const mavlink_message_t* 
     esea_control_out->u_command_Nm = mavlink_msg_esea_control_out_get_u_command_Nm(msg);
     esea_control_out->apart_rad = mavlink_msg_esea_control_out_get_apart_rad(msg);
     esea_control_out->apart_Nm = mavlink_msg_esea_control_out_get_apart_Nm(msg);
+    esea_control_out->room_Nm = mavlink_msg_esea_control_out_get_room_Nm(msg);
     esea_control_out->iterations = mavlink_msg_esea_control_out_get_iterations(msg);
     esea_control_out->ahead_status = mavlink_msg_esea_control_out_get_ahead_status(msg);
     esea_control_out->predictive_status = mavlink_msg_esea_control_out_get_predictive_status(msg);

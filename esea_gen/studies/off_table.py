@@ -1,0 +1,211 @@
+"""A study run again and again with the world off in one way each time: one table, one picture."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.studies.outcome import Simulation, csv_lines
+from esea_gen.studies.simulation import simulate
+from esea_gen.twin.case import Setting
+from esea_gen.twin.off import off_families
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SWINGING_NM = 0.15  # RMS of the true error above 4 Hz from which a run counts as swinging
+ENDINGS = ("unstable", "swinging", "tripped", "fault", "failed")
+MEDIANS = ("rms_true_Nm", "rms_above_4Hz_Nm")
+
+
+def _by_seed(entries: Sequence[dict[str, Any]], key: str) -> list[float]:
+    # Of each plant the mean over the study's cases.
+    seeds: dict[Any, list[float]] = {}
+    for e in entries:
+        if e.get(key) is not None:
+            seeds.setdefault(e["seed"], []).append(e[key])
+    return [float(np.mean(v)) for v in seeds.values()]
+
+
+def _row(done: Simulation) -> dict[str, Any]:
+    entries = done.cases()
+    family = off_families()[done.setting.off]
+    row: dict[str, Any] = {
+        "off": family.name,
+        "family": family.group,
+        "meaning": family.meaning,
+        "controller": done.setting.controller,
+        "runs": len(entries),
+    }
+    for key in MEDIANS:
+        values = _by_seed(entries, key)
+        row[key] = float(np.median(values)) if values else None
+        row[f"{key}_worst"] = max(values) if values else None
+    row |= {k: sum(bool(e.get(k)) for e in entries) for k in ("unstable", "tripped", "fault")}
+    row["swinging"] = sum((e.get("rms_above_4Hz_Nm") or 0) > SWINGING_NM for e in entries)
+    row["failed"] = sum("failure" in e for e in entries)
+    return row
+
+
+@dataclass(frozen=True)
+class OffTable:
+    """Outcome of a study for several families and controllers.
+
+    done: one study each, all with the same plant, person and seeds; without their signals.
+    """
+
+    done: tuple[Simulation, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One a family and controller: medians over the seeds, and how many runs ended how."""
+        return [_row(d) for d in self.done]
+
+    def cases(self) -> list[dict[str, Any]]:
+        """Every run, with the name of its family."""
+        return [
+            {"controller": d.setting.controller} | entry for d in self.done for entry in d.cases()
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready: ``off``, one row a family and controller, and ``cases``, every run."""
+        first = self.done[0]
+        return {
+            "experiment": first.study.name,
+            "title": first.study.title,
+            "controllers": list(dict.fromkeys(d.setting.controller for d in self.done)),
+            "plant": first.setting.plant,
+            "person": first.person,
+            "format": first.setting.real,
+            "simulated": True,
+            "seeds": list(first.seeds),
+            "off": self.rows(),
+            "cases": self.cases(),
+        }
+
+    def csv(self) -> str:
+        """Every run, one line each."""
+        return csv_lines(self.cases())
+
+    def table(self) -> list[str]:
+        """A line a family and controller."""
+        first = self.done[0]
+        seeds = len(first.seeds)
+        lines = [
+            f"{first.study.title}: plant {first.setting.plant}, person {first.person}, simulated; "
+            f"medians over {seeds} plant{'s' if seeds > 1 else ''}, Nm",
+            f"{'off':18}{'controller':14}{'RMS true':>10}{'worst':>9}{'above 4 Hz':>12}"
+            "  of the runs",
+        ]
+        for row in self.rows():
+            cells = [row["rms_true_Nm"], row["rms_true_Nm_worst"], row["rms_above_4Hz_Nm"]]
+            numbers = [math.nan if c is None else c for c in cells]
+            ends = [f"{row[k]} {_said(k)}" for k in ENDINGS if row[k]]
+            lines.append(
+                f"{row['off']:18}{row['controller']:14}"
+                + "".join(f"{x:>{w}.4f}" for x, w in zip(numbers, (10, 9, 12), strict=True))
+                + f"  {', '.join(ends)}".rstrip()
+            )
+        if any(row[k] for row in self.rows() for k in ("tripped", "fault")):
+            lines.append("errors of runs that tripped or latched include the time after that")
+        return lines
+
+    def figure(self) -> Figure:
+        """RMS error and its part above 4 Hz by family; a cross where most runs ended early."""
+        return _drawn(self.rows())
+
+
+def _said(ending: str) -> str:
+    return {"fault": "latched"}.get(ending, ending)
+
+
+def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
+    import matplotlib as mpl
+
+    from esea_gen.analysis.plots import COLOURS, finished, new_figure
+    from esea_gen.plotting import INK, STYLE
+
+    names = list(dict.fromkeys(r["off"] for r in rows))
+    controllers = list(dict.fromkeys(r["controller"] for r in rows))
+    high = 0.8 / len(controllers)
+    with mpl.rc_context(STYLE):
+        figure, panels = new_figure(
+            9.6, 1.2 + 0.09 * len(names) * (1 + len(controllers)), ncols=2, sharey=True
+        )
+        for axes, key in zip(panels, MEDIANS, strict=True):
+            for k, controller in enumerate(controllers):
+                mine = {r["off"]: r for r in rows if r["controller"] == controller}
+                y = np.arange(len(names)) + (k - 0.5 * (len(controllers) - 1)) * high
+                ended = np.array(
+                    [mine[n]["tripped"] + mine[n]["fault"] > mine[n]["runs"] / 2 for n in names]
+                )
+                x = np.array([math.nan if mine[n][key] is None else mine[n][key] for n in names])
+                # The error of a motor that is off says nothing of the law.
+                x[ended] = math.nan
+                colour = COLOURS[k % len(COLOURS)]
+                axes.barh(y, np.nan_to_num(x), 0.9 * high, color=colour, label=controller)
+                gone = np.isnan(x)
+                axes.plot(np.zeros(gone.sum()), y[gone], "x", color=colour, ms=5, clip_on=False)
+                if gone.any() and k == 0:
+                    label = "most runs tripped or latched"
+                    axes.plot([], [], "x", color=INK, ms=5, label=label)
+            axes.grid(visible=False, axis="y")
+        panels[0].set_xlabel("RMS true error, N·m")
+        panels[1].set_xlabel("of it above 4 Hz, N·m")
+        panels[1].axvline(SWINGING_NM, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
+        for axes, least in zip(panels, (0.1, 1.1 * SWINGING_NM), strict=True):
+            axes.set_xlim(0, max(least, axes.get_xlim()[1]))
+        panels[0].set_yticks(range(len(names)), names)
+        panels[0].set_ylim(len(names) - 0.4, -0.6)
+        handles, labels = panels[1].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=5)
+        return finished(figure)
+
+
+def simulate_off(
+    study: str,
+    settings: Sequence[Setting],
+    *,
+    seed: int = 0,
+    runs: int = 1,
+    workers: Any = 1,
+    folder: Path | None = None,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> Simulation | OffTable:
+    """Run a study in several settings, which differ in controller and family.
+
+    settings: one alone gives what :func:`~esea_gen.studies.simulation.simulate` gives.
+    """
+    if not settings:
+        raise UserError("No setting is given.", "Give one or more.")
+    if len(settings) == 1:
+        return simulate(
+            study,
+            settings[0],
+            seed=seed,
+            runs=runs,
+            workers=workers,
+            folder=folder,
+            progress=progress,
+        )
+    done: list[Simulation] = []
+    failed = 0
+    for k, setting in enumerate(settings):
+
+        def tell(n: int, total: int, bad: int, k: int = k, before: int = failed) -> None:
+            if progress is not None:
+                progress(k * total + n, len(settings) * total, before + bad)
+
+        one = simulate(
+            study, setting, seed=seed, runs=runs, workers=workers, folder=folder, progress=tell
+        )
+        failed += len(one.monte_carlo.failures)
+        # Of many studies the signals would fill the memory.
+        done.append(dataclasses.replace(one, kept={}))
+    return OffTable(tuple(done))

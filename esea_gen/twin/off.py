@@ -1,0 +1,232 @@
+"""When the world is off: virtual exoskeletons that are not what the controller was built from.
+
+Each family has one thing off, and is otherwise the plant that was asked for; its numbers are in
+``plants.toml``.  Friction, inertia and lag are scaled from the device file's, which is what a
+controller knows, whatever the plant has of them.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
+from esea_gen.twin.encoders import SIDES
+from esea_gen.twin.published import PLANTS
+from esea_gen.twin.trajectories import RATE_HZ
+
+NOTHING, ALL = "none", "all"
+_DRAWS, _MISSES = 4, 5  # streams of random numbers, beside those of plant, person and noise
+_TURN = 2 * math.pi
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """What is off in one run.
+
+    values: tunables of the Blocks ``plant`` and ``encoders``.
+    delay_ticks: by which the motor gets a command later.
+    missed_share: probability that a run of the control task is left out, each by itself.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    delay_ticks: int = 0
+    missed_share: float = 0.0
+
+    def missed(self, ticks: int, seed: int) -> Array | None:
+        """Ticks in which a control run would be left out; None where none is."""
+        if not self.missed_share:
+            return None
+        out = np.random.default_rng([seed, _MISSES]).random(ticks) < self.missed_share
+        out[: round(PLANTS.off.missed_from_s * RATE_HZ)] = False
+        return np.asarray(out)
+
+
+Draw = Callable[[Device, np.random.Generator], Deviation]
+
+
+@dataclass(frozen=True)
+class OffFamily:
+    """One way to be off: a row of the table.
+
+    group: the name that stands for this row and those like it.
+    draw: what is off, with whatever of it is drawn.
+    """
+
+    name: str
+    group: str
+    meaning: str
+    draw: Draw
+
+
+def _set(**values: float) -> Draw:
+    return lambda _device, _rng: Deviation(values)
+
+
+def _scaled(scale: float, *keys: str) -> Draw:
+    # From the device file's numbers, which are the controller's.
+    def draw(device: Device, _: np.random.Generator) -> Deviation:
+        return Deviation({k: scale * getattr(device.file.actuator, k).value for k in keys})
+
+    return draw
+
+
+def _encoders(rng: np.random.Generator, deg: Callable[[], float]) -> dict[str, float]:
+    out = {}
+    for side in SIDES:
+        out[f"{side}_wave_1_rad"] = math.radians(deg())
+        out[f"{side}_phase_1_rad"] = float(rng.uniform(0, _TURN))
+    return out
+
+
+def _waved(deg: float) -> Draw:
+    return lambda _, rng: Deviation(_encoders(rng, lambda: deg))
+
+
+def _late(ms: int) -> Draw:
+    return lambda _device, _rng: Deviation(delay_ticks=round(ms * RATE_HZ / 1000))
+
+
+def _missing(share: float) -> Draw:
+    return lambda _device, _rng: Deviation(missed_share=share)
+
+
+def _everything(part: float = 1.0, missing: bool = False) -> Draw:
+    # part: of the way from the model to what is drawn.
+    def draw(device: Device, rng: np.random.Generator) -> Deviation:
+        r, a = PLANTS.off.random, device.file.actuator
+        assert a is not None
+
+        def uniform(ends: tuple[float, float], model: float = 0.0) -> float:
+            return model + part * (float(rng.uniform(*ends)) - model)
+
+        def by_ratio(ends: tuple[float, float]) -> float:
+            return math.exp(uniform((math.log(ends[0]), math.log(ends[1]))))
+
+        values = {
+            "elastomer_scale": uniform(r.rubber_scale, 1.0),
+            "hysteresis_scale": uniform(r.hysteresis_scale, 1.0),
+            "relaxation_Nm_rad": uniform(r.relaxation_Nm_rad),
+            "fv_Nms_rad": by_ratio(r.friction_scale) * a.fv_Nms_rad.value,
+            "fc_Nm": by_ratio(r.friction_scale) * a.fc_Nm.value,
+            "J_kgm2": uniform(r.inertia_scale, 1.0) * a.J_kgm2.value,
+            "tau_c_s": by_ratio(r.lag_scale) * a.tau_c_s.value,
+            "cable_backlash_rad": uniform(r.backlash_rad),
+            **_encoders(rng, lambda: uniform(r.encoder_deg)),
+        }
+        delay = part * int(rng.integers(r.delay_ms[0], r.delay_ms[1], endpoint=True))
+        share = uniform(r.missed_share) if missing else 0.0
+        return Deviation(values, round(delay * RATE_HZ / 1000), share)
+
+    return draw
+
+
+@cache
+def off_families() -> dict[str, OffFamily]:
+    """Every family by name, in the order of the table."""
+    o = PLANTS.off
+    rows = [OffFamily(NOTHING, NOTHING, "nothing off beside what the plant has", _set())]
+
+    def add(name: str, group: str, meaning: str, draw: Draw) -> None:
+        rows.append(OffFamily(name, group, meaning, draw))
+
+    for x in o.rubber_scale:
+        percent = f"{100 * (x - 1):+.0f}"
+        text = f"true torque of the rubber {percent} %"
+        add(f"rubber{percent}", "rubber", text, _set(elastomer_scale=x))
+    x = o.hysteresis_scale
+    text = f"stop operators' torque times {x:g}"
+    add(f"hysteresis-x{x:g}", "hysteresis", text, _set(hysteresis_scale=x))
+    branch = {"relaxation_Nm_rad": o.relaxation_Nm_rad, "relaxation_s": o.relaxation_s}
+    text = f"a second Maxwell branch, {o.relaxation_Nm_rad:g} Nm/rad with {o.relaxation_s:g} s"
+    add("relaxation", "relaxation", text, _set(**branch))
+    for x in o.encoder_deg:
+        text = f"both joint encoders wrong by {x:g} deg once a turn, any phase"
+        add(f"encoder-{x:g}deg", "encoder", text, _waved(x))
+    for x in o.friction_scale:
+        text = f"friction {x:g} times the model's"
+        add(f"friction-x{x:g}", "friction", text, _scaled(x, "fv_Nms_rad", "fc_Nm"))
+    for x in o.inertia_scale:
+        percent = f"{100 * (x - 1):+.0f}"
+        text = f"inertia of motor and drive {percent} % of the model's"
+        add(f"inertia{percent}", "inertia", text, _scaled(x, "J_kgm2"))
+    for x in o.lag_scale:
+        add(f"lag-x{x:g}", "lag", f"motor's lag {x:g} times the model's", _scaled(x, "tau_c_s"))
+    for ms in o.delay_ms:
+        add(f"delay+{ms}ms", "delay", f"command {ms} ms later at the motor", _late(ms))
+    wide = 1000 * o.backlash_rad
+    text = f"backlash of the cable {wide:g} mrad"
+    add(f"backlash-{wide:g}mrad", "backlash", text, _set(cable_backlash_rad=o.backlash_rad))
+    for x in o.missed_share:
+        name, text = f"missed-{100 * x:g}%", f"{100 * x:g} % of the control runs left out, any"
+        add(name, "missed", text, _missing(x))
+    text = "everything above drawn at once, but no run missed"
+    add("random", "random", text, _everything())
+    add("random-half", "random-half", "the same, half as far from the model", _everything(0.5))
+    text = "as random, and runs missed"
+    add("random-missed", "random-missed", text, _everything(missing=True))
+    return {row.name: row for row in rows}
+
+
+def _groups() -> dict[str, list[str]]:
+    groups: dict[str, list[str]] = {}
+    for row in off_families().values():
+        groups.setdefault(row.group, []).append(row.name)
+    return groups | {ALL: [n for n in off_families() if not n.startswith("random")]}
+
+
+def chosen_families(given: str) -> list[str]:
+    """Names of families from a list with commas: names, names of groups, or ``all``."""
+    groups, names = _groups(), list(off_families())
+    found: list[str] = []
+    for part in (p.strip() for p in given.split(",")):
+        if part in groups:
+            found += groups[part]
+        elif part in names:
+            found.append(part)
+        else:
+            near = difflib.get_close_matches(part, [*groups, *names], n=1)
+            listed = "; ".join(f"{r.name}: {r.meaning}" for r in off_families().values())
+            several = [g for g, rows in groups.items() if len(rows) > 1 and g != ALL]
+            raise UserError(
+                f"--off {given}: unknown family '{part}'.",
+                (f"Did you mean {near[0]}? " if near else "")
+                + f"There are {listed}. {', '.join(several)} stand for all of theirs, {ALL} for "
+                "each but the random ones; several with a comma between.",
+            )
+    return list(dict.fromkeys(found))
+
+
+def deviation(name: str, device: Device, seed: int) -> Deviation:
+    """What is off in the run of a seed, by the name of one family."""
+    (only,) = chosen_families(name)
+    return off_families()[only].draw(device, np.random.default_rng([seed, _DRAWS]))
+
+
+def refuse_unknown(name: str, off: Deviation, known: Collection[str]) -> None:
+    """Refuse a family that changes what a plant does not have."""
+    missing = [k for k in off.values if k not in known]
+    if missing:
+        raise UserError(
+            f"--off {name}: the plant has no {missing[0]}: its cable is rigid.",
+            "Give --plant real or random, or another family.",
+        )
+
+
+__all__ = [
+    "ALL",
+    "NOTHING",
+    "Deviation",
+    "OffFamily",
+    "chosen_families",
+    "deviation",
+    "off_families",
+    "refuse_unknown",
+]

@@ -1,0 +1,472 @@
+"""When the world is off: each family changes what it says, and nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import esea_gen
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
+from esea_gen.language.system import System, Task
+from esea_gen.studies import simulation as room
+from esea_gen.studies.off_table import SWINGING_NM, OffTable, simulate_off
+from esea_gen.studies.simulation import simulate
+from esea_gen.studies.tuning import TuningCase
+from esea_gen.twin.case import TORQUE, Case, Setting
+from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.judge import above, judge
+from esea_gen.twin.off import chosen_families, deviation, off_families
+from esea_gen.twin.people import ideal_plant
+from esea_gen.twin.plant import plant_system
+from esea_gen.twin.published import PLANTS
+from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
+
+from .conftest import require_tool
+from .test_experiments import shorter
+from .test_plant import P_NM_RAD, R_RAD, Rig
+
+EVERY = list(off_families())
+# What each family may touch, typed again.
+TOUCHED = {
+    "none": set(),
+    "rubber": {"elastomer_scale"},
+    "hysteresis": {"hysteresis_scale"},
+    "relaxation": {"relaxation_Nm_rad", "relaxation_s"},
+    "encoder": {f"{s}_{w}_1_rad" for s in ("motor", "load") for w in ("wave", "phase")},
+    "friction": {"fv_Nms_rad", "fc_Nm"},
+    "inertia": {"J_kgm2"},
+    "lag": {"tau_c_s"},
+    "delay": set(),
+    "backlash": {"cable_backlash_rad"},
+    "missed": set(),
+}
+DRAWN = set().union(*TOUCHED.values()) - {"relaxation_s"}
+
+
+@pytest.fixture(scope="module")
+def device() -> Device:
+    require_tool("gcc")
+    return esea_gen.load_device("elbow_drive")
+
+
+@pytest.fixture(scope="module")
+def rigid(device) -> Rig:
+    return Rig(device, False)
+
+
+# -- the plant does what a family says ------------------------------------------------------------
+
+# So heavy and smooth that a motion is what it was started with.
+HEAVY = {"J_kgm2": 100.0, "fv_Nms_rad": 0.0, "fc_Nm": 0.0, "clamped": 1.0}
+
+
+def moved(rig: Rig, seconds: float, rate_rad_s: float, start_rad: float = 0.0, **values: float):
+    """Deflections and torques of a coupling that is turned at one rate, load side held."""
+    initial = {"theta_m_rad": start_rad, "omega_m_rad_s": rate_rad_s}
+    out = rig.run(np.zeros(round(seconds / rig.step_s)), initial, **(HEAVY | values))
+    return out["theta_m_rad"] - out["theta_l_rad"], out["tau_e_Nm"]
+
+
+@pytest.mark.parametrize(
+    ("name", "scale"), [("rubber-20", 0.8), ("rubber-10", 0.9), ("rubber+10", 1.1)]
+)
+def test_static_torque_of_another_rubber(device, rigid, name, scale):
+    # 0.1 rad from rest: 9.39 * 0.1 + 239 * 0.1**3 of the spring, nothing yet of the rest.
+    _, torque = moved(rigid, rigid.step_s, 0.0, 0.1, **deviation(name, device, 0).values)
+    assert torque[0] == pytest.approx(scale * 1.178, rel=1e-5)
+
+
+def test_twice_the_hysteresis(device, rigid):
+    values = deviation("hysteresis-x2", device, 0).values
+    (delta, once), (_, twice) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
+    stops = [P_NM_RAD @ np.clip(x, -R_RAD, R_RAD) for x in delta]
+    assert delta[-1] == pytest.approx(0.1, rel=0.01)
+    assert twice - once == pytest.approx(stops, abs=1e-3)
+    assert stops[-1] > 0.1
+
+
+@pytest.mark.parametrize("constant_s", [5.0, 0.05, 0.011])
+def test_a_second_relaxation_time(device, rigid, constant_s):
+    # Of a spring of 3 Nm/rad and a dashpot in line at a constant rate.
+    values = dict(deviation("relaxation", device, 0).values)
+    assert values == {"relaxation_Nm_rad": 3.0, "relaxation_s": 5.0}
+    values["relaxation_s"] = constant_s
+    (delta, alone), (_, both) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
+    t = rigid.step_s * np.arange(1, len(delta) + 1)
+    branch = 3.0 * constant_s * (1 - np.exp(-t / constant_s))
+    assert both - alone == pytest.approx(branch, abs=2e-4)
+
+
+@pytest.mark.parametrize(("name", "deg"), [("encoder-0.26deg", 0.26), ("encoder-1deg", 1.0)])
+def test_an_encoder_that_is_wrong_once_a_turn(device, name, deg):
+    values = dict(deviation(name, device, 3).values)
+    runner = compile_system(plant_system(device), "f64").task("encode")
+    assert runner.prepare({"encoders": values}) == 0
+    n = 40_009  # no divisor in common with the counts of a turn
+    theta = 2 * np.pi * (np.arange(n) + 0.5) / n
+    angles = {f"theta_{k}_rad": theta for k in "mlg"}
+    counts, _ = runner.run(angles, trace=False)
+    steps = 2 ** int(device.file.encoder.resolution_bits.value)
+    phases = []
+    for side in ("motor", "load"):
+        read = 2 * np.pi * (counts[f"count_{side}"] + 0.5) / steps
+        error = np.angle(np.exp(1j * (read - theta)))
+        lines = np.fft.rfft(error) / (n / 2)
+        assert np.degrees(abs(lines[1])) == pytest.approx(deg, rel=0.01)
+        assert np.degrees(np.abs(lines[2:50]).max()) < 0.003
+        phases.append(np.angle(lines[1]))
+    assert abs(phases[0] - phases[1]) > 0.1  # each its own
+    other = deviation(name, device, 4).values
+    assert other["motor_phase_1_rad"] != values["motor_phase_1_rad"]
+
+
+def test_drive_is_scaled_from_what_the_controller_knows(device):
+    # 0.5551 Nms/rad, 0.4688 Nm, 0.663 kgm2, 34.88 ms: not from the real plant's 25 % more friction.
+    def values(name: str):
+        return dict(deviation(name, device, 0).values)
+
+    assert values("friction-x0.5") == pytest.approx({"fv_Nms_rad": 0.27755, "fc_Nm": 0.2344})
+    assert values("friction-x2") == pytest.approx({"fv_Nms_rad": 1.1102, "fc_Nm": 0.9376})
+    assert values("inertia-30") == pytest.approx({"J_kgm2": 0.4641})
+    assert values("inertia+30") == pytest.approx({"J_kgm2": 0.8619})
+    assert values("lag-x0.5") == pytest.approx({"tau_c_s": 0.01744})
+    assert values("lag-x2") == pytest.approx({"tau_c_s": 0.06976})
+    assert values("backlash-30mrad") == {"cable_backlash_rad": 0.03}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_nothing_else_is_touched(device, name):
+    off, group = deviation(name, device, 1), off_families()[name].group
+    assert set(off.values) == TOUCHED.get(group, DRAWN)
+    drawn = group.startswith("random")
+    assert (off.delay_ticks > 0) <= (group == "delay" or drawn)
+    assert (off.missed_share > 0) == (group in ("missed", "random-missed"))
+    assert off == deviation(name, device, 1)
+
+
+# -- delay and missed runs in the loop ------------------------------------------------------------
+
+
+def counting() -> System:
+    """The command is a signal; a slow task counts its runs."""
+
+    def sense(c, s, u, guard, label):
+        return {}, {"u_Nm": 1 * u.ask_Nm}
+
+    def slow(c, s, u, guard, label):
+        return {"runs": s.runs + 1}, {"runs_done": s.runs + 1}
+
+    asked = Port("ask_Nm", -1, 1, "command", on_invalid=0.0)
+    return System(
+        "counting",
+        1e-3,
+        {
+            "front": Block.define(
+                "front",
+                "made up",
+                period_s=1e-3,
+                state=(),
+                inputs=(asked,),
+                outputs=(Port("u_Nm", -1, 1, "command"),),
+                step=sense,
+            ),
+            "slow": Block.define(
+                "slow",
+                "made up",
+                period_s=5e-3,
+                state=(Port("runs", 0, 1e6, "so far"),),
+                inputs=(Port("tau_e_Nm", -1e5, 1e5, "not used"),),
+                outputs=(Port("runs_done", 0, 1e6, "so far"),),
+                step=slow,
+            ),
+        },
+        (Task("sense", ("front",)), Task("control", ("slow",), 5)),
+        {},
+        {"ask_Nm": ("front.ask_Nm",), "tau_e_Nm": ("slow.tau_e_Nm",)},
+        {"u_Nm": "front.u_Nm", "runs_done": "slow.runs_done"},
+    )
+
+
+@pytest.fixture(scope="module")
+def loop(device) -> ClosedLoop:
+    return ClosedLoop(counting(), ideal_plant(device, "none"), "f64")
+
+
+@pytest.mark.parametrize(("name", "ms"), [("none", 0), ("delay+1ms", 1), ("delay+10ms", 10)])
+def test_a_command_arrives_later(device, loop, name, ms):
+    ticks = deviation(name, device, 0).delay_ticks
+    asked = 0.1 * np.random.default_rng(1).standard_normal(300)
+    asked[:50] = 0.0
+    plain = loop.run({"ask_Nm": asked})["u_a_Nm"]
+    assert np.flatnonzero(plain)[0] == 51  # commanded in tick 50, seen at the next
+    late = loop.run({"ask_Nm": asked}, delay_ticks=ticks)["u_a_Nm"]
+    assert np.flatnonzero(late)[0] == 51 + ms
+    assert np.array_equal(late[ms:], plain[: 300 - ms])
+
+
+def test_missed_runs_do_not_run(loop):
+    missed = np.zeros(100, bool)
+    missed[[10, 11, 12, 40, 45]] = True  # due are 0, 5, 10, ...
+    run = loop.run({"ask_Nm": np.zeros(100)}, missed=missed)
+    due = np.arange(100) % 5 == 0
+    assert np.array_equal(run["runs_done"], np.cumsum(due & ~missed))
+    assert run.missed_runs == 3
+    assert loop.run({"ask_Nm": np.zeros(100)}).missed_runs == 0
+    for bad in ({"missed": missed[1:]}, {"delay_ticks": -1}):
+        with pytest.raises(UserError, match="Give a delay from 0, and one value a tick"):
+            loop.run({"ask_Nm": np.zeros(100)}, **bad)
+
+
+@pytest.mark.parametrize(("name", "share"), [("missed-1%", 0.01), ("missed-10%", 0.1)])
+def test_the_share_of_missed_runs(device, name, share):
+    n = 200_000
+    missed = deviation(name, device, 7).missed(n, 7)
+    assert not missed[:100].any()
+    assert missed.sum() == pytest.approx(share * n, abs=4 * math.sqrt(share * n))
+    assert np.array_equal(missed, deviation(name, device, 7).missed(n, 7))
+    assert not np.array_equal(missed, deviation(name, device, 8).missed(n, 8))
+    # By themselves: a pair is as likely as the square.
+    pairs = np.count_nonzero(missed[1:] & missed[:-1])
+    assert pairs == pytest.approx(share**2 * n, abs=5 * math.sqrt(share**2 * n))
+
+
+@pytest.mark.parametrize("controller", ["smc", "mpc"])
+@pytest.mark.parametrize(("in_a_row", "latches"), [(1, False), (2, True)])
+def test_how_many_missed_runs_are_bridged(controller, in_a_row, latches):
+    # docs/uncertainty.md states the number: one.
+    drive = controller_device(controller)
+    case = shorter(TuningCase().cases()[0], 4)
+    loop = compiled_loop(drive, True, "f32")
+    variant = plant_variant(drive, "real", "none", 0)
+    missed = np.zeros(4000, bool)
+    missed[2000 : 2000 + 5 * in_a_row] = True
+    signals = told(drive, loop, case.trajectory, TORQUE)
+    run = loop.run(signals, variant.values, seed=0, missed=missed)
+    assert run.missed_runs == in_a_row
+    assert bool(run.controller["fault"][1900] > 0) is False
+    assert bool(run.controller["fault"][-1] > 0) is latches
+
+
+# -- everything at once ---------------------------------------------------------------------------
+
+
+def test_everything_off_at_once_stays_in_its_ranges(device):
+    r = PLANTS.off.random
+    drawn = [deviation("random", device, k) for k in range(300)]
+    base = {"fv_Nms_rad": 0.5551, "fc_Nm": 0.4688, "J_kgm2": 0.663, "tau_c_s": 0.03488}
+    ends = {
+        "elastomer_scale": r.rubber_scale,
+        "hysteresis_scale": r.hysteresis_scale,
+        "relaxation_Nm_rad": r.relaxation_Nm_rad,
+        "cable_backlash_rad": r.backlash_rad,
+        "motor_wave_1_rad": np.radians(r.encoder_deg),
+        "load_wave_1_rad": np.radians(r.encoder_deg),
+        "fv_Nms_rad": r.friction_scale,
+        "fc_Nm": r.friction_scale,
+        "J_kgm2": r.inertia_scale,
+        "tau_c_s": r.lag_scale,
+    }
+    for key, (low, high) in ends.items():
+        values = np.array([d.values[key] for d in drawn]) / base.get(key, 1.0)
+        assert low <= values.min() < low + 0.1 * (high - low), key
+        assert high >= values.max() > high - 0.1 * (high - low), key
+    assert {d.delay_ticks for d in drawn} == set(range(11))
+    assert all(d.missed_share == 0 for d in drawn)
+    # Half as far from the model: of friction and lag by ratio.
+    halves = [deviation("random-half", device, k) for k in range(20)]
+    for half, whole in zip(halves, drawn, strict=False):
+        h, w = half.values, whole.values
+        assert h["elastomer_scale"] - 1 == pytest.approx((w["elastomer_scale"] - 1) / 2)
+        assert h["relaxation_Nm_rad"] == pytest.approx(w["relaxation_Nm_rad"] / 2)
+        assert h["J_kgm2"] - 0.663 == pytest.approx((w["J_kgm2"] - 0.663) / 2)
+        assert h["tau_c_s"] == pytest.approx(math.sqrt(0.03488 * w["tau_c_s"]))
+        assert half.delay_ticks <= 5
+    # The logarithm of the lag is uniform: half of them are below the model's.
+    below = np.mean([d.values["tau_c_s"] < 0.03488 for d in drawn])
+    assert below == pytest.approx(0.5, abs=0.12)
+
+
+def test_a_seed_gives_the_same_run_again():
+    case = shorter(TuningCase().cases()[0], 3)
+    setting = Setting("smc", "random", "none", off="random")
+    a, b = (run_case(case, setting, 5) for _ in range(2))
+    assert all(np.array_equal(a.plant[k], b.plant[k]) for k in a.plant)
+    c = run_case(case, dataclasses.replace(setting, off="none"), 5)
+    plain = run_case(case, Setting("smc", "random", "none"), 5)
+    assert np.array_equal(c["tau_e_Nm"], plain["tau_e_Nm"])
+    assert not np.array_equal(a["tau_e_Nm"], c["tau_e_Nm"])
+
+
+@pytest.mark.parametrize("name", EVERY[1:])
+def test_every_family_is_felt(name):
+    # From the path's start on; 10 ms more are felt within seconds.
+    case = shorter(TuningCase().cases()[0], 3)
+    plain = run_case(case, Setting(), 2)["tau_e_Nm"]
+    assert np.max(np.abs(run_case(case, Setting(off=name), 2)["tau_e_Nm"] - plain)) > 1e-3
+
+
+# -- what is said of it ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hertz", [1.0, 3.0, 6.0, 20.0])
+def test_what_is_above_four_hertz(hertz):
+    t = np.arange(20_000) / 1000
+    left = above(np.sin(2 * np.pi * hertz * t))
+    # Squared gain of Butterworth's fourth order, which is the gain forth and back.
+    gain = 1 / (1 + (4 / hertz) ** 8)
+    assert np.std(left[2000:-2000]) == pytest.approx(gain / math.sqrt(2), rel=0.01, abs=1e-4)
+
+
+def test_a_swing_is_in_the_figures():
+    case = shorter(TuningCase().cases()[0], 20)
+    run = run_case(case, Setting(), 0)
+    w = case.trajectory.window
+    before = judge(case, run, 0.221)["rms_above_4Hz_Nm"]
+    assert before < 0.05
+    t = run.time_s[w]
+    run.plant["tau_e_Nm"][w] += 0.3 * np.sin(2 * np.pi * 8 * t)
+    after = judge(case, run, 0.221)["rms_above_4Hz_Nm"]
+    assert after == pytest.approx(math.hypot(before, 0.3 / math.sqrt(2)), rel=0.03)
+
+
+def test_names_and_groups():
+    assert chosen_families("rubber") == ["rubber-20", "rubber-10", "rubber+10", "rubber+20"]
+    assert chosen_families("lag-x2, lag") == ["lag-x2", "lag-x0.5"]
+    assert chosen_families("all") == [n for n in EVERY if not n.startswith("random")]
+    assert chosen_families("random") == ["random"]
+    for name in EVERY:
+        assert chosen_families(name) == [name]
+    with pytest.raises(UserError) as error:
+        chosen_families("rubber,delay+3ms")
+    said = str(error.value)
+    assert "unknown family 'delay+3ms'" in said
+    assert "Did you mean delay+" in said
+    assert all(f"{r.name}: {r.meaning}" in said for r in off_families().values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--off", "ruber"], "unknown family 'ruber'. Did you mean rubber?"),
+        (["--off", ""], "unknown family ''."),
+        (["--off", "none,missd"], "Did you mean missed?"),
+        (
+            ["--off", "backlash", "--plant", "ideal"],
+            "has no cable_backlash_rad: its cable is rigid",
+        ),
+    ],
+)
+def test_bad_input_is_explained(arguments, said):
+    done = subprocess.run(
+        [sys.executable, "-m", "esea_gen.cli", "simulate", "tuning", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    assert said in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+def test_one_command_makes_the_table(tmp_path):
+    file, sheet = tmp_path / "off.json", tmp_path / "off.csv"
+    command = (
+        "simulate tuning --off rubber-10,missed-10% --controller smc --controller mpc --jobs 1"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "esea_gen.cli", *command.split(), "--json", file, "--csv", sheet],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "simulated" in done.stdout
+    rows = json.loads(file.read_text())["off"]
+    assert [(r["off"], r["controller"]) for r in rows] == [
+        (n, c) for n in ("rubber-10", "missed-10%") for c in ("smc", "mpc")
+    ]
+    # A tenth of what the elastomer has of 1.7 Nm is missing, whoever controls; all runs latch.
+    wrong = 0.1 * 1.7 / math.sqrt(2)
+    assert [r["rms_true_Nm"] for r in rows[:2]] == pytest.approx([wrong, wrong], rel=0.2)
+    assert [r["fault"] for r in rows] == [0, 0, 1, 1]
+    assert sheet.read_text().count("\n") == 5
+
+
+def quick(seed: int, off: str, controller: str, **_: object) -> dict[str, float]:
+    """In place of a run: figures that tell where they come from."""
+    if off == "lag-x2" and seed == 1:
+        raise ArithmeticError("the plant left the page")
+    rms = 0.1 * (1 + seed) ** 2 * (2 if controller == "mpc" else 1)
+    swing = 0.2 if off == "lag-x2" else 0.15
+    rest = dict.fromkeys(("rms_model_Nm", "max_true_Nm", "tripped", "limited_share"), 0.0)
+    ends = {"unstable": float(seed == 2), "fault": float(off == "missed-5%")}
+    return {"rms_true_Nm": rms, "rms_above_4Hz_Nm": swing, **ends, **rest}
+
+
+def test_one_table_of_all(monkeypatch):
+    monkeypatch.setattr(room, "simulate_case", quick)
+    told_of: list[tuple[int, int, int]] = []
+    names = ("none", "lag-x2", "missed-5%")
+    settings = [Setting(c, off=n) for n in names for c in ("smc", "mpc")]
+    done = simulate_off("tuning", settings, runs=3, progress=lambda *a: told_of.append(a))
+    assert isinstance(done, OffTable)
+    assert told_of[-1] == (18, 18, 2)
+    assert [n for n, _, _ in told_of] == sorted(n for n, _, _ in told_of)
+    content = done.to_dict()
+    json.dumps(content, allow_nan=False)
+    rows = {(r["off"], r["controller"]): r for r in content["off"]}
+    assert rows["none", "smc"]["rms_true_Nm"] == pytest.approx(0.4)
+    assert rows["none", "mpc"]["rms_true_Nm_worst"] == pytest.approx(1.8)
+    assert rows["lag-x2", "smc"]["rms_true_Nm"] == pytest.approx(0.5)  # of the first and third
+    assert [rows["lag-x2", "smc"][k] for k in ("failed", "swinging", "unstable")] == [1, 2, 1]
+    # At the limit is not above it.
+    assert (rows["none", "smc"]["swinging"], SWINGING_NM) == (0, 0.15)
+    assert rows["missed-5%", "mpc"]["fault"] == 3
+    assert {(c["off"], c["family"], c["controller"]) for c in content["cases"]} == {
+        (n, off_families()[n].group, c) for n in names for c in ("smc", "mpc")
+    }
+    text = "\n".join(done.table())
+    assert "2 swinging" in text
+    assert "3 latched" in text
+    assert "1 failed" in text
+    assert "include the time after that" in text
+    assert done.csv().count("\n") == 19
+    assert "lag-x2" in done.csv()
+    figure = done.figure()
+    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == list(names)
+    # A latched controller has no bar, but a cross.
+    assert [bar.get_width() for bar in figure.axes[0].containers[0]] == pytest.approx([0.4, 0.5, 0])
+
+
+def test_one_family_alone_is_a_study_as_ever(monkeypatch):
+    monkeypatch.setattr(room, "simulate_case", quick)
+    done = simulate_off("tuning", [Setting(off="lag-x0.5")], runs=2)
+    assert not isinstance(done, OffTable)
+    content = done.to_dict()
+    assert (content["off"], content["cases"][0]["off"], content["cases"][0]["family"]) == (
+        "lag-x0.5",
+        "lag-x0.5",
+        "lag",
+    )
+    assert "off: motor's lag 0.5 times the model's" in done.table()[0]
+    with pytest.raises(UserError, match="unknown family"):
+        simulate("tuning", Setting(off="everything"))
+
+
+def test_a_case_of_a_study_may_twist_the_cable_too():
+    # A case's own plant stays; the family has the last word where both speak.
+    case = Case("x", shorter(TuningCase().cases()[0], 1).trajectory, plant={"elastomer_scale": 3.0})
+    both = run_case(case, Setting(off="rubber-10"), 0)
+    alone = run_case(dataclasses.replace(case, plant={}), Setting(off="rubber-10"), 0)
+    assert np.array_equal(both["tau_e_Nm"], alone["tau_e_Nm"])
