@@ -99,7 +99,8 @@ SLIDING_MODE = """
     # Damping that a law lacks is in it.
     set_trend.tau_wanted_Nm       passivity.tau_set_Nm
     lead.tau_set_Nm               passivity.tau_set_Nm
-    lead.mode                     reference.mode
+    # Not while the limb moves: what is added against its motion is not to come late.
+    lead.mode                     passivity.mode_ahead
     lead.tau_rate_Nm_s            set_trend.tau_rate_Nm_s
     lead.tau_curve_Nm_s2          set_trend.tau_curve_Nm_s2
     lead.trust                    set_trend.trust

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.control.reference import largest_gains
+from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import (
@@ -41,6 +41,8 @@ RISE_1_S, FALL_1_S = 6.0, 0.7
 """How fast the added damping follows what is missing, and what is too much."""
 STILL_RAD_S, REST_S = 0.04, 1.0
 """Below that speed a limb rests: nothing can be told, and all damping comes back in that time."""
+MOVES_RAD_S = 0.01
+"""Above that speed of the limb nothing looks ahead along the set torque: the damping is in it."""
 FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
 
 
@@ -84,8 +86,8 @@ def passivity(device: DeviceData) -> Block:
     Block
         Inputs: ``mode``, ``sensing_ok``, the set torque and the damping in it, torque, both joint
         angles and speeds, the stamped command.  Outputs: the set torque with the damping added for
-        the law, that damping alone, the command for the limits, ``given_J``, ``held_J`` and a
-        status word.
+        the law, that damping alone, the mode for what looks ahead along it, the command for the
+        limits, ``given_J``, ``held_J`` and a status word.
 
     Raises
     ------
@@ -266,6 +268,7 @@ class _Passivity:
         added = ca.if_else(now.on, b, 0.0)
         limit = self.tau_set_lim
         tau_set = clip(u.tau_set_Nm - added * u.omega_load_rad_s, -limit, limit)
+        ahead = ca.logic_and(u.mode < 1.5, N > MOVES_RAD_S**2)
         next_state = {
             "power_W": P,
             "square_rad2_s2": ca.fmax(N, 0.0),
@@ -273,7 +276,12 @@ class _Passivity:
             "theta_load_last_rad": u.theta_load_rad,
             "error_last_Nm": error,
         }
-        return next_state, {"tau_set_Nm": tau_set, "damping_Nms_rad": added}
+        told = {
+            "tau_set_Nm": tau_set,
+            "damping_Nms_rad": added,
+            "mode_ahead": ca.if_else(now.on, ca.if_else(ahead, IMPEDANCE, u.mode), OFF),
+        }
+        return next_state, told
 
     def _gate(
         self, c: Any, s: Any, u: Any, going: Any, label: Labels
@@ -374,6 +382,7 @@ class _Passivity:
         return (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
+            Port("mode_ahead", 0.0, 2.0, "mode; 2 while the set torque follows the limb's motion"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),

@@ -35,6 +35,9 @@ def _parts(base: Base) -> Parts:
         sense = {"lead": torque_lead(device), **sense, "smooth": smoothed_setpoint(device)}
         control = {"set_trend": trend(device, name="set_trend"), **control}
         wires = _governed()
+        if device.file.passivity is not None:
+            # Damping that is added follows the limb, and is not to come late.
+            wires["lead.mode"] = "passivity.mode_ahead"
         followed, smoothed = "smooth", "smooth.theta_smooth_rad"
     if rate:
         wires["set_rate.theta_rad"] = smoothed
