@@ -97,13 +97,13 @@ def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):
 def test_the_study_in_json_letters_and_a_picture(study, tmp_path):
     content = json.loads(json.dumps(study.to_dict(), allow_nan=False))
     assert content["map"]["kp_Nm_rad"] == [0.0, 5.0]
-    assert content["map"]["kd_Nms_rad"] == pytest.approx([0.0, 0.4])
+    assert content["map"]["kd_Nms_rad"] == pytest.approx([0.0, 0.35])
     # Four pairs of the grid, one of which is the thesis', and its two others; three hands each.
     assert len(content["runs"]) == 18
     assert [g["verdict"] for g in content["thesis_gains"]][1:] == ["passive", "passive"]
     assert len(content["map"]["push_J"]) == 3
     lines = study.table()
-    assert lines[2].split() == ["Kp", "|", "Kd", "0", "0.4"]
+    assert lines[2].split() == ["Kp", "|", "Kd", "0", "0.35"]
     assert lines[4].split()[2] == "P"
     assert any(line.startswith("thesis Kp 1.5, Kd 0.25: passive") for line in lines)
     assert any("limits: latched in" in line for line in lines)
