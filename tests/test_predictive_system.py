@@ -313,8 +313,9 @@ def test_one_layer_is_better_than_two(tmp_path):
     one = rms("impedance", "mpc", case=2)
     assert one < 0.05
     assert one < 0.6 * rms("impedance", str(two), case=2)
-    # Transparent, both are the same law.
-    assert rms("impedance", "mpc") == pytest.approx(rms("impedance", str(two)), rel=0.15)
+    # Transparent, both are the same law but for the damping that is added: a torque that holds in
+    # two layers, a gain along the horizon in one.
+    assert rms("impedance", "mpc") == pytest.approx(rms("impedance", str(two)), rel=0.25)
 
 
 # -- as published ----------------------------------------------------------------------------------
