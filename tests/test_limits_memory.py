@@ -415,7 +415,7 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
 
     most, tried, latched, tick = 0.0, 0, [], 0
     with standard_error() as said:
-        for full, sign in ((201, -1), (902, 1)):
+        for full, sign in ((131, 1), (869, -1)):
             run(tick, full)
             tick, state = full, bytes(memory)
             clean, fault = run(tick, tick + 8)
