@@ -146,9 +146,10 @@ def test_the_whole_system_in_q31(drive, library):
             if x.port.unit == "1":
                 assert np.array_equal(a, b), x.name
                 continue
-            # Measured: 0.16 % of the motor command (from the rates), below 0.03 % of all else.
+            # Measured: 0.16 % of the motor command, 0.13 % of what the drive's observers leave over
+            # (from the rates), below 0.03 % of all else.
             full = max(abs(x.port.low), abs(x.port.high))
-            share = 0.002 if x.name.startswith("u_") else 0.001
+            share = 0.002 if x.name.startswith(("u_", "d4_", "apart_")) else 0.001
             assert np.max(np.abs(a - b)) < share * full, x.name
             moved += np.ptp(b) > 0
     assert moved > 10
