@@ -7,6 +7,7 @@ import pytest
 
 import esea_gen
 from esea_gen.control.law_switch import law_switch
+from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode import sliding_mode
@@ -14,9 +15,10 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.model.elastomer import torque_sensor
 from esea_gen.model.filters import tracking_observer
+from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.published_inverse import published_inverse
-from esea_gen.observe.disturbance import drive_observer
+from esea_gen.observe.disturbance import drive_observer, gear_observer
 from esea_gen.observe.extrapolation import parabola
 from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.observe.rates import motor_rate
@@ -31,6 +33,9 @@ BLOCKS = {
     "sensor": (torque_sensor, {"RATE_TORQUE_CLIPPED"}),
     "motor_rate": (motor_rate, set()),
     "drive_observer": (drive_observer, {"CLIPPED"}),
+    "gear_observer": (gear_observer, {"CLIPPED"}),
+    "encoder_gear": (gear_encoder, {"RANGE_LEFT"}),
+    "redundancy": (redundancy, set()),
     "human_lag": (lag_observer, {"CLIPPED"}),
     "human_eso": (
         extended_state,

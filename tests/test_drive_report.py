@@ -79,7 +79,7 @@ def test_every_block_parameter_and_task_is_there(findings, html):
     tasks = {t["name"]: t for t in findings.to_dict()["tasks"]}
     assert tasks["sense"]["period_ms"] == 1
     assert tasks["control"]["period_ms"] == 5
-    assert tasks["control"]["blocks"] == ["smc", "stamp"]
+    assert tasks["control"]["blocks"] == ["set_trend", "smc", "redundancy", "stamp"]
     checks = {c["block"]: c for c in findings.to_dict()["checks"]}
     assert set(checks) == {b.name for b in device.system.kinds}
     assert all(c["steps"] > 100 and c["bits_equal"] and c["passed"] for c in checks.values())

@@ -18,7 +18,7 @@ from .conftest import require_tool
 
 BOARD = "mps2-an385"
 STEPS = 400
-TICKS = 150
+TICKS = 300
 
 
 def deflection_rad() -> np.ndarray:

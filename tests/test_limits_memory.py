@@ -379,7 +379,7 @@ def test_no_flipped_bit_of_a_coefficient_widens_a_limit_or_overflows(drive, real
 
 
 # Flips of the coefficients of the limits that latch, at full push one way and the other.
-DRIVE_LATCHED = {"f32": (239, 239), "q31": (218, 217)}
+DRIVE_LATCHED = {"f32": (238, 238), "q31": (217, 217)}
 
 
 @pytest.mark.parametrize("real", ["f32", "q31"])
@@ -415,7 +415,7 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
 
     most, tried, latched, tick = 0.0, 0, [], 0
     with standard_error() as said:
-        for full, sign in ((201, -1), (902, 1)):
+        for full, sign in ((131, 1), (867, -1)):
             run(tick, full)
             tick, state = full, bytes(memory)
             clean, fault = run(tick, tick + 8)
@@ -431,7 +431,7 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
                     most, tried = max(most, float(np.max(np.abs(u)))), tried + 1
                     latched[-1] += name == "limits" and bool(np.any(fault[:3]))
             memory[:] = state
-    assert tried == 2 * 1920
+    assert tried == 2 * 2048
     assert most <= SHIPPED.u
     assert tuple(latched) == DRIVE_LATCHED[real]
     assert [line for line in said if "runtime error" in line] == []

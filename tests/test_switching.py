@@ -67,7 +67,9 @@ def test_equal_laws_change_next_to_nothing(run, at):
     assert np.all(changed.controller["mode_held"][at:] == 2)
     apart = np.abs(changed.plant["tau_e_Nm"] - kept.plant["tau_e_Nm"])
     assert np.max(apart[:at]) == 0
-    assert np.max(apart[at:]) < 0.1
+    # No bump; later on the two modes part, for the governor is torque mode's alone.
+    assert np.max(apart[at : at + 30]) < 0.01
+    assert np.max(apart[at:]) < 0.5
 
 
 @pytest.mark.parametrize("period", [1, 2, 7])

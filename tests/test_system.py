@@ -239,7 +239,7 @@ def test_blocks_that_differ_in_words_only_are_emitted_once():
     assert {"rate", "encoder"} <= {b.name for b in device.system.kinds}
     files = render_device(device, ["f32"])[0].files
     assert "esea_elbow_drive_rate.c" in files
-    assert not [n for n in files if "load_rate" in n or "encoder_" in n]
+    assert not [n for n in files if "load_rate" in n or "encoder_motor" in n]
 
 
 def test_blocks_that_differ_in_a_number_are_not():

@@ -139,7 +139,7 @@ def held(tmp_path):
 
 def test_extrapolation_is_the_default_when_no_future_is_given():
     found = load_device("elbow_drive", "predictive").system
-    assert found.task("control").blocks == ("trend", "ahead", "predictive", "stamp")
+    assert found.task("control").blocks == ("trend", "ahead", "predictive", "redundancy", "stamp")
     assert {x.name for x in found.inputs} == {
         x.name for x in load_device("elbow_drive").system.inputs
     }

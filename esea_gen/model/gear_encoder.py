@@ -139,20 +139,20 @@ class _GearEncoder:
         fresh = ca.logic_and(first, ca.logic_not(good))
         total = label("moved_counts", s.moved + ca.if_else(good, moved, 0.0), "[angle]")
         outside = label("outside", ca.fabs(total) > self.moved_max + 0.5, "more than the joint can")
-        held = ca.if_else(
-            ca.logic_or(good, fresh), 0.0, ca.fmin(s.held + 1.0, float(self.held_max))
-        )
+        bad = ca.if_else(late, float(self.held_max), s.held + 1.0)
+        held = ca.if_else(ca.logic_or(good, fresh), 0.0, bad)
         rate = label(
             "rate_rad_s",
             moved * share * (1 / (self.h * self.counts_rad)),
             "[rate] a frame that was bridged counts as moved evenly",
         )
+        # Of a frame that is farther away; a good one is within.
+        most = self.omega_max * 1.01
+        rate = clip(rate, -most, most)
         rate = ca.if_else(good, rate, ca.if_else(fresh, 0.0, s.omega_rad_s))
         taken = ca.logic_or(good, fresh)
         kept = ca.logic_or(taken, ca.logic_and(started, ca.logic_not(late)))
         usable = label("usable", ca.logic_and(kept, ca.logic_not(ca.logic_or(fresh, outside))))
-        most = self.omega_max * 1.01
-        rate = clip(rate, -most, most)
         limit = float(self.moved_max)
         next_state = {
             "count_last": ca.if_else(taken, u.count, s.count_last),
