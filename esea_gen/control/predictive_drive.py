@@ -17,6 +17,7 @@ from esea_gen.language.program import Program
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
+from esea_gen.observe.cable import cable_of
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -31,6 +32,11 @@ Q_BEST, R_BEST = 300.0, 1.0
 # Who tells of the person's torque and of the rates: the extended-state observer with the tracking
 # observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
 Person = Literal["extended_state", "parabola"]
+# Whether gear and motor side are one inertia or have the cable between them.
+DriveTrain = Literal["rigid", "cable"]
+# Inside its gap the model's cable keeps this share of its stiffness: with none the prediction would
+# not see, from inside, that any command leads to a torque.
+GAP_SHARE = 1 / 15
 
 
 def drive_model(
@@ -41,6 +47,7 @@ def drive_model(
     impedance: bool = False,
     person: Person = "extended_state",
     weights: tuple[float, float] = (Q_BEST, R_BEST),
+    train: DriveTrain = "rigid",
 ) -> Model:
     """Plant (5.1 to 5.3), elastomer and cost of a device.
 
@@ -61,6 +68,9 @@ def drive_model(
         side's rate in place of the deflection's.
     weights : tuple of float
         Defaults of the tunables Q and R.
+    train : {"rigid", "cable"}
+        ``cable``: between gear and motor side there is an elastic cable with backlash; inputs
+        ``wound_rad``, ``gap_rad`` and the gear's rate in place of the deflection's.
 
     Returns
     -------
@@ -77,9 +87,10 @@ def drive_model(
     A substep of length h: the motor's lag exactly (5.1); half a kick by motor, coupling and person;
     friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
-    with the new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
+    with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
+    torques of cable and elastomer balance: its own inertia is too small to be seen.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
     """
-    plant = _Drive(device, impedance, person)
+    plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
     wanted, references = plant.wanted(horizon, preview)
@@ -96,7 +107,12 @@ def drive_model(
         references=references,
         forecasts={"tau_h": plant.human},
         shape=plant.reach,
-        parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains),
+        parameters=(
+            "d4_rad_s2",
+            *(c.name for c in coefficients),
+            *gains,
+            *(("gap_rad",) if train == "cable" else ()),
+        ),
         stops=plant.stops,
         play="play_rad",
         deflection=lambda u: plant.beyond(u.delta_rad),
@@ -109,15 +125,18 @@ def drive_model(
         tunables=tunables,
         coefficients=coefficients,
         prepare=plant.prepare,
-        equations=_equations(impedance),
+        equations=_equations(impedance, train),
     )
 
 
 class _Drive:
     """Numbers of the plant, one method an equation group, and the ports."""
 
-    def __init__(self, device: DeviceData, impedance: bool, person: Person) -> None:
+    def __init__(
+        self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
+    ) -> None:
         drive = self.drive = drive_of(device)
+        self.cable = train == "cable"
         self.impedance, self.published = impedance, person == "parabola"
         a = drive.actuator
         self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
@@ -133,6 +152,22 @@ class _Drive:
         self.maxwell = (
             {c.name: c.value for c in device.constants("elastomer.maxwell")} if e.maxwell else None
         )
+        if self.cable:
+            self._balance(device)
+
+    def _balance(self, device: DeviceData) -> None:
+        # What the cable carries at its ends of the gap: k (w - b/2) + inside b/2.  The elastomer's
+        # stiffness over a substep lies between that of all springs and that without the Maxwell
+        # element's: the middle of both is off by a third at most, and the next substep makes up.
+        own, redundancy = cable_of(device)
+        k = redundancy.cable_Nm_rad.value
+        inside = GAP_SHARE * k
+        soft = self.k1 + sum(self.stops.p)
+        soft += 0.5 * self.maxwell["kv_Nm_rad"] if self.maxwell else 0.0
+        self.gap_most, self.wound_lim = own.backlash_most_rad.value, 0.0
+        self.wound_lim = 1.01 * (self.gap_most + self.drive.tau_Nm / k) * 1.01
+        self.held_by, self.held_Nm = soft / (inside + soft), 1 / (inside + soft)
+        self.beyond_by = (k - inside) / (k + soft)
 
     def beyond(self, delta: Any) -> Any:
         """(8.7/8.8): the deflection beyond the dead zone."""
@@ -144,15 +179,21 @@ class _Drive:
 
     def states(self) -> tuple[str, ...]:
         angle, rate = ("theta_l",) * self.impedance, ("tau_r",) * (self.maxwell is not None)
-        return (*angle, "delta", "omega_m", "omega_l", "u_a", *rate, "tau_e")
+        wound = ("wound",) * self.cable
+        return (*angle, "delta", *wound, "omega_m", "omega_l", "u_a", *rate, "tau_e")
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
         """State at the measurement."""
         tau_r = u.tau_rate_Nm if self.maxwell else 0.0
         angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
+        if self.cable:
+            omega_m = u.omega_gear_rad_s
+        else:
+            omega_m = u.omega_m_rad_s if self.published else u.omega_l_rad_s + u.omega_rad_s
         return angle | {
             "delta": u.delta_rad,
-            "omega_m": u.omega_m_rad_s if self.published else u.omega_l_rad_s + u.omega_rad_s,
+            **({"wound": u.wound_rad} if self.cable else {}),
+            "omega_m": omega_m,
             "omega_l": u.omega_l_rad_s,
             "u_a": u.u_a_Nm,
             **({"tau_r": tau_r} if self.maxwell else {}),
@@ -174,6 +215,9 @@ class _Drive:
         load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
         omega_2 = self.friction(t, h, omega_1)
         moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
+        wound = {}
+        if self.cable:
+            moved, wound["wound"] = self.carried(t, x, moved, p.gap_rad)
         delta = t.let("delta_next", x.delta + moved)
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
         tau_memory = t.memory(stretch)
@@ -182,12 +226,29 @@ class _Drive:
         angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
         return angle | {
             "delta": delta,
+            **wound,
             "omega_m": omega_2 + push - half / self.inertia * tau_e,
             "omega_l": load_1 + pull * (tau_e + w.tau_h),
             "u_a": u + keep * (x.u_a - u),
             **({"tau_r": tau_r} if self.maxwell else {}),
             "tau_e": tau_e,
         }
+
+    def carried(self, t: Tape, x: SimpleNamespace, turned: Any, gap: Any) -> tuple[Any, Any]:
+        """The gear turns against the load: by what the motor side follows, and what stays wound.
+
+        One step of the balance of cable and elastomer, first as if inside the gap; what then is
+        beyond an end of it goes back but for what the stiffness there holds.
+        """
+        held = t.let("held", self.held_by * (x.wound + turned) + self.held_Nm * x.tau_e)
+        half = 0.5 * gap
+        over = t.keep(
+            "over",
+            ca.fmax(held - half, 0) + ca.fmin(held + half, 0),
+            {held: lambda y: ca.if_else(y == 0, 0, 1)},
+        )
+        wound = t.let("wound_next", held - self.beyond_by * over)
+        return t.let("given", x.wound + turned - wound), wound
 
     def friction(self, t: Tape, h: float, omega_1: Any) -> Any:
         """Friction's part of (5.2): one linearly implicit midpoint step of omega_m."""
@@ -307,8 +368,11 @@ class _Drive:
         tau_rate = around("tau_rate_Nm", drive.tau_Nm, "sensor: Maxwell element's torque")
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
+            *self.cable_ports(),
             around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
             if self.published
+            else around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
+            if self.cable
             else around("omega_rad_s", drive.rate_rad_s, "deflection's rate"),
             *(
                 (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
@@ -338,6 +402,16 @@ class _Drive:
         )
 
 
+    def cable_ports(self) -> tuple[Port, ...]:
+        """What is known of the cable."""
+        if not self.cable:
+            return ()
+        return (
+            around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
+            Port("gap_rad", 0.0, self.gap_most, "whole backlash of the cable"),
+        )
+
+
 def _weights(weights: tuple[float, float]) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
     """Tunables and what they are prepared to."""
     tunables = (
@@ -363,6 +437,7 @@ def predictive_controller(
     weights: tuple[float, float] = (Q_BEST, R_BEST),
     period_s: float | None = None,
     cap: int | None = None,
+    train: DriveTrain = "rigid",
 ) -> Program:
     """The predictive controller of a device as a Program.
 
@@ -381,6 +456,8 @@ def predictive_controller(
         Period of the control task; the device's when not given.
     cap : int, optional
         Cap on the QP's iterations.
+    train : {"rigid", "cable"}
+        As in :func:`drive_model`.
 
     Returns
     -------
@@ -399,7 +476,13 @@ def predictive_controller(
         horizon = Horizon(delay_s=period if release is None else release.value)
     return predictive_program(
         drive_model(
-            device, horizon, preview=preview, impedance=impedance, person=person, weights=weights
+            device,
+            horizon,
+            preview=preview,
+            impedance=impedance,
+            person=person,
+            weights=weights,
+            train=train,
         ),
         horizon,
         period_s=period,
@@ -408,7 +491,7 @@ def predictive_controller(
     )
 
 
-def _equations(impedance: bool) -> tuple[Any, ...]:
+def _equations(impedance: bool, train: DriveTrain) -> tuple[Any, ...]:
     n, u, ua, tau_c, om, tau_e, j, d4 = sp.symbols("n u_c u_a tau_c omega_m tau_e J d_4")
     fv, fc, jh, tau_h, tau_d = sp.symbols("f_v f_c J_h tau_h tau_d")
     q, r, e = sp.symbols("Q R e")

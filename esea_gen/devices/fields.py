@@ -318,6 +318,12 @@ class Predictive(Section):
         description="Torque of the person ahead: extended-state observer, or as published, the "
         "observer (5.10) with a parabola through its past and rates from filtered differences.",
     )
+    drive: Literal["rigid", "cable"] | None = Field(
+        default=None,
+        description="rigid: gear and motor side are one inertia, as in (5.2); cable: with elastic "
+        "cable and backlash between them, by the motor's own encoder; left out: cable where the "
+        "file has [cable] and person is extended_state.",
+    )
 
 
 class Impedance(Section):
@@ -361,6 +367,20 @@ class Redundancy(Section):
     rate_1_s: Quantity = _number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
 
+class Cable(Section):
+    """The cable between gear and motor side, for a law that knows it; stiffness in [redundancy]."""
+
+    backlash_rad: Quantity = _number(0, 0.2, "Whole gap until it has been learnt.")
+    backlash_most_rad: Quantity = _number(1e-3, 0.2, "Largest gap that may be learnt.")
+    contact_Nm: Quantity = _number(
+        1e-3, 10, "Interaction torque above which the cable is at an end of its gap."
+    )
+    rate_1_s: Quantity = _number(0, 200, "How fast the ends of the gap are learnt.")
+    drive_1_s: Quantity = _number(
+        0, 200, "Bandwidth L of the drive's disturbance observer on the motor's own encoder."
+    )
+
+
 class DeviceFile(Section):
     """A device file, as written."""
 
@@ -393,6 +413,10 @@ class DeviceFile(Section):
     predictive: Predictive | None = Field(default=None)
     impedance: Impedance | None = Field(default=None)
     safety: Safety | None = Field(default=None)
+    cable: Cable | None = Field(
+        default=None,
+        description="The cable, for predictive control that knows it; needs [redundancy].",
+    )
     redundancy: Redundancy | None = Field(
         default=None,
         description="Comparison of all encoders and the motor's torque; left out, a joint encoder "

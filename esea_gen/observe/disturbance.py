@@ -29,6 +29,7 @@ ACCELERATION = MODEL_ACCELERATION + D4
 
 # Largest product of an observer's bandwidth and its velocity filter's delay.
 DELAY_SHARE = 0.5
+MEANING = "bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it"
 
 
 def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
@@ -99,7 +100,7 @@ def bandwidth_tunable(
         bandwidth.value,
         0.0,
         limit,
-        "bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it",
+        MEANING,
         bandwidth.source,
         bandwidth.status,
     )
@@ -154,12 +155,15 @@ def drive_observer(device: DeviceData) -> Block:
     with L = 0 the estimate rests instead of drifting.  a_model is the mean over the step: friction
     and coupling torque of both its ends, and the motor's torque averaged exactly.
     """
-    law = _DriveObserver(device)
+    return _define(_DriveObserver(device))
+
+
+def _define(law: _DriveObserver) -> Block:
     return Block.define(
         "drive_observer",
         "Disturbance of the drive, and the motor's torque behind its lag",
         period_s=law.h,
-        constants=device.constants("actuator"),
+        constants=law.device.constants("actuator"),
         tunables=law.tunables(),
         coefficients=(
             Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
@@ -176,6 +180,34 @@ def drive_observer(device: DeviceData) -> Block:
         equations=law.equations(),
         step=law.step,
     )
+
+
+def drive_observer_by_gear(device: DeviceData) -> Block:
+    """Disturbance of the drive (5.5) from the rate of the motor's own encoder.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive and the section ``[cable]``, which has its bandwidth.
+
+    Returns
+    -------
+    Block
+        :func:`drive_observer`, with the input ``omega_gear_rad_s`` in place of the motor side's
+        rate.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive or no ``[cable]``.
+
+    Notes
+    -----
+    That rate needs no filter: it is late by half a period, so that the bandwidth may be twenty
+    times what the filter of the motor side's rate allows.  Seen from the gear, what the cable loses
+    is a disturbance as the others.
+    """
+    return _define(_DriveObserver(device, by_gear=True))
 
 
 def gear_observer(device: DeviceData) -> Block:
@@ -222,13 +254,15 @@ def gear_observer(device: DeviceData) -> Block:
 
 
 class _DriveObserver:
-    """Numbers, step and ports; of the motor's own encoder when its bandwidth is given."""
+    """Numbers, step and ports; with a fixed bandwidth where one is given."""
 
-    def __init__(self, device: DeviceData, bandwidth_1_s: float | None = None) -> None:
-        self.device = device
+    def __init__(
+        self, device: DeviceData, bandwidth_1_s: float | None = None, *, by_gear: bool = False
+    ) -> None:
+        self.device, self.by_gear = device, by_gear
         self.fixed = bandwidth_1_s is not None
         self.share = 1 - math.exp(-device.period_s * (bandwidth_1_s or 0.0))
-        self.omega = "omega_gear_rad_s" if self.fixed else "omega_motor_rad_s"
+        self.omega = "omega_gear_rad_s" if self.fixed or by_gear else "omega_motor_rad_s"
         self.d = "d_gear_rad_s2" if self.fixed else "d4_rad_s2"
         self.drive = drive_of(device)
         a = self.drive.actuator
@@ -320,6 +354,16 @@ class _DriveObserver:
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
+        if self.by_gear:
+            cable = self.device.file.cable
+            if cable is None:
+                raise UserError(f"{self.device.origin}: section [cable] is missing.", "Add it.")
+            asked = cable.drive_1_s
+            # By bandwidth_limit_1_s, whose filter is here a difference over one period.
+            limit = DELAY_SHARE / self.h
+            return (
+                Tunable("bandwidth_1_s", asked.value, 0.0, limit, MEANING, asked.source, asked.status),
+            )
         return (
             bandwidth_tunable(
                 self.device,
@@ -351,7 +395,9 @@ class _DriveObserver:
             around(
                 self.omega,
                 self.omega_lim,
-                "rate of the motor's encoder" if self.fixed else "motor side's rate",
+                "motor side's rate"
+                if self.omega == "omega_motor_rad_s"
+                else "rate of the motor's encoder",
                 on_invalid="omega_last_rad_s",
             ),
             around("tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid=0.0),

@@ -6,11 +6,19 @@ from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.limits import command_stamp
-from esea_gen.control.predictive_drive import Q_BEST, R_BEST, Person, predictive_controller
+from esea_gen.control.predictive_drive import (
+    Q_BEST,
+    R_BEST,
+    DriveTrain,
+    Person,
+    predictive_controller,
+)
 from esea_gen.control.shown import shown_reference, with_state_as_output
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.component import Component
 from esea_gen.observe import drive_of
+from esea_gen.observe.cable import cable_observer
+from esea_gen.observe.disturbance import drive_observer_by_gear
 from esea_gen.observe.extrapolation import parabola
 from esea_gen.observe.human import lag_observer
 
@@ -40,6 +48,19 @@ def device_horizon(device: DeviceData) -> Horizon:
     )
 
 
+def drive_train(device: DeviceData) -> DriveTrain:
+    """Whether predictive control of a device knows the cable.
+
+    return: as ``drive`` in ``[predictive]`` says; where it says nothing, ``cable`` for a device
+        with ``[cable]`` whose rates are not those of the published controller.
+    """
+    asked = device.file.predictive
+    published = asked is not None and asked.person == "parabola"
+    if asked is not None and asked.drive is not None:
+        return asked.drive
+    return "rigid" if device.file.cable is None or published else "cable"
+
+
 def _parts(base: Base) -> Parts:
     # With no section of its own: best of our trials, what is wanted now holds.
     asked, device = base.device.file.predictive, base.device
@@ -49,6 +70,7 @@ def _parts(base: Base) -> Parts:
     weights = (Q_BEST, R_BEST) if asked is None else (asked.Q.value, asked.R.value)
     grid, published, along = device_horizon(device), person == "parabola", preview or one_layer
     control: dict[str, Component] = {}
+    sense: dict[str, Component] = {}
     replaced: dict[str, Component] = {
         "sensor": with_state_as_output(
             base.blocks["sensor"],
@@ -56,6 +78,10 @@ def _parts(base: Base) -> Parts:
             "play states of the stop operators, for predictive control",
         )
     }
+    train = drive_train(device)
+    if train == "cable":
+        sense["cable"] = cable_observer(device)
+        replaced["drive"] = drive_observer_by_gear(device)
     if published:
         control["parabola"] = parabola(device)
         replaced["human"] = lag_observer(device)
@@ -71,6 +97,7 @@ def _parts(base: Base) -> Parts:
         impedance=one_layer,
         person=person,
         weights=weights,
+        train=train,
     )
     inputs: dict[str, tuple[str, ...]] = {}
     if preview:
@@ -79,6 +106,7 @@ def _parts(base: Base) -> Parts:
     sources = _sources(published, along)
     return Parts(
         control=control,
+        sense=sense,
         command="predictive.u_Nm",
         replaced=replaced,
         wires={
@@ -113,6 +141,9 @@ def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
         "predictive": {
             "delta_rad": "joint.theta_rad",
             "omega_rad_s": "velocity.omega_rad_s",
+            "wound_rad": "cable.wound_rad",
+            "gap_rad": "cable.gap_rad",
+            "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
             "omega_m_rad_s": "motor_rate.omega_rad_s",
             "theta_l_rad": "encoder_load.theta_rad",
             "omega_l_rad_s": omega_load,
