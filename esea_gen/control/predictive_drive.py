@@ -167,6 +167,7 @@ class _Drive:
         self.gap_most, self.wound_lim = own.backlash_most_rad.value, 0.0
         self.wound_lim = 1.01 * (self.gap_most + self.drive.tau_Nm / k) * 1.01
         self.held_by, self.held_Nm = soft / (inside + soft), 1 / (inside + soft)
+        self.loss = own.loss.value
         self.beyond_by = (k - inside) / (k + soft)
 
     def beyond(self, delta: Any) -> Any:
@@ -213,7 +214,7 @@ class _Drive:
         omega_1 = t.let("omega_1", x.omega_m + push - half / self.inertia * x.tau_e)
         pull = half * p.load_1_kgm2
         load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
-        omega_2 = self.friction(t, h, omega_1)
+        omega_2 = self.friction(t, h, omega_1, x.tau_e)
         moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
         wound = {}
         if self.cable:
@@ -250,25 +251,36 @@ class _Drive:
         wound = t.let("wound_next", held - self.beyond_by * over)
         return t.let("given", x.wound + turned - wound), wound
 
-    def friction(self, t: Tape, h: float, omega_1: Any) -> Any:
+    def friction(self, t: Tape, h: float, omega_1: Any, tau_e: Any) -> Any:
         """Friction's part of (5.2): one linearly implicit midpoint step of omega_m."""
         half = 0.5 * h
+        coulomb = self.fc
+        if self.cable:
+            # What the cable loses, too, is against the motion.
+            coulomb = t.keep(
+                "coulomb",
+                self.fc + self.loss * ca.fabs(tau_e),
+                {tau_e: lambda _: self.loss * ca.sign(tau_e)},
+            )
         sig = t.keep(
             "sig",
             ca.tanh(omega_1 * (1 / self.width)),
             {omega_1: lambda y: (1 - y * y) * (1 / self.width)},
         )
-        damping = 1 + half / self.inertia * (self.fv + self.fc / self.width * (1 - sig * sig))
+        damping = 1 + half / self.inertia * (self.fv + coulomb / self.width * (1 - sig * sig))
         eased = t.keep("eased", 1 / damping)
         loss = h / self.inertia
 
         def lost_by(lost: Any) -> Any:
-            by_sig = loss * (self.fc + lost * (self.fc / self.width) * sig)
+            by_sig = loss * (coulomb + lost * (coulomb / self.width) * sig)
             return eased * (loss * self.fv + by_sig * ((1 - sig * sig) * (1 / self.width)))
 
-        lost = t.keep(
-            "lost", loss * (self.fv * omega_1 + self.fc * sig) * eased, {omega_1: lost_by}
-        )
+        slopes = {omega_1: lost_by}
+        if self.cable:
+            slopes[coulomb] = lambda lost: eased * (
+                loss * sig - lost * (half / self.inertia / self.width) * (1 - sig * sig)
+            )
+        lost = t.keep("lost", loss * (self.fv * omega_1 + coulomb * sig) * eased, slopes)
         return t.let("omega_2", omega_1 - lost)
 
     def rate_torque(self, t: Tape, h: float, x: SimpleNamespace, stretch: Any, moved: Any) -> Any:

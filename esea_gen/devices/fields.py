@@ -372,6 +372,7 @@ class Cable(Section):
 
     backlash_rad: Quantity = _number(0, 0.2, "Whole gap until it has been learnt.")
     backlash_most_rad: Quantity = _number(1e-3, 0.2, "Largest gap that may be learnt.")
+    loss: Quantity = _number(0, 0.5, "Share of the |cable's torque| that its friction takes.")
     contact_Nm: Quantity = _number(
         1e-3, 10, "Interaction torque above which the cable is at an end of its gap."
     )

@@ -260,6 +260,8 @@ class _DriveObserver:
         self, device: DeviceData, bandwidth_1_s: float | None = None, *, by_gear: bool = False
     ) -> None:
         self.device, self.by_gear = device, by_gear
+        cable = device.file.cable
+        self.loss = cable.loss.value if by_gear and cable else 0.0
         self.fixed = bandwidth_1_s is not None
         self.share = 1 - math.exp(-device.period_s * (bandwidth_1_s or 0.0))
         self.omega = "omega_gear_rad_s" if self.fixed or by_gear else "omega_motor_rad_s"
@@ -290,7 +292,7 @@ class _DriveObserver:
                 self.numbers[N] * self.u_lim
                 + self.numbers[FV] * self.omega_lim
                 + self.numbers[FC]
-                + self.tau_lim
+                + self.tau_lim * (1 + self.loss)
             )
             / self.numbers[J]
             * 1.001
@@ -308,9 +310,13 @@ class _DriveObserver:
         omega = vars(u)[self.omega]
         keep, share = (1 - self.share, self.share) if self.fixed else (c.keep, c.share)
         values = self.numbers | {OMEGA_M: omega, TAU_E: u.tau_Nm}
+        passive_model = to_casadi(MODEL_ACCELERATION.subs(U_A, 0), values)
+        if self.loss:
+            rubbed = self.loss / self.numbers[J] * ca.fabs(u.tau_Nm)
+            passive_model = passive_model - rubbed * ca.tanh(omega / self.numbers[WIDTH])
         passive = label(
             "passive_rad_s2",
-            to_casadi(MODEL_ACCELERATION.subs(U_A, 0), values),
+            passive_model,
             "(5.2) without motor and disturbance",
         )
         driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.mean
