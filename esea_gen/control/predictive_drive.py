@@ -180,8 +180,8 @@ class _Drive:
 
     def states(self) -> tuple[str, ...]:
         angle, rate = ("theta_l",) * self.impedance, ("tau_r",) * (self.maxwell is not None)
-        wound = ("wound",) * self.cable
-        return (*angle, "delta", *wound, "omega_m", "omega_l", "u_a", *rate, "tau_e")
+        turned = ("turned",) * self.cable
+        return (*angle, "delta", *turned, "omega_m", "omega_l", "u_a", *rate, "tau_e")
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
         """State at the measurement."""
@@ -193,7 +193,7 @@ class _Drive:
             omega_m = u.omega_m_rad_s if self.published else u.omega_l_rad_s + u.omega_rad_s
         return angle | {
             "delta": u.delta_rad,
-            **({"wound": u.wound_rad} if self.cable else {}),
+            **({"turned": u.delta_rad + u.wound_rad} if self.cable else {}),
             "omega_m": omega_m,
             "omega_l": u.omega_l_rad_s,
             "u_a": u.u_a_Nm,
@@ -216,18 +216,22 @@ class _Drive:
         load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
         omega_2 = self.friction(t, h, omega_1, x.tau_e)
         moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
-        wound = {}
+        turned = {}
         if self.cable:
-            moved, wound["wound"] = self.carried(t, x, moved, p.gap_rad)
-        delta = t.let("delta_next", x.delta + moved)
+            turned["turned"] = t.let("turned_next", x.turned + moved)
+            delta = self.carried(t, x, turned["turned"], p.gap_rad)
+        else:
+            delta = t.let("delta_next", x.delta + moved)
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
         tau_memory = t.memory(stretch)
+        if self.cable:
+            moved = t.keep("followed", delta - x.delta)
         tau_r = self.rate_torque(t, h, x, stretch, moved) if self.maxwell else 0.0
         tau_e = t.let("tau_e_next", self.spring(stretch) + tau_r + tau_memory)
         angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
         return angle | {
             "delta": delta,
-            **wound,
+            **turned,
             "omega_m": omega_2 + push - half / self.inertia * tau_e,
             "omega_l": load_1 + pull * (tau_e + w.tau_h),
             "u_a": u + keep * (x.u_a - u),
@@ -235,21 +239,20 @@ class _Drive:
             "tau_e": tau_e,
         }
 
-    def carried(self, t: Tape, x: SimpleNamespace, turned: Any, gap: Any) -> tuple[Any, Any]:
+    def carried(self, t: Tape, x: SimpleNamespace, turned: Any, gap: Any) -> Any:
         """The gear turns against the load: by what the motor side follows, and what stays wound.
 
         One step of the balance of cable and elastomer, first as if inside the gap; what then is
         beyond an end of it goes back but for what the stiffness there holds.
         """
-        held = t.let("held", self.held_by * (x.wound + turned) + self.held_Nm * x.tau_e)
+        held = t.let("held", self.held_by * (turned - x.delta) + self.held_Nm * x.tau_e)
         half = 0.5 * gap
         over = t.keep(
             "over",
             ca.fmax(held - half, 0) + ca.fmin(held + half, 0),
             {held: lambda y: ca.if_else(y == 0, 0, 1)},
         )
-        wound = t.let("wound_next", held - self.beyond_by * over)
-        return t.let("given", x.wound + turned - wound), wound
+        return t.let("delta_next", turned - held + self.beyond_by * over)
 
     def friction(self, t: Tape, h: float, omega_1: Any, tau_e: Any) -> Any:
         """Friction's part of (5.2): one linearly implicit midpoint step of omega_m."""
