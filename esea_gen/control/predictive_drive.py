@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi as ca
 import sympy as sp
 
+from esea_gen.control.cable_model import CableModel
 from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import predictive_program
 from esea_gen.devices.fields import field_facts
+from esea_gen.errors import UserError
 from esea_gen.language.ports import Constant, Port, Tunable, around, clip
 from esea_gen.language.program import Program
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
-from esea_gen.observe.cable import cable_of
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -34,9 +35,6 @@ Q_BEST, R_BEST = 300.0, 1.0
 Person = Literal["extended_state", "parabola"]
 # Whether gear and motor side are one inertia or have the cable between them.
 DriveTrain = Literal["rigid", "cable"]
-# Inside its gap the model's cable keeps this share of its stiffness: with none the prediction would
-# not see, from inside, that any command leads to a torque.
-GAP_SHARE = 1 / 15
 
 
 def drive_model(
@@ -80,7 +78,8 @@ def drive_model(
     Raises
     ------
     UserError
-        When the device has no drive.
+        When the device has no drive, or a cable is asked for that its file does not have, or with
+        the published rates.
 
     Notes
     -----
@@ -88,8 +87,15 @@ def drive_model(
     friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
     with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
-    torques of cable and elastomer balance: its own inertia is too small to be seen.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
+    torques of cable and elastomer balance.  The sign of Kp and Kd is that of a stiffness; (5.24)
+    prints the other one.
     """
+    if train == "cable" and person == "parabola":
+        raise UserError(
+            f'{device.origin}: predictive.drive = "cable" takes the rates of the motor\'s own '
+            'encoder, person = "parabola" filtered differences, as published.',
+            'Write person = "extended_state" or drive = "rigid".',
+        )
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
@@ -136,7 +142,6 @@ class _Drive:
         self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
     ) -> None:
         drive = self.drive = drive_of(device)
-        self.cable = train == "cable"
         self.impedance, self.published = impedance, person == "parabola"
         a = drive.actuator
         self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
@@ -152,23 +157,11 @@ class _Drive:
         self.maxwell = (
             {c.name: c.value for c in device.constants("elastomer.maxwell")} if e.maxwell else None
         )
-        if self.cable:
-            self._balance(device)
-
-    def _balance(self, device: DeviceData) -> None:
-        # What the cable carries at its ends of the gap: k (w - b/2) + inside b/2.  The elastomer's
-        # stiffness over a substep lies between that of all springs and that without the Maxwell
-        # element's: the middle of both is off by a third at most, and the next substep makes up.
-        own, redundancy = cable_of(device)
-        k = redundancy.cable_Nm_rad.value
-        inside = GAP_SHARE * k
-        soft = self.k1 + sum(self.stops.p)
-        soft += 0.5 * self.maxwell["kv_Nm_rad"] if self.maxwell else 0.0
-        self.gap_most, self.wound_lim = own.backlash_most_rad.value, 0.0
-        self.wound_lim = 1.01 * (self.gap_most + self.drive.tau_Nm / k) * 1.01
-        self.held_by, self.held_Nm = soft / (inside + soft), 1 / (inside + soft)
-        self.loss = own.loss.value
-        self.beyond_by = (k - inside) / (k + soft)
+        self.cable: CableModel | None = None
+        if train == "cable":
+            # Half of the Maxwell element's spring: its dashpot gives way within a substep or not.
+            give = 0.5 * self.maxwell["kv_Nm_rad"] if self.maxwell else 0.0
+            self.cable = CableModel(device, self.k1 + sum(self.stops.p) + give)
 
     def beyond(self, delta: Any) -> Any:
         """(8.7/8.8): the deflection beyond the dead zone."""
@@ -180,7 +173,7 @@ class _Drive:
 
     def states(self) -> tuple[str, ...]:
         angle, rate = ("theta_l",) * self.impedance, ("tau_r",) * (self.maxwell is not None)
-        turned = ("turned",) * self.cable
+        turned = ("turned",) * (self.cable is not None)
         return (*angle, "delta", *turned, "omega_m", "omega_l", "u_a", *rate, "tau_e")
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
@@ -219,7 +212,7 @@ class _Drive:
         turned = {}
         if self.cable:
             turned["turned"] = t.let("turned_next", x.turned + moved)
-            delta = self.carried(t, x, turned["turned"], p.gap_rad)
+            delta = self.cable.follow(t, x, turned["turned"], p.gap_rad)
         else:
             delta = t.let("delta_next", x.delta + moved)
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
@@ -239,32 +232,10 @@ class _Drive:
             "tau_e": tau_e,
         }
 
-    def carried(self, t: Tape, x: SimpleNamespace, turned: Any, gap: Any) -> Any:
-        """The gear turns against the load: by what the motor side follows, and what stays wound.
-
-        One step of the balance of cable and elastomer, first as if inside the gap; what then is
-        beyond an end of it goes back but for what the stiffness there holds.
-        """
-        held = t.let("held", self.held_by * (turned - x.delta) + self.held_Nm * x.tau_e)
-        half = 0.5 * gap
-        over = t.keep(
-            "over",
-            ca.fmax(held - half, 0) + ca.fmin(held + half, 0),
-            {held: lambda y: ca.if_else(y == 0, 0, 1)},
-        )
-        return t.let("delta_next", turned - held + self.beyond_by * over)
-
     def friction(self, t: Tape, h: float, omega_1: Any, tau_e: Any) -> Any:
         """Friction's part of (5.2): one linearly implicit midpoint step of omega_m."""
         half = 0.5 * h
-        coulomb = self.fc
-        if self.cable:
-            # What the cable loses, too, is against the motion.
-            coulomb = t.keep(
-                "coulomb",
-                self.fc + self.loss * ca.fabs(tau_e),
-                {tau_e: lambda _: self.loss * ca.sign(tau_e)},
-            )
+        coulomb = self.cable.coulomb(t, self.fc, tau_e) if self.cable else self.fc
         sig = t.keep(
             "sig",
             ca.tanh(omega_1 * (1 / self.width)),
@@ -280,8 +251,8 @@ class _Drive:
 
         slopes = {omega_1: lost_by}
         if self.cable:
-            slopes[coulomb] = lambda lost: eased * (
-                loss * sig - lost * (half / self.inertia / self.width) * (1 - sig * sig)
+            slopes[coulomb] = lambda lost: (
+                eased * (loss * sig - lost * (half / self.inertia / self.width) * (1 - sig * sig))
             )
         lost = t.keep("lost", loss * (self.fv * omega_1 + coulomb * sig) * eased, slopes)
         return t.let("omega_2", omega_1 - lost)
@@ -383,7 +354,7 @@ class _Drive:
         tau_rate = around("tau_rate_Nm", drive.tau_Nm, "sensor: Maxwell element's torque")
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
-            *self.cable_ports(),
+            *(self.cable.ports() if self.cable else ()),
             around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
             if self.published
             else around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
@@ -414,16 +385,6 @@ class _Drive:
                 else ()
             ),
             Port("mode", 0, 2, "0 off: the command is 0"),
-        )
-
-
-    def cable_ports(self) -> tuple[Port, ...]:
-        """What is known of the cable."""
-        if not self.cable:
-            return ()
-        return (
-            around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
-            Port("gap_rad", 0.0, self.gap_most, "whole backlash of the cable"),
         )
 
 

@@ -136,6 +136,12 @@ def _check_control(origin: str, file: DeviceFile) -> None:
             f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
         )
+    if file.cable is not None and file.redundancy is None:
+        raise UserError(
+            f"{origin}: [cable] goes with the motor's own encoder, but section [redundancy], which "
+            "brings it in, is missing.",
+            'Add it, or write extends = "elbow_drive" and give what differs.',
+        )
     for law in laws:
         control = (*drive, *LAW_SECTIONS[law])
         needed = [k for k in control if getattr(file, k) is None]
@@ -155,6 +161,7 @@ def _check_control(origin: str, file: DeviceFile) -> None:
         ("safety.rom_max_rad", "joint.theta_max_rad"),
         ("joint.theta_min_rad", "safety.rom_min_rad"),
         ("redundancy.cable_least_Nm_rad", "redundancy.cable_Nm_rad"),
+        ("cable.backlash_rad", "cable.backlash_most_rad"),
     ]
     for low, high in pairs:
         if low in values and high in values and values[low] > values[high]:

@@ -11,13 +11,25 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.ports import (
+    Constant,
+    Equation,
+    Flag,
+    Port,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 if TYPE_CHECKING:
     from esea_gen.devices.fields import Cable, Redundancy
     from esea_gen.devices.file import DeviceData
+
+
+USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
 
 
 def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
@@ -46,6 +58,24 @@ def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
             'Add it, or write drive = "rigid" in [predictive].',
         )
     return f.cable, f.redundancy
+
+
+def wound_range_rad(device: DeviceData) -> float:
+    """Largest winding of the cable, from the middle of its gap.
+
+    Parameters
+    ----------
+    device : DeviceData
+        As for :func:`cable_of`.
+
+    Returns
+    -------
+    float
+        In rad: half the largest backlash, and what the largest torque winds up.
+    """
+    own, redundancy = cable_of(device)
+    by_torque = drive_of(device).tau_Nm / redundancy.cable_Nm_rad.value
+    return threshold(1.01 * (0.5 * own.backlash_most_rad.value + by_torque))
 
 
 def cable_observer(device: DeviceData) -> Block:
@@ -85,14 +115,7 @@ def cable_observer(device: DeviceData) -> Block:
         "cable",
         "Cable between gear and motor side: winding and backlash",
         period_s=law.h,
-        constants=tuple(
-            c
-            for section in ("cable", "redundancy")
-            for c in device.constants(section)
-            if c.name in ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
-            and section == "cable"
-            or c.name == "cable_Nm_rad"
-        ),
+        constants=law.constants(),
         state=law.state(),
         inputs=law.inputs(),
         outputs=law.outputs(),
@@ -107,6 +130,7 @@ class _Cable:
     def __init__(self, device: DeviceData) -> None:
         self.own, redundancy = cable_of(device)
         drive = self.drive = drive_of(device)
+        self.device = device
         self.h = device.period_s
         self.give = 1 / redundancy.cable_Nm_rad.value
         self.usual, self.most = self.own.backlash_rad.value, self.own.backlash_most_rad.value
@@ -117,7 +141,7 @@ class _Cable:
         self.gear_lim = span * 1.01
         self.seen_lim = 1.01 * (self.gear_lim + side + drive.tau_Nm * self.give)
         self.end_lim = 1.01 * (self.seen_lim + self.most)
-        self.wound_lim = 1.01 * (self.most + drive.tau_Nm * self.give)
+        self.wound_lim = wound_range_rad(device)
 
     def step(
         self,
@@ -144,10 +168,10 @@ class _Cable:
         at_high = ca.logic_or(pulls, ca.logic_and(ca.logic_not(pushes), seen > high))
         at_low = ca.logic_or(pushes, ca.logic_and(ca.logic_not(pulls), seen < low))
         up, down = s.high_shown > 0.5, s.low_shown > 0.5
-        alone = ca.logic_not(ca.logic_and(up, down))
         to_high = ca.if_else(ca.logic_or(at_high, ca.logic_and(at_low, ca.logic_not(up))), off, 0.0)
-        to_low = ca.if_else(ca.logic_or(at_low, ca.logic_and(at_high, ca.logic_not(down))), off, 0.0)
-        del alone
+        to_low = ca.if_else(
+            ca.logic_or(at_low, ca.logic_and(at_high, ca.logic_not(down))), off, 0.0
+        )
         new_high, new_low = high + to_high, low + to_low
         # The gap is no less than none and no more than the largest: the end that moves wins.
         kept_low = ca.if_else(at_low, new_low, clip(new_low, new_high - self.most, new_high))
@@ -174,6 +198,11 @@ class _Cable:
             ),
         }
         return next_state, outputs
+
+    def constants(self) -> tuple[Constant, ...]:
+        own = [c for c in self.device.constants("cable") if c.name in USED]
+        stiff = [c for c in self.device.constants("redundancy") if c.name == "cable_Nm_rad"]
+        return (*own, *stiff)
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -209,7 +238,7 @@ class _Cable:
 
 def _equations() -> tuple[Equation, ...]:
     g, m, tau, k = sp.symbols("theta_g theta_m tau_e k_c")
-    low, high, seen, b = sp.symbols("z_low z_high z b")
+    low, high, seen = sp.symbols("z_low z_high z")
     inside = sp.Max(low, sp.Min(high, seen))
     lies = sp.Piecewise((high, tau > sp.Symbol("tau_0")), (low, tau < -sp.Symbol("tau_0")),
                         (inside, True))  # fmt: skip
@@ -226,4 +255,4 @@ def _equations() -> tuple[Equation, ...]:
     )
 
 
-__all__ = ["cable_observer", "cable_of"]
+__all__ = ["cable_observer", "cable_of", "wound_range_rad"]

@@ -368,7 +368,9 @@ class _DriveObserver:
             # By bandwidth_limit_1_s, whose filter is here a difference over one period.
             limit = DELAY_SHARE / self.h
             return (
-                Tunable("bandwidth_1_s", asked.value, 0.0, limit, MEANING, asked.source, asked.status),
+                Tunable(
+                    "bandwidth_1_s", asked.value, 0.0, limit, MEANING, asked.source, asked.status
+                ),
             )
         return (
             bandwidth_tunable(
