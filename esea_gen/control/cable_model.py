@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 from esea_gen.control.horizon import Tape
-from esea_gen.language.ports import Port, around, threshold
+from esea_gen.language.ports import Constant, Port, around, threshold
 from esea_gen.observe.cable import cable_of, wound_range_rad
 
 if TYPE_CHECKING:
@@ -66,6 +66,12 @@ class CableModel:
             fc_Nm + self.loss * ca.fabs(tau_e),
             {tau_e: lambda _: self.loss * ca.sign(tau_e)},
         )
+
+    def constants(self, device: DeviceData) -> tuple[Constant, ...]:
+        """Of the device file."""
+        names = ("cable_Nm_rad", "loss", "backlash_most_rad")
+        found = (*device.constants("redundancy"), *device.constants("cable"))
+        return tuple(c for c in found if c.name in names)
 
     def ports(self) -> tuple[Port, ...]:
         """What is known of the cable."""

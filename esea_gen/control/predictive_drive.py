@@ -67,8 +67,8 @@ def drive_model(
     weights : tuple of float
         Defaults of the tunables Q and R.
     train : {"rigid", "cable"}
-        ``cable``: between gear and motor side there is an elastic cable with backlash; inputs
-        ``wound_rad``, ``gap_rad`` and the gear's rate in place of the deflection's.
+        ``cable``: with an elastic cable and backlash; inputs ``wound_rad``, ``gap_rad`` and the
+        gear's rate in place of the deflection's.
 
     Returns
     -------
@@ -78,8 +78,7 @@ def drive_model(
     Raises
     ------
     UserError
-        When the device has no drive, or a cable is asked for that its file does not have, or with
-        the published rates.
+        When the device has no drive, or ``train`` asks for more than its file has.
 
     Notes
     -----
@@ -90,15 +89,10 @@ def drive_model(
     torques of cable and elastomer balance.  The sign of Kp and Kd is that of a stiffness; (5.24)
     prints the other one.
     """
-    if train == "cable" and person == "parabola":
-        raise UserError(
-            f'{device.origin}: predictive.drive = "cable" takes the rates of the motor\'s own '
-            'encoder, person = "parabola" filtered differences, as published.',
-            'Write person = "extended_state" or drive = "rigid".',
-        )
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
+    gap = ("gap_rad",) if plant.cable else ()
     wanted, references = plant.wanted(horizon, preview)
     return Model(
         states=plant.states(),
@@ -113,21 +107,11 @@ def drive_model(
         references=references,
         forecasts={"tau_h": plant.human},
         shape=plant.reach,
-        parameters=(
-            "d4_rad_s2",
-            *(c.name for c in coefficients),
-            *gains,
-            *(("gap_rad",) if train == "cable" else ()),
-        ),
+        parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains, *gap),
         stops=plant.stops,
         play="play_rad",
         deflection=lambda u: plant.beyond(u.delta_rad),
-        constants=(
-            *device.constants("actuator"),
-            *device.constants("joint"),
-            *device.constants("elastomer"),
-            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
-        ),
+        constants=plant.constants(),
         tunables=tunables,
         coefficients=coefficients,
         prepare=plant.prepare,
@@ -141,7 +125,8 @@ class _Drive:
     def __init__(
         self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
     ) -> None:
-        drive = self.drive = drive_of(device)
+        self.device, drive = device, drive_of(device)
+        self.drive = drive
         self.impedance, self.published = impedance, person == "parabola"
         a = drive.actuator
         self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
@@ -159,9 +144,24 @@ class _Drive:
         )
         self.cable: CableModel | None = None
         if train == "cable":
+            if self.published:
+                raise UserError(
+                    f'{device.origin}: predictive.drive = "cable" takes the rate of the motor\'s '
+                    'own encoder, person = "parabola" filtered differences, as published.',
+                    'Write person = "extended_state" or drive = "rigid".',
+                )
             # Half of the Maxwell element's spring: its dashpot gives way within a substep or not.
             give = 0.5 * self.maxwell["kv_Nm_rad"] if self.maxwell else 0.0
             self.cable = CableModel(device, self.k1 + sum(self.stops.p) + give)
+
+    def constants(self) -> tuple[Constant, ...]:
+        """Of the device file."""
+        sections = ("actuator", "joint", "elastomer")
+        return (
+            *(c for section in sections for c in self.device.constants(section)),
+            *(self.cable.constants(self.device) if self.cable else ()),
+            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
+        )
 
     def beyond(self, delta: Any) -> Any:
         """(8.7/8.8): the deflection beyond the dead zone."""
