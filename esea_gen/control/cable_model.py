@@ -9,7 +9,7 @@ import casadi as ca
 
 from esea_gen.control.horizon import Tape
 from esea_gen.language.ports import Constant, Port, around, threshold
-from esea_gen.observe.cable import cable_of, wound_range_rad
+from esea_gen.observe.cable import cable_of, give_most_rad_Nm, wound_range_rad
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -40,24 +40,26 @@ class CableModel:
         self.wound_lim = wound_range_rad(device)
         self.by_angle = soft_Nm_rad / (inside + soft_Nm_rad)
         self.by_torque = 1 / (inside + soft_Nm_rad)
-        self.back = (stiff - inside) / (stiff + soft_Nm_rad)
+        self.soft, self.inside = soft_Nm_rad, inside
+        self.give_most = threshold(give_most_rad_Nm(device))
 
-    def follow(self, t: Tape, x: SimpleNamespace, turned: Any, gap: Any) -> Any:
+    def follow(self, t: Tape, x: SimpleNamespace, turned: Any, p: SimpleNamespace) -> Any:
         """Where the deflection follows to when the gear has turned against the load.
 
-        turned: the gear's angle less the load's, at the end of the substep; gap: whole backlash.
+        turned: the gear's angle less the load's, at the end of the substep.
 
         First as if inside the gap, where ``held`` stays wound; of what is then beyond one of its
         ends the share ``back`` goes on into the elastomer.
         """
         held = t.let("held", self.by_angle * (turned - x.delta) + self.by_torque * x.tau_e)
-        half = 0.5 * gap
+        half = 0.5 * p.gap_rad
+        back = (1 - self.inside * p.give_rad_Nm) / (1 + self.soft * p.give_rad_Nm)
         over = t.keep(
             "over",
             ca.fmax(held - half, 0) + ca.fmin(held + half, 0),
             {held: lambda y: ca.if_else(y == 0, 0, 1)},
         )
-        return t.let("delta_next", turned - held + self.back * over)
+        return t.let("delta_next", turned - held + back * over)
 
     def coulomb(self, t: Tape, fc_Nm: float, tau_e: Any) -> Any:
         """Coulomb friction with what the cable loses: a share of its torque, against the motion."""
@@ -77,5 +79,6 @@ class CableModel:
         """What is known of the cable."""
         return (
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
+            Port("give_rad_Nm", 0.0, self.give_most, "one over the cable's stiffness"),
             Port("gap_rad", 0.0, self.gap_most, "whole backlash of the cable"),
         )

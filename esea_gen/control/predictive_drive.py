@@ -92,7 +92,7 @@ def drive_model(
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
-    gap = ("gap_rad",) if plant.cable else ()
+    gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
     wanted, references = plant.wanted(horizon, preview)
     return Model(
         states=plant.states(),
@@ -212,7 +212,7 @@ class _Drive:
         turned = {}
         if self.cable:
             turned["turned"] = t.let("turned_next", x.turned + moved)
-            delta = self.cable.follow(t, x, turned["turned"], p.gap_rad)
+            delta = self.cable.follow(t, x, turned["turned"], p)
         else:
             delta = t.let("delta_next", x.delta + moved)
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta

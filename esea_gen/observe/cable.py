@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
 
 
+# The give is learnt at this share of the rate of the ends, for a torque that changes by 1 Nm; from
+# what changes faster than this share of that rate.
+LEARN_1_Nm2, MEAN_SHARE = 0.2, 0.25
+
+
 def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
     """What a device file says of its cable.
 
@@ -74,8 +79,25 @@ def wound_range_rad(device: DeviceData) -> float:
         In rad: half the largest backlash, and what the largest torque winds up.
     """
     own, redundancy = cable_of(device)
-    by_torque = drive_of(device).tau_Nm / redundancy.cable_Nm_rad.value
+    by_torque = drive_of(device).tau_Nm / redundancy.cable_least_Nm_rad.value
     return threshold(1.01 * (0.5 * own.backlash_most_rad.value + by_torque))
+
+
+def give_most_rad_Nm(device: DeviceData) -> float:
+    """One over the stiffness of the softest cable.
+
+    Parameters
+    ----------
+    device : DeviceData
+        As for :func:`cable_of`.
+
+    Returns
+    -------
+    float
+        In rad/Nm.
+    """
+    _, redundancy = cable_of(device)
+    return 1 / redundancy.cable_least_Nm_rad.value
 
 
 def cable_observer(device: DeviceData) -> Block:
@@ -139,7 +161,10 @@ class _Cable:
         span = drive.theta_high_rad - drive.theta_low_rad
         side = max(abs(drive.theta_low_rad), abs(drive.theta_high_rad))
         self.gear_lim = span * 1.01
-        self.seen_lim = 1.01 * (self.gear_lim + side + drive.tau_Nm * self.give)
+        self.turned_lim = 1.01 * (self.gear_lim + side)
+        self.softest = threshold(give_most_rad_Nm(device))
+        self.seen_lim = 1.01 * (self.turned_lim + drive.tau_Nm * self.softest)
+        self.mean_share = 1 - math.exp(-self.h * MEAN_SHARE * self.own.rate_1_s.value)
         self.end_lim = 1.01 * (self.seen_lim + self.most)
         self.wound_lim = wound_range_rad(device)
 
@@ -153,7 +178,7 @@ class _Cable:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
         ok = label("ok", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
-        carried = label("carried_rad", u.tau_Nm * self.give, "[cable 1] winding by the torque")
+        carried = label("carried_rad", u.tau_Nm * s.give_rad_Nm, "[cable 1] winding by the torque")
         seen = label(
             "seen_rad", u.theta_gear_rad - u.theta_motor_rad - carried, "[cable 1] where in the gap"
         )
@@ -180,6 +205,7 @@ class _Cable:
         wound = ca.if_else(
             pulls, kept_high, ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
         )
+        give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
         wound = clip(wound - middle + carried, -self.wound_lim, self.wound_lim)
         gap = clip(kept_high - kept_low, 0.0, self.most)
         limit = self.end_lim
@@ -189,15 +215,37 @@ class _Cable:
             "low_rad": clip(ca.if_else(ok, kept_low, s.low_rad), -limit, limit),
             "high_shown": ca.logic_and(ok, ca.logic_or(ca.logic_and(s.primed, up), pulls)),
             "low_shown": ca.logic_and(ok, ca.logic_or(ca.logic_and(s.primed, down), pushes)),
+            **give,
         }
         outputs = {
             "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 2]"),
+            "give_rad_Nm": give["give_rad_Nm"],
             "gap_rad": label("gap_rad", ca.if_else(ok, gap, self.usual), "[cable 3]"),
             "status": flag_word(
                 [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), ca.logic_not(ok)]
             ),
         }
         return next_state, outputs
+
+    def learnt_give(
+        self, s: SimpleNamespace, u: SimpleNamespace, taut: Any, label: Labels
+    ) -> dict[str, Any]:
+        """What the cable gives for a torque: by how both change while it is taut (LMS)."""
+        goes_on = ca.logic_and(taut, s.taut)
+        turned = u.theta_gear_rad - u.theta_motor_rad
+        by_angle = ca.if_else(goes_on, turned - s.mean_rad, 0.0)
+        by_torque = ca.if_else(goes_on, u.tau_Nm - s.mean_Nm, 0.0)
+        by_torque = label("change_Nm", clip(by_torque, -1.0, 1.0), "[cable 5] since taut")
+        by_angle = clip(by_angle, -self.most, self.most)
+        missed = label("missed_rad", by_angle - s.give_rad_Nm * by_torque, "[cable 5]")
+        give = s.give_rad_Nm + LEARN_1_Nm2 * self.share * missed * by_torque
+        share = self.mean_share
+        return {
+            "taut": taut,
+            "mean_rad": ca.if_else(goes_on, s.mean_rad + share * (turned - s.mean_rad), turned),
+            "mean_Nm": ca.if_else(goes_on, s.mean_Nm + share * (u.tau_Nm - s.mean_Nm), u.tau_Nm),
+            "give_rad_Nm": label("give_rad_Nm", clip(give, 0.0, self.softest), "[cable 5]"),
+        }
 
     def constants(self) -> tuple[Constant, ...]:
         own = [c for c in self.device.constants("cable") if c.name in USED]
@@ -211,6 +259,16 @@ class _Cable:
             around("low_rad", self.end_lim, "its other end"),
             Port("high_shown", 0.0, 1.0, "1 once a torque has shown that end"),
             Port("low_shown", 0.0, 1.0, "1 once a torque has shown the other"),
+            Port("taut", 0.0, 1.0, "1 while the cable is at an end"),
+            around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
+            around("mean_Nm", self.drive.tau_Nm, "mean of the torque since then"),
+            Port(
+                "give_rad_Nm",
+                0.0,
+                self.softest,
+                "one over the cable's stiffness",
+                init=self.give,
+            ),
         )
 
     def inputs(self) -> tuple[Port, ...]:
@@ -231,6 +289,7 @@ class _Cable:
         )
         return (
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
+            Port("give_rad_Nm", 0.0, self.softest, "one over the cable's stiffness"),
             Port("gap_rad", 0.0, threshold(self.most), "whole backlash"),
             Port("status", 0, 7, "what is known of this sample", flags=flags),
         )

@@ -143,6 +143,7 @@ def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
             "omega_rad_s": "velocity.omega_rad_s",
             "wound_rad": "cable.wound_rad",
             "gap_rad": "cable.gap_rad",
+            "give_rad_Nm": "cable.give_rad_Nm",
             "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
             "omega_m_rad_s": "motor_rate.omega_rad_s",
             "theta_l_rad": "encoder_load.theta_rad",
