@@ -49,9 +49,14 @@ LIMITS = """
     limits.coeffs_ok              watch.coeffs_ok
 """
 OBSERVERS = """
+    drive.omega_motor_rad_s       motor_rate.omega_rad_s
+"""
+OBSERVERS_BY_GEAR = """
+    drive.omega_gear_rad_s        encoder_gear.omega_gear_rad_s
+"""
+EITHER = """
     # What the motor holds from this tick on: what the limits let through, not what was asked for.
     drive.u_Nm                    limits.u_Nm
-    drive.omega_motor_rad_s       motor_rate.omega_rad_s
     drive.tau_Nm                  sensor.tau_Nm
     human.theta_load_rad          encoder_load.theta_rad
     human.tau_Nm                  sensor.tau_Nm
@@ -107,8 +112,16 @@ PREDICTIVE = """
     # The load side's rate without delay, for the state at the measurement.
     ahead.omega_load_rad_s        human.omega_load_rad_s
     predictive.omega_l_rad_s      human.omega_load_rad_s
-    # The deflection's rate at the measurement; in the middle of the step it is half a period old.
-    predictive.omega_rad_s        velocity.omega_rad_s
+    # The gear's rate and the cable behind it, by the motor's own encoder.
+    predictive.omega_gear_rad_s   encoder_gear.omega_gear_rad_s
+    predictive.wound_rad          cable.wound_rad
+    predictive.gap_rad            cable.gap_rad
+    predictive.give_rad_Nm        cable.give_rad_Nm
+    cable.theta_gear_rad          encoder_gear.theta_gear_rad
+    cable.gear_usable             encoder_gear.gear_usable
+    cable.theta_motor_rad         encoder_motor.theta_rad
+    cable.motor_usable            encoder_motor.usable
+    cable.tau_Nm                  sensor.tau_Nm
     predictive.delta_rad          joint.theta_rad
     predictive.theta_l_rad        encoder_load.theta_rad
     # The motor's torque behind its lag, and the command that it holds until the new one comes.
@@ -132,6 +145,7 @@ PREDICTIVE = """
 
 # As published: the person by (5.10) and a parabola, all rates from filtered differences.
 PUBLISHED = """
+    drive.omega_motor_rad_s       motor_rate.omega_rad_s
     human.omega_load_rad_s        load_rate.omega_rad_s
     parabola.tau_h_Nm             human.tau_h_Nm
     predictive.omega_m_rad_s      motor_rate.omega_rad_s
@@ -141,7 +155,13 @@ PUBLISHED = """
     predictive.tau_h_rate_Nm_s    parabola.tau_h_rate_Nm_s
     predictive.tau_h_curve_Nm_s2  parabola.tau_h_curve_Nm_s2
 """
-NOT_PUBLISHED = ("human.theta_load_rad", "predictive.omega_rad_s")
+# And gear and motor side are one inertia.
+NOT_PUBLISHED = (
+    *("human.theta_load_rad", "drive.omega_gear_rad_s"),
+    *(f"predictive.{n}" for n in ("omega_gear_rad_s", "wound_rad", "gap_rad", "give_rad_Nm")),
+    *("cable.theta_gear_rad", "cable.gear_usable", "cable.theta_motor_rad", "cable.motor_usable"),
+    "cable.tau_Nm",
+)
 
 # -- from outside and to the outside ---------------------------------------------------------------
 
@@ -197,8 +217,8 @@ OWN_OUTPUTS = {
 """,
 }
 WIRES = {
-    "elbow_drive": SENSING + LIMITS + OBSERVERS + COMPARED + SLIDING_MODE,
-    "elbow_mpc": SENSING + LIMITS + OBSERVERS + COMPARED + PREDICTIVE,
+    "elbow_drive": SENSING + LIMITS + EITHER + OBSERVERS + COMPARED + SLIDING_MODE,
+    "elbow_mpc": SENSING + LIMITS + EITHER + OBSERVERS_BY_GEAR + COMPARED + PREDICTIVE,
 }
 FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
 # What is measured comes before what is made of it, the limits before the observers of what they let
@@ -211,7 +231,7 @@ ORDER = {
     },
     "elbow_mpc": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
-        "encoder_gear reference limits drive gear human",
+        "encoder_gear reference cable limits drive gear human",
         "control": "ahead predictive redundancy stamp",
     },
 }

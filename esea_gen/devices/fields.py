@@ -368,7 +368,7 @@ class Redundancy(Section):
 
 
 class Cable(Section):
-    """The cable between gear and motor side, for a law that knows it; stiffness in [redundancy]."""
+    """The cable between gear and motor side; its stiffness is the usual one of the redundancy."""
 
     backlash_rad: Quantity = _number(0, 0.2, "Whole gap until it has been learnt.")
     backlash_most_rad: Quantity = _number(1e-3, 0.2, "Largest gap that may be learnt.")
@@ -414,14 +414,14 @@ class DeviceFile(Section):
     predictive: Predictive | None = Field(default=None)
     impedance: Impedance | None = Field(default=None)
     safety: Safety | None = Field(default=None)
-    cable: Cable | None = Field(
-        default=None,
-        description="The cable, for predictive control that knows it; needs [redundancy].",
-    )
     redundancy: Redundancy | None = Field(
         default=None,
         description="Comparison of all encoders and the motor's torque; left out, a joint encoder "
         "that is wrong but plausible is not found.",
+    )
+    cable: Cable | None = Field(
+        default=None,
+        description="The cable, for predictive control that knows it by the motor's own encoder.",
     )
 
 
