@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 from esea_gen.control.horizon import Tape
-from esea_gen.language.ports import Constant, Port, around, threshold
+from esea_gen.language.ports import Constant, Port, around, clip, threshold
+from esea_gen.observe import drive_of
 from esea_gen.observe.cable import cable_of, give_most_rad_Nm, wound_range_rad
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class CableModel:
         own, redundancy = cable_of(device)
         stiff = redundancy.cable_Nm_rad.value
         inside = GAP_SHARE * stiff
-        self.loss = own.loss.value
+        self.loss, self.tau_lim = own.loss.value, drive_of(device).tau_Nm
         self.gap_most = threshold(own.backlash_most_rad.value)
         self.wound_lim = wound_range_rad(device)
         self.by_angle = soft_Nm_rad / (inside + soft_Nm_rad)
@@ -51,7 +52,13 @@ class CableModel:
         First as if inside the gap, where ``held`` stays wound; of what is then beyond one of its
         ends the share ``back`` goes on into the elastomer.
         """
-        held = t.let("held", self.by_angle * (turned - x.delta) + self.by_torque * x.tau_e)
+        # Far beyond the elastomer's range its stiffness makes such steps overshoot without end.
+        pull = t.keep(
+            "pull",
+            clip(x.tau_e, -self.tau_lim, self.tau_lim),
+            {x.tau_e: lambda y: ca.if_else(ca.fabs(y) < self.tau_lim, 1, 0)},
+        )
+        held = t.let("held", self.by_angle * (turned - x.delta) + self.by_torque * pull)
         half = 0.5 * p.gap_rad
         back = (1 - self.inside * p.give_rad_Nm) / (1 + self.soft * p.give_rad_Nm)
         over = t.keep(
