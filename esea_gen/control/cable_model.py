@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 from esea_gen.control.horizon import Tape
-from esea_gen.language.ports import Constant, Port, around, clip, threshold
+from esea_gen.language.ports import Constant, Port, around, threshold
 from esea_gen.observe import drive_of
 from esea_gen.observe.cable import cable_of, give_most_rad_Nm, wound_range_rad
 
@@ -55,16 +55,16 @@ class CableModel:
         # Far beyond the elastomer's range its stiffness makes such steps overshoot without end.
         pull = t.keep(
             "pull",
-            clip(x.tau_e, -self.tau_lim, self.tau_lim),
-            {x.tau_e: lambda y: ca.if_else(ca.fabs(y) < self.tau_lim, 1, 0)},
+            _held_to(x.tau_e, self.tau_lim),
+            {x.tau_e: lambda _: ca.if_else(ca.fabs(x.tau_e) < self.tau_lim, 1, 0)},
         )
         held = t.let("held", self.by_angle * (turned - x.delta) + self.by_torque * pull)
         half = 0.5 * p.gap_rad
         back = (1 - self.inside * p.give_rad_Nm) / (1 + self.soft * p.give_rad_Nm)
         over = t.keep(
             "over",
-            ca.fmax(held - half, 0) + ca.fmin(held + half, 0),
-            {held: lambda y: ca.if_else(y == 0, 0, 1)},
+            held - _held_to(held, half),
+            {held: lambda _: ca.if_else(ca.fabs(held) < half, 0, 1)},
         )
         return t.let("delta_next", turned - held + back * over)
 
@@ -73,7 +73,7 @@ class CableModel:
         return t.keep(
             "coulomb",
             fc_Nm + self.loss * ca.fabs(tau_e),
-            {tau_e: lambda _: self.loss * ca.sign(tau_e)},
+            {tau_e: lambda _: ca.if_else(tau_e < 0, -self.loss, self.loss)},
         )
 
     def constants(self, device: DeviceData) -> tuple[Constant, ...]:
@@ -89,3 +89,8 @@ class CableModel:
             Port("give_rad_Nm", 0.0, self.give_most, "one over the cable's stiffness"),
             Port("gap_rad", 0.0, self.gap_most, "whole backlash of the cable"),
         )
+
+
+def _held_to(x: Any, most: Any) -> Any:
+    # A clip of something finite, to rounding, in half the instructions.
+    return 0.5 * (ca.fabs(x + most) - ca.fabs(x - most))

@@ -208,12 +208,13 @@ class _Drive:
         pull = half * p.load_1_kgm2
         load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
         omega_2 = self.friction(t, h, omega_1, x.tau_e)
-        moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
+        moved = half * (omega_1 + omega_2) - h * load_1
         turned = {}
         if self.cable:
             turned["turned"] = t.let("turned_next", x.turned + moved)
             delta = self.cable.follow(t, x, turned["turned"], p)
         else:
+            moved = t.let("moved", moved)
             delta = t.let("delta_next", x.delta + moved)
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
         tau_memory = t.memory(stretch)
