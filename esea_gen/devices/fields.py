@@ -318,10 +318,10 @@ class Predictive(Section):
         description="Torque of the person ahead: extended-state observer, or as published, the "
         "observer (5.10) with a parabola through its past and rates from filtered differences.",
     )
-    drive: Literal["rigid", "cable"] | None = Field(
-        default=None,
+    drive: Literal["auto", "rigid", "cable"] = Field(
+        default="auto",
         description="rigid: gear and motor side are one inertia, as in (5.2); cable: with elastic "
-        "cable and backlash between them, by the motor's own encoder; left out: cable where the "
+        "cable and backlash between them, by the motor's own encoder; auto: cable where the "
         "file has [cable] and person is extended_state.",
     )
 

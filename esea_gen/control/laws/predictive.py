@@ -51,12 +51,12 @@ def device_horizon(device: DeviceData) -> Horizon:
 def drive_train(device: DeviceData) -> DriveTrain:
     """Whether predictive control of a device knows the cable.
 
-    return: as ``drive`` in ``[predictive]`` says; where it says nothing, ``cable`` for a device
+    return: as ``drive`` in ``[predictive]`` says; where that is ``auto``, ``cable`` for a device
         with ``[cable]`` whose rates are not those of the published controller.
     """
     asked = device.file.predictive
     published = asked is not None and asked.person == "parabola"
-    if asked is not None and asked.drive is not None:
+    if asked is not None and asked.drive != "auto":
         return asked.drive
     return "rigid" if device.file.cable is None or published else "cable"
 
