@@ -321,7 +321,7 @@ def test_the_file_chooses_and_without_a_cable_all_is_as_it_was(drive):
             names = {p.name for p in blocks["predictive"].inputs}
             assert "omega_rad_s" in names
             assert names.isdisjoint({"wound_rad", "gap_rad", "omega_gear_rad_s"})
-            assert "omega_motor_rad_s" in {p.name for p in blocks["drive"].inputs}
+            assert "drive_by_gear" not in blocks
 
 
 def test_what_does_not_go_together_is_refused():

@@ -49,14 +49,9 @@ LIMITS = """
     limits.coeffs_ok              watch.coeffs_ok
 """
 OBSERVERS = """
-    drive.omega_motor_rad_s       motor_rate.omega_rad_s
-"""
-OBSERVERS_BY_GEAR = """
-    drive.omega_gear_rad_s        encoder_gear.omega_gear_rad_s
-"""
-EITHER = """
     # What the motor holds from this tick on: what the limits let through, not what was asked for.
     drive.u_Nm                    limits.u_Nm
+    drive.omega_motor_rad_s       motor_rate.omega_rad_s
     drive.tau_Nm                  sensor.tau_Nm
     human.theta_load_rad          encoder_load.theta_rad
     human.tau_Nm                  sensor.tau_Nm
@@ -129,7 +124,10 @@ PREDICTIVE = """
     predictive.u_in_force_Nm      limits.u_Nm
     predictive.tau_rate_Nm        sensor.tau_rate_Nm
     predictive.play_rad           sensor.play_rad
-    predictive.d4_rad_s2          drive.d4_rad_s2
+    predictive.d4_rad_s2          drive_by_gear.d4_rad_s2
+    drive_by_gear.u_Nm            limits.u_Nm
+    drive_by_gear.omega_gear_rad_s encoder_gear.omega_gear_rad_s
+    drive_by_gear.tau_Nm          sensor.tau_Nm
     predictive.tau_h_Nm           human.tau_h_Nm
     predictive.tau_h_rate_Nm_s    human.tau_h_rate_Nm_s
     # What is wanted comes by way of "ahead" alone: it may turn the mode off.
@@ -145,7 +143,7 @@ PREDICTIVE = """
 
 # As published: the person by (5.10) and a parabola, all rates from filtered differences.
 PUBLISHED = """
-    drive.omega_motor_rad_s       motor_rate.omega_rad_s
+    predictive.d4_rad_s2          drive.d4_rad_s2
     human.omega_load_rad_s        load_rate.omega_rad_s
     parabola.tau_h_Nm             human.tau_h_Nm
     predictive.omega_m_rad_s      motor_rate.omega_rad_s
@@ -157,7 +155,8 @@ PUBLISHED = """
 """
 # And gear and motor side are one inertia.
 NOT_PUBLISHED = (
-    *("human.theta_load_rad", "drive.omega_gear_rad_s"),
+    *("human.theta_load_rad", "drive_by_gear.u_Nm"),
+    *("drive_by_gear.omega_gear_rad_s", "drive_by_gear.tau_Nm"),
     *(f"predictive.{n}" for n in ("omega_gear_rad_s", "wound_rad", "gap_rad", "give_rad_Nm")),
     *("cable.theta_gear_rad", "cable.gear_usable", "cable.theta_motor_rad", "cable.motor_usable"),
     "cable.tau_Nm",
@@ -217,8 +216,8 @@ OWN_OUTPUTS = {
 """,
 }
 WIRES = {
-    "elbow_drive": SENSING + LIMITS + EITHER + OBSERVERS + COMPARED + SLIDING_MODE,
-    "elbow_mpc": SENSING + LIMITS + EITHER + OBSERVERS_BY_GEAR + COMPARED + PREDICTIVE,
+    "elbow_drive": SENSING + LIMITS + OBSERVERS + COMPARED + SLIDING_MODE,
+    "elbow_mpc": SENSING + LIMITS + OBSERVERS + COMPARED + PREDICTIVE,
 }
 FROM_OUTSIDE = {"elbow_drive": INPUTS, "elbow_mpc": INPUTS + FUTURE}
 # What is measured comes before what is made of it, the limits before the observers of what they let
@@ -231,7 +230,7 @@ ORDER = {
     },
     "elbow_mpc": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
-        "encoder_gear reference cable limits drive gear human",
+        "encoder_gear reference cable limits drive gear human drive_by_gear",
         "control": "ahead predictive redundancy stamp",
     },
 }

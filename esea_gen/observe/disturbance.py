@@ -11,7 +11,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, around, clip, flag_word
+from esea_gen.language.ports import Constant, Equation, Flag, Port, Tunable, around, clip, flag_word
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
@@ -155,20 +155,14 @@ def drive_observer(device: DeviceData) -> Block:
     with L = 0 the estimate rests instead of drifting.  a_model is the mean over the step: friction
     and coupling torque of both its ends, and the motor's torque averaged exactly.
     """
-    return _define(_DriveObserver(device))
-
-
-def _define(law: _DriveObserver) -> Block:
+    law = _DriveObserver(device)
     return Block.define(
         "drive_observer",
         "Disturbance of the drive, and the motor's torque behind its lag",
         period_s=law.h,
-        constants=law.device.constants("actuator"),
+        constants=device.constants("actuator"),
         tunables=law.tunables(),
-        coefficients=(
-            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
-            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
-        ),
+        coefficients=law.coefficients(),
         prepare=law.prepare,
         state=law.state(),
         inputs=law.inputs(),
@@ -193,8 +187,8 @@ def drive_observer_by_gear(device: DeviceData) -> Block:
     Returns
     -------
     Block
-        :func:`drive_observer`, with the input ``omega_gear_rad_s`` in place of the motor side's
-        rate.
+        Inputs ``u_Nm``, ``omega_gear_rad_s`` and ``tau_Nm``; outputs ``d4_rad_s2`` and a status
+        word.
 
     Raises
     ------
@@ -207,7 +201,24 @@ def drive_observer_by_gear(device: DeviceData) -> Block:
     times what the filter of the motor side's rate allows.  Seen from the gear, what the cable loses
     is a disturbance as the others.
     """
-    return _define(_DriveObserver(device, by_gear=True))
+    law = _DriveObserver(device, by_gear=True)
+    return Block.define(
+        "drive_by_gear",
+        "Disturbance of the drive, by the motor's own encoder",
+        period_s=law.h,
+        constants=(*device.constants("actuator"), *law.cable_constants()),
+        tunables=law.tunables(),
+        coefficients=law.coefficients(),
+        prepare=law.prepare,
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=(
+            around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
+            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+        ),
+        equations=law.equations(),
+        step=law.step,
+    )
 
 
 def gear_observer(device: DeviceData) -> Block:
@@ -348,7 +359,7 @@ class _DriveObserver:
         }
         outputs = {
             self.d: d4,
-            **({} if self.fixed else {"u_a_Nm": u_a}),
+            **({} if self.fixed or self.by_gear else {"u_a_Nm": u_a}),
             "status": flag_word(
                 [
                     ca.logic_not(ok),
@@ -358,6 +369,15 @@ class _DriveObserver:
             ),
         }
         return next_state, outputs
+
+    def cable_constants(self) -> tuple[Constant, ...]:
+        return tuple(c for c in self.device.constants("cable") if c.name in ("loss", "drive_1_s"))
+
+    def coefficients(self) -> tuple[Port, ...]:
+        return (
+            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
+            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
+        )
 
     def tunables(self) -> tuple[Tunable, ...]:
         if self.by_gear:

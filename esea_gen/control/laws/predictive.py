@@ -71,6 +71,7 @@ def _parts(base: Base) -> Parts:
     grid, published, along = device_horizon(device), person == "parabola", preview or one_layer
     control: dict[str, Component] = {}
     sense: dict[str, Component] = {}
+    after_limits: dict[str, Component] = {}
     replaced: dict[str, Component] = {
         "sensor": with_state_as_output(
             base.blocks["sensor"],
@@ -81,7 +82,7 @@ def _parts(base: Base) -> Parts:
     train = drive_train(device)
     if train == "cable":
         sense["cable"] = cable_observer(device)
-        replaced["drive"] = drive_observer_by_gear(device)
+        after_limits["drive_by_gear"] = drive_observer_by_gear(device)
     if published:
         control["parabola"] = parabola(device)
         replaced["human"] = lag_observer(device)
@@ -103,10 +104,11 @@ def _parts(base: Base) -> Parts:
     if preview:
         names = ["tau_preview_Nm", *(["theta_preview_rad", "omega_preview_rad_s"] * one_layer)]
         inputs = {n: (f"ahead.{n}",) for n in names}
-    sources = _sources(published, along)
+    sources = _sources(published, along, train)
     return Parts(
         control=control,
         sense=sense,
+        after_limits=after_limits,
         command="predictive.u_Nm",
         replaced=replaced,
         wires={
@@ -121,7 +123,7 @@ def _parts(base: Base) -> Parts:
     )
 
 
-def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
+def _sources(published: bool, along: bool, train: DriveTrain) -> dict[str, dict[str, str]]:
     # What feeds the inputs that are not the sliding mode's.
     omega_load = "load_rate.omega_rad_s" if published else "human.omega_load_rad_s"
     shown = ["offset_Nm", "keep", "tau_range_Nm", "tau_wanted_Nm", "theta_wanted_rad"]
@@ -152,7 +154,7 @@ def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
             "u_in_force_Nm": "limits.u_Nm",
             "tau_rate_Nm": "sensor.tau_rate_Nm",
             "play_rad": "sensor.play_rad",
-            "d4_rad_s2": "drive.d4_rad_s2",
+            "d4_rad_s2": "drive_by_gear.d4_rad_s2" if train == "cable" else "drive.d4_rad_s2",
         }
         | tau_h
         | wanted,
