@@ -14,13 +14,21 @@ from esea_gen.control import cable_model
 from esea_gen.control.horizon import Horizon, linearise
 from esea_gen.control.predictive_drive import drive_model, predictive_controller
 from esea_gen.device import Device, parse_device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
+from esea_gen.hostlib.library import HostLibrary
+from esea_gen.language.system import System
+from esea_gen.language.wires import Task
 from esea_gen.observe.cable import cable_observer
 from esea_gen.observe.disturbance import drive_observer_by_gear
 from esea_gen.studies.tuning import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
+from esea_gen.verify.coverage import branch_coverage
+from esea_gen.verify.memories import other_memories
+from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool
 
@@ -336,6 +344,26 @@ def test_what_does_not_go_together_is_refused():
     elbow = text[: text.index("\n[redundancy]")]
     with pytest.raises(UserError, match=r"\[redundancy\], which brings it in, is missing"):
         parse_device(elbow + text[text.index("\n[cable]") :], "mine.toml")
+
+
+def alone(block) -> System:
+    ins = {p.name: (f"one.{p.name}",) for p in block.inputs}
+    outs = {p.name: f"one.{p.name}" for p in block.outputs}
+    return System("alone", block.period_s, {"one": block}, (Task("run", ("one",)),), {}, ins, outs)
+
+
+@pytest.mark.parametrize("make", [cable_observer, drive_observer_by_gear])
+def test_both_lower_to_whole_numbers_and_take_every_branch(drive, make):
+    require_tool("gcc")
+    block = make(drive)
+    files = Renderer(alone(block), FORMATS["q31"], "-", "-", "test").files()
+    assert any(block.name in name for name in files)
+    found = [*streams(block), at_the_limits(block, FORMATS["f32"].dtype)]
+    found += other_memories(block, FORMATS["f32"].dtype)
+    library = HostLibrary(alone(block), Renderer(alone(block), FORMATS["f32"], "-", "-", "test"))
+    covered = branch_coverage(block, found, library)
+    assert covered.uncovered == []
+    assert covered.excluded == []
 
 
 def test_the_tuning_case_on_the_real_plant(tmp_path):

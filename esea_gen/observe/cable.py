@@ -206,13 +206,12 @@ class _Cable:
             pulls, kept_high, ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
         )
         give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
-        wound = clip(wound - middle + carried, -self.wound_lim, self.wound_lim)
-        gap = clip(kept_high - kept_low, 0.0, self.most)
-        limit = self.end_lim
+        wound = wound - middle + carried
+        gap = ca.fmin(kept_high - kept_low, self.most)  # to rounding
         next_state = {
             "primed": ok,
-            "high_rad": clip(ca.if_else(ok, kept_high, s.high_rad), -limit, limit),
-            "low_rad": clip(ca.if_else(ok, kept_low, s.low_rad), -limit, limit),
+            "high_rad": ca.if_else(ok, kept_high, s.high_rad),
+            "low_rad": ca.if_else(ok, kept_low, s.low_rad),
             "high_shown": ca.logic_and(ok, ca.logic_or(ca.logic_and(s.primed, up), pulls)),
             "low_shown": ca.logic_and(ok, ca.logic_or(ca.logic_and(s.primed, down), pushes)),
             **give,
