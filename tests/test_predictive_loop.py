@@ -162,12 +162,15 @@ def test_the_board_c_has_no_warning_and_no_double(program, core, tmp_path):
     assert "mem" not in [line.split()[-1][:3] for line in symbols.splitlines() if " U " in line]
 
 
-def test_a_third_derivation_gives_the_same_jacobian(drive):
+@pytest.mark.parametrize("train", ["rigid", "cable"])
+def test_a_third_derivation_gives_the_same_jacobian(drive, train):
     # CasADi's own differentiation of the flat rollout, with preview and impedance.
     horizon = Horizon(intervals=4, delay_s=0.002)
-    model = drive_model(drive, horizon, preview=True, impedance=True)
+    model = drive_model(drive, horizon, preview=True, impedance=True, train=train)
     flat = flat_residuals(model, horizon)
-    program = predictive_controller(drive, horizon=horizon, preview=True, impedance=True)
+    program = predictive_controller(
+        drive, horizon=horizon, preview=True, impedance=True, train=train
+    )
     simulator = program.simulator()
     coefficients = np.concatenate(list(simulator.coefficients.values()))
     for row in stress_rows(program, 20, seed=5):

@@ -232,7 +232,7 @@ def test_switching_on_is_bumpless_though_the_future_is_known(monkeypatch):
     n = 1500
     rest = np.zeros(n)
     path = Trajectory("on", rest, rest, rest, rest + 2.0, 1000, n, True)
-    run = run_case(Case("on", path), Setting("mpc", "ideal", "none"), 0)
+    run = run_case(Case("on", path), Setting("mpc", "real", "none"), 0)
     tau = run.plant["tau_e_Nm"]
     assert abs(tau[500]) < 0.02
     for after_s in (0.2, 0.4, 0.8):

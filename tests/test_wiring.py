@@ -142,8 +142,16 @@ PREDICTIVE = """
     # The load side's rate without delay, for the state at the measurement.
     ahead.omega_load_rad_s        human.omega_load_rad_s
     predictive.omega_l_rad_s      human.omega_load_rad_s
-    # The deflection's rate at the measurement; in the middle of the step it is half a period old.
-    predictive.omega_rad_s        velocity.omega_rad_s
+    # The gear's rate and the cable behind it, by the motor's own encoder.
+    predictive.omega_gear_rad_s   encoder_gear.omega_gear_rad_s
+    predictive.wound_rad          cable.wound_rad
+    predictive.gap_rad            cable.gap_rad
+    predictive.give_rad_Nm        cable.give_rad_Nm
+    cable.theta_gear_rad          encoder_gear.theta_gear_rad
+    cable.gear_usable             encoder_gear.gear_usable
+    cable.theta_motor_rad         encoder_motor.theta_rad
+    cable.motor_usable            encoder_motor.usable
+    cable.tau_Nm                  sensor.tau_Nm
     predictive.delta_rad          joint.theta_rad
     predictive.theta_l_rad        encoder_load.theta_rad
     # The motor's torque behind its lag, and the command that it holds until the new one comes.
@@ -151,7 +159,10 @@ PREDICTIVE = """
     predictive.u_in_force_Nm      limits.u_Nm
     predictive.tau_rate_Nm        sensor.tau_rate_Nm
     predictive.play_rad           sensor.play_rad
-    predictive.d4_rad_s2          drive.d4_rad_s2
+    predictive.d4_rad_s2          drive_by_gear.d4_rad_s2
+    drive_by_gear.u_Nm            limits.u_Nm
+    drive_by_gear.omega_gear_rad_s encoder_gear.omega_gear_rad_s
+    drive_by_gear.tau_Nm          sensor.tau_Nm
     predictive.tau_h_Nm           human.tau_h_Nm
     predictive.tau_h_rate_Nm_s    human.tau_h_rate_Nm_s
     # What is wanted comes by way of "ahead" alone: it may turn the mode off.
@@ -167,6 +178,7 @@ PREDICTIVE = """
 
 # As published: the person by (5.10) and a parabola, all rates from filtered differences.
 PUBLISHED = """
+    predictive.d4_rad_s2          drive.d4_rad_s2
     human.omega_load_rad_s        load_rate.omega_rad_s
     parabola.tau_h_Nm             human.tau_h_Nm
     predictive.omega_m_rad_s      motor_rate.omega_rad_s
@@ -176,7 +188,14 @@ PUBLISHED = """
     predictive.tau_h_rate_Nm_s    parabola.tau_h_rate_Nm_s
     predictive.tau_h_curve_Nm_s2  parabola.tau_h_curve_Nm_s2
 """
-NOT_PUBLISHED = ("human.theta_load_rad", "predictive.omega_rad_s")
+# And gear and motor side are one inertia.
+NOT_PUBLISHED = (
+    *("human.theta_load_rad", "drive_by_gear.u_Nm"),
+    *("drive_by_gear.omega_gear_rad_s", "drive_by_gear.tau_Nm"),
+    *(f"predictive.{n}" for n in ("omega_gear_rad_s", "wound_rad", "gap_rad", "give_rad_Nm")),
+    *("cable.theta_gear_rad", "cable.gear_usable", "cable.theta_motor_rad", "cable.motor_usable"),
+    "cable.tau_Nm",
+)
 
 # -- from outside and to the outside ---------------------------------------------------------------
 
@@ -251,7 +270,7 @@ ORDER = {
     },
     "elbow_mpc": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
-        "encoder_gear reference passivity limits drive gear human",
+        "encoder_gear reference cable passivity limits drive gear human drive_by_gear",
         "control": "ahead predictive redundancy stamp",
     },
 }

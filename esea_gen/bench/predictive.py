@@ -27,7 +27,7 @@ from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import step_times
 from esea_gen.control.box_qp_program import box_qp
 from esea_gen.control.horizon import Horizon
-from esea_gen.control.laws.predictive import device_horizon
+from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive_drive import predictive_controller
 from esea_gen.emit.program_c import loop_lines
 from esea_gen.emit.program_render import ProgramRenderer, render_program
@@ -305,7 +305,9 @@ def horizon_rows(
     lines = [f"{'intervals':>9}  {'bound':>9}  {'of it QP':>9}  state bytes"]
     for n in lengths:
         horizon = Horizon(intervals=n, delay_s=delay_s)
-        program = predictive_controller(device, horizon=horizon, preview=True, impedance=True)
+        program = predictive_controller(
+            device, horizon=horizon, preview=True, impedance=True, train=drive_train(device)
+        )
         c = cost_on(program, core)
         qp = sum(i for f, (i, _) in c.bound.by_function.items() if "_qp_" in f)
         lines.append(f"{n:9d}  {c.bound.instructions:9d}  {qp:9d}  {c.state_bytes}")

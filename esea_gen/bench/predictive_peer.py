@@ -19,7 +19,7 @@ import numpy as np
 
 from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.control.horizon import Horizon, Model, linearise
-from esea_gen.control.laws.predictive import device_horizon
+from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive import predictive_program
 from esea_gen.control.predictive_drive import drive_model
 from esea_gen.emit.program_render import render_program
@@ -124,7 +124,8 @@ def step_times(controller: str, steps: int = 200, rounds: int = 25) -> StepTimes
     """Time the whole step and CasADi's part of it on inputs recorded in closed loop."""
     device = controller_device(controller)
     horizon = device_horizon(device)
-    model = drive_model(device, horizon, preview=True, impedance=True)
+    train = drive_train(device)
+    model = drive_model(device, horizon, preview=True, impedance=True, train=train)
     program = predictive_program(model, horizon, period_s=0.005)
     rows = recorded_rows(controller, TuningCase().cases()[0], steps)
     stream = {}

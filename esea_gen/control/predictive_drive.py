@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi as ca
 import sympy as sp
 
+from esea_gen.control.cable_model import CableModel
 from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import predictive_program
 from esea_gen.devices.fields import field_facts
+from esea_gen.errors import UserError
 from esea_gen.language.ports import Constant, Port, Tunable, around, clip
 from esea_gen.language.program import Program
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
@@ -33,6 +35,8 @@ LEAST_SHARE = 1e-4
 # Who tells of the person's torque and of the rates: the extended-state observer with the tracking
 # observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
 Person = Literal["extended_state", "parabola"]
+# Whether gear and motor side are one inertia or have the cable between them.
+DriveTrain = Literal["rigid", "cable"]
 
 
 def drive_model(
@@ -43,6 +47,7 @@ def drive_model(
     impedance: bool = False,
     person: Person = "extended_state",
     weights: tuple[float, float] = (Q_BEST, R_BEST),
+    train: DriveTrain = "rigid",
 ) -> Model:
     """Plant (5.1 to 5.3), elastomer and cost of a device.
 
@@ -63,6 +68,9 @@ def drive_model(
         side's rate in place of the deflection's.
     weights : tuple of float
         Defaults of the tunables Q and R.
+    train : {"rigid", "cable"}
+        ``cable``: with an elastic cable and backlash; inputs ``wound_rad``, ``gap_rad`` and the
+        gear's rate in place of the deflection's.
 
     Returns
     -------
@@ -72,18 +80,21 @@ def drive_model(
     Raises
     ------
     UserError
-        When the device has no drive.
+        When the device has no drive, or ``train`` asks for more than its file has.
 
     Notes
     -----
     A substep of length h: the motor's lag exactly (5.1); half a kick by motor, coupling and person;
     friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
-    with the new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
+    with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
+    torques of cable and elastomer balance.  The sign of Kp and Kd is that of a stiffness; (5.24)
+    prints the other one.
     """
-    plant = _Drive(device, impedance, person)
+    plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
+    gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
     wanted, references = plant.wanted(horizon, preview)
     return Model(
         states=plant.states(),
@@ -98,28 +109,26 @@ def drive_model(
         references=references,
         forecasts={"tau_h": plant.human},
         shape=plant.reach,
-        parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains),
+        parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains, *gap),
         stops=plant.stops,
         play="play_rad",
         deflection=lambda u: plant.beyond(u.delta_rad),
-        constants=(
-            *device.constants("actuator"),
-            *device.constants("joint"),
-            *device.constants("elastomer"),
-            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
-        ),
+        constants=plant.constants(),
         tunables=tunables,
         coefficients=coefficients,
         prepare=plant.prepare,
-        equations=_equations(impedance),
+        equations=_equations(impedance, train),
     )
 
 
 class _Drive:
     """Numbers of the plant, one method an equation group, and the ports."""
 
-    def __init__(self, device: DeviceData, impedance: bool, person: Person) -> None:
-        drive = self.drive = drive_of(device)
+    def __init__(
+        self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
+    ) -> None:
+        self.device, drive = device, drive_of(device)
+        self.drive = drive
         self.impedance, self.published = impedance, person == "parabola"
         a = drive.actuator
         self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
@@ -135,6 +144,26 @@ class _Drive:
         self.maxwell = (
             {c.name: c.value for c in device.constants("elastomer.maxwell")} if e.maxwell else None
         )
+        self.cable: CableModel | None = None
+        if train == "cable":
+            if self.published:
+                raise UserError(
+                    f'{device.origin}: predictive.drive = "cable" takes the rate of the motor\'s '
+                    'own encoder, person = "parabola" filtered differences, as published.',
+                    'Write person = "extended_state" or drive = "rigid".',
+                )
+            # Half of the Maxwell element's spring: its dashpot gives way within a substep or not.
+            give = 0.5 * self.maxwell["kv_Nm_rad"] if self.maxwell else 0.0
+            self.cable = CableModel(device, self.k1 + sum(self.stops.p) + give)
+
+    def constants(self) -> tuple[Constant, ...]:
+        """Of the device file."""
+        sections = ("actuator", "joint", "elastomer")
+        return (
+            *(c for section in sections for c in self.device.constants(section)),
+            *(self.cable.constants(self.device) if self.cable else ()),
+            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
+        )
 
     def beyond(self, delta: Any) -> Any:
         """(8.7/8.8): the deflection beyond the dead zone."""
@@ -146,15 +175,21 @@ class _Drive:
 
     def states(self) -> tuple[str, ...]:
         angle, rate = ("theta_l",) * self.impedance, ("tau_r",) * (self.maxwell is not None)
-        return (*angle, "delta", "omega_m", "omega_l", "u_a", *rate, "tau_e")
+        turned = ("turned",) * (self.cable is not None)
+        return (*angle, "delta", *turned, "omega_m", "omega_l", "u_a", *rate, "tau_e")
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
         """State at the measurement."""
         tau_r = u.tau_rate_Nm if self.maxwell else 0.0
         angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
+        if self.cable:
+            omega_m = u.omega_gear_rad_s
+        else:
+            omega_m = u.omega_m_rad_s if self.published else u.omega_l_rad_s + u.omega_rad_s
         return angle | {
             "delta": u.delta_rad,
-            "omega_m": u.omega_m_rad_s if self.published else u.omega_l_rad_s + u.omega_rad_s,
+            **({"turned": u.delta_rad + u.wound_rad} if self.cable else {}),
+            "omega_m": omega_m,
             "omega_l": u.omega_l_rad_s,
             "u_a": u.u_a_Nm,
             **({"tau_r": tau_r} if self.maxwell else {}),
@@ -174,16 +209,25 @@ class _Drive:
         omega_1 = t.let("omega_1", x.omega_m + push - half / self.inertia * x.tau_e)
         pull = half * p.load_1_kgm2
         load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
-        omega_2 = self.friction(t, h, omega_1)
-        moved = t.let("moved", half * (omega_1 + omega_2) - h * load_1)
-        delta = t.let("delta_next", x.delta + moved)
+        omega_2 = self.friction(t, h, omega_1, x.tau_e)
+        moved = half * (omega_1 + omega_2) - h * load_1
+        turned = {}
+        if self.cable:
+            turned["turned"] = t.let("turned_next", x.turned + moved)
+            delta = self.cable.follow(t, x, turned["turned"], p)
+        else:
+            moved = t.let("moved", moved)
+            delta = t.let("delta_next", x.delta + moved)
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
         tau_memory = t.memory(stretch)
+        if self.cable:
+            moved = t.keep("followed", delta - x.delta)
         tau_r = self.rate_torque(t, h, x, stretch, moved) if self.maxwell else 0.0
         tau_e = t.let("tau_e_next", self.spring(stretch) + tau_r + tau_memory)
         angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
         return angle | {
             "delta": delta,
+            **turned,
             "omega_m": omega_2 + push - half / self.inertia * tau_e,
             "omega_l": load_1 + pull * (tau_e + w.tau_h),
             "u_a": u + keep * (x.u_a - u),
@@ -191,25 +235,29 @@ class _Drive:
             "tau_e": tau_e,
         }
 
-    def friction(self, t: Tape, h: float, omega_1: Any) -> Any:
+    def friction(self, t: Tape, h: float, omega_1: Any, tau_e: Any) -> Any:
         """Friction's part of (5.2): one linearly implicit midpoint step of omega_m."""
         half = 0.5 * h
+        coulomb = self.cable.coulomb(t, self.fc, tau_e) if self.cable else self.fc
         sig = t.keep(
             "sig",
             ca.tanh(omega_1 * (1 / self.width)),
             {omega_1: lambda y: (1 - y * y) * (1 / self.width)},
         )
-        damping = 1 + half / self.inertia * (self.fv + self.fc / self.width * (1 - sig * sig))
+        damping = 1 + half / self.inertia * (self.fv + coulomb / self.width * (1 - sig * sig))
         eased = t.keep("eased", 1 / damping)
         loss = h / self.inertia
 
         def lost_by(lost: Any) -> Any:
-            by_sig = loss * (self.fc + lost * (self.fc / self.width) * sig)
+            by_sig = loss * (coulomb + lost * (coulomb / self.width) * sig)
             return eased * (loss * self.fv + by_sig * ((1 - sig * sig) * (1 / self.width)))
 
-        lost = t.keep(
-            "lost", loss * (self.fv * omega_1 + self.fc * sig) * eased, {omega_1: lost_by}
-        )
+        slopes = {omega_1: lost_by}
+        if self.cable:
+            slopes[coulomb] = lambda lost: (
+                eased * (loss * sig - lost * (half / self.inertia / self.width) * (1 - sig * sig))
+            )
+        lost = t.keep("lost", loss * (self.fv * omega_1 + coulomb * sig) * eased, slopes)
         return t.let("omega_2", omega_1 - lost)
 
     def rate_torque(self, t: Tape, h: float, x: SimpleNamespace, stretch: Any, moved: Any) -> Any:
@@ -311,8 +359,11 @@ class _Drive:
         tau_rate = around("tau_rate_Nm", drive.tau_Nm, "sensor: Maxwell element's torque")
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
+            *(self.cable.ports() if self.cable else ()),
             around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
             if self.published
+            else around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
+            if self.cable
             else around("omega_rad_s", drive.rate_rad_s, "deflection's rate"),
             *(
                 (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
@@ -374,6 +425,7 @@ def predictive_controller(
     weights: tuple[float, float] = (Q_BEST, R_BEST),
     period_s: float | None = None,
     cap: int | None = None,
+    train: DriveTrain = "rigid",
 ) -> Program:
     """The predictive controller of a device as a Program.
 
@@ -392,6 +444,8 @@ def predictive_controller(
         Period of the control task; the device's when not given.
     cap : int, optional
         Cap on the QP's iterations.
+    train : {"rigid", "cable"}
+        As in :func:`drive_model`.
 
     Returns
     -------
@@ -410,7 +464,13 @@ def predictive_controller(
         horizon = Horizon(delay_s=period if release is None else release.value)
     return predictive_program(
         drive_model(
-            device, horizon, preview=preview, impedance=impedance, person=person, weights=weights
+            device,
+            horizon,
+            preview=preview,
+            impedance=impedance,
+            person=person,
+            weights=weights,
+            train=train,
         ),
         horizon,
         period_s=period,
@@ -419,7 +479,7 @@ def predictive_controller(
     )
 
 
-def _equations(impedance: bool) -> tuple[Any, ...]:
+def _equations(impedance: bool, train: DriveTrain) -> tuple[Any, ...]:
     n, u, ua, tau_c, om, tau_e, j, d4 = sp.symbols("n u_c u_a tau_c omega_m tau_e J d_4")
     fv, fc, jh, tau_h, tau_d = sp.symbols("f_v f_c J_h tau_h tau_d")
     q, r, e = sp.symbols("Q R e")

@@ -138,6 +138,12 @@ def _check_control(origin: str, file: DeviceFile) -> None:
         )
     if file.passivity is not None:
         _check_passivity(origin, file)
+    if file.cable is not None and file.redundancy is None:
+        raise UserError(
+            f"{origin}: [cable] goes with the motor's own encoder, but section [redundancy], which "
+            "brings it in, is missing.",
+            'Add it, or write extends = "elbow_drive" and give what differs.',
+        )
     for law in laws:
         control = (*drive, *LAW_SECTIONS[law])
         needed = [k for k in control if getattr(file, k) is None]
@@ -158,6 +164,7 @@ def _check_control(origin: str, file: DeviceFile) -> None:
         ("joint.theta_min_rad", "safety.rom_min_rad"),
         ("redundancy.cable_least_Nm_rad", "redundancy.cable_Nm_rad"),
         ("passivity.least_Nms_rad", "passivity.damping_Nms_rad"),
+        ("cable.backlash_rad", "cable.backlash_most_rad"),
     ]
     for low, high in pairs:
         if low in values and high in values and values[low] > values[high]:

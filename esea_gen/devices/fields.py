@@ -318,6 +318,12 @@ class Predictive(Section):
         description="Torque of the person ahead: extended-state observer, or as published, the "
         "observer (5.10) with a parabola through its past and rates from filtered differences.",
     )
+    drive: Literal["auto", "rigid", "cable"] = Field(
+        default="auto",
+        description="rigid: gear and motor side are one inertia, as in (5.2); cable: with elastic "
+        "cable and backlash between them, by the motor's own encoder; auto: cable where the "
+        "file has [cable] and person is extended_state.",
+    )
 
 
 class Impedance(Section):
@@ -379,6 +385,21 @@ class PassiveInteraction(Section):
     Kd_max_Nms_rad: Quantity = _number(1e-3, 5, "Largest damping that is passive; compiled in.")
 
 
+class Cable(Section):
+    """The cable between gear and motor side; its stiffness is the usual one of the redundancy."""
+
+    backlash_rad: Quantity = _number(0, 0.2, "Whole gap until it has been learnt.")
+    backlash_most_rad: Quantity = _number(1e-3, 0.2, "Largest gap that may be learnt.")
+    loss: Quantity = _number(0, 0.5, "Share of the |cable's torque| that its friction takes.")
+    contact_Nm: Quantity = _number(
+        1e-3, 10, "Interaction torque above which the cable is at an end of its gap."
+    )
+    rate_1_s: Quantity = _number(0, 200, "How fast the ends of the gap are learnt.")
+    drive_1_s: Quantity = _number(
+        0, 200, "Bandwidth L of the drive's disturbance observer on the motor's own encoder."
+    )
+
+
 class DeviceFile(Section):
     """A device file, as written."""
 
@@ -420,6 +441,10 @@ class DeviceFile(Section):
         default=None,
         description="Damping that a law lacks, and a bound of the energy that the drive gives; "
         "left out, a law may swing a limp hand up.",
+    )
+    cable: Cable | None = Field(
+        default=None,
+        description="The cable, for predictive control that knows it by the motor's own encoder.",
     )
 
 

@@ -11,7 +11,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, around, clip, flag_word
+from esea_gen.language.ports import Constant, Equation, Flag, Port, Tunable, around, clip, flag_word
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
@@ -30,6 +30,7 @@ ACCELERATION = MODEL_ACCELERATION + D4
 MOVED_S = 0.1  # decay of the largest acceleration: longer than a swing of the cable
 # Largest product of an observer's bandwidth and its velocity filter's delay.
 DELAY_SHARE = 0.5
+MEANING = "bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it"
 
 
 def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
@@ -100,7 +101,7 @@ def bandwidth_tunable(
         bandwidth.value,
         0.0,
         limit,
-        "bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it",
+        MEANING,
         bandwidth.source,
         bandwidth.status,
     )
@@ -162,16 +163,58 @@ def drive_observer(device: DeviceData) -> Block:
         period_s=law.h,
         constants=device.constants("actuator"),
         tunables=law.tunables(),
-        coefficients=(
-            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
-            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
-        ),
+        coefficients=law.coefficients(),
         prepare=law.prepare,
         state=law.state(),
         inputs=law.inputs(),
         outputs=(
             around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
             around("u_a_Nm", law.u_lim, "motor torque by the model of its lag", equation="(5.1)"),
+            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+        ),
+        equations=law.equations(),
+        step=law.step,
+    )
+
+
+def drive_observer_by_gear(device: DeviceData) -> Block:
+    """Disturbance of the drive (5.5) from the rate of the motor's own encoder.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive and the section ``[cable]``, which has its bandwidth.
+
+    Returns
+    -------
+    Block
+        Inputs ``u_Nm``, ``omega_gear_rad_s`` and ``tau_Nm``; outputs ``d4_rad_s2`` and a status
+        word.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive or no ``[cable]``.
+
+    Notes
+    -----
+    That rate needs no filter: it is late by half a period, so that the bandwidth may be twenty
+    times what the filter of the motor side's rate allows.  Seen from the gear, what the cable loses
+    is a disturbance as the others.
+    """
+    law = _DriveObserver(device, by_gear=True)
+    return Block.define(
+        "drive_by_gear",
+        "Disturbance of the drive, by the motor's own encoder",
+        period_s=law.h,
+        constants=(*device.constants("actuator"), *law.cable_constants()),
+        tunables=law.tunables(),
+        coefficients=law.coefficients(),
+        prepare=law.prepare,
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=(
+            around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
             Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
         ),
         equations=law.equations(),
@@ -229,13 +272,17 @@ def gear_observer(device: DeviceData) -> Block:
 
 
 class _DriveObserver:
-    """Numbers, step and ports; of the motor's own encoder when its bandwidth is given."""
+    """Numbers, step and ports; with a fixed bandwidth where one is given."""
 
-    def __init__(self, device: DeviceData, bandwidth_1_s: float | None = None) -> None:
-        self.device = device
+    def __init__(
+        self, device: DeviceData, bandwidth_1_s: float | None = None, *, by_gear: bool = False
+    ) -> None:
+        self.device, self.by_gear = device, by_gear
+        cable = device.file.cable
+        self.loss = cable.loss.value if by_gear and cable else 0.0
         self.fixed = bandwidth_1_s is not None
         self.share = 1 - math.exp(-device.period_s * (bandwidth_1_s or 0.0))
-        self.omega = "omega_gear_rad_s" if self.fixed else "omega_motor_rad_s"
+        self.omega = "omega_gear_rad_s" if self.fixed or by_gear else "omega_motor_rad_s"
         self.d = "d_gear_rad_s2" if self.fixed else "d4_rad_s2"
         self.decay_moved = math.exp(-device.period_s / MOVED_S)
         self.drive = drive_of(device)
@@ -265,7 +312,7 @@ class _DriveObserver:
                 self.numbers[N] * self.u_lim
                 + self.numbers[FV] * self.omega_lim
                 + self.numbers[FC]
-                + self.tau_lim
+                + self.tau_lim * (1 + self.loss)
             )
             / self.numbers[J]
             * 1.001
@@ -283,9 +330,13 @@ class _DriveObserver:
         omega = vars(u)[self.omega]
         keep, share = (1 - self.share, self.share) if self.fixed else (c.keep, c.share)
         values = self.numbers | {OMEGA_M: omega, TAU_E: u.tau_Nm}
+        passive_model = to_casadi(MODEL_ACCELERATION.subs(U_A, 0), values)
+        if self.loss:
+            rubbed = self.loss / self.numbers[J] * ca.fabs(u.tau_Nm)
+            passive_model = passive_model - rubbed * ca.tanh(omega / self.numbers[WIDTH])
         passive = label(
             "passive_rad_s2",
-            to_casadi(MODEL_ACCELERATION.subs(U_A, 0), values),
+            passive_model,
             "(5.2) without motor and disturbance",
         )
         driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.mean
@@ -316,7 +367,7 @@ class _DriveObserver:
             "d4_rad_s2": d4,
         }
         clipped = ca.fabs(moved) > self.d_lim
-        extra = {"u_a_Nm": u_a}
+        extra = {} if self.fixed or self.by_gear else {"u_a_Nm": u_a}
         if self.fixed:
             lagged = s.a_rad_s2 * keep + share * seen
             clipped = ca.logic_or(clipped, ca.fabs(lagged) > self.a_lim)
@@ -336,7 +387,28 @@ class _DriveObserver:
         moves = ca.fmax(ca.fabs(a), s.moved_rad_s2 * self.decay_moved)
         return {"a_rad_s2": a, "moves_rad_s2": label("moves_rad_s2", moves, "largest of late")}
 
+    def cable_constants(self) -> tuple[Constant, ...]:
+        return tuple(c for c in self.device.constants("cable") if c.name in ("loss", "drive_1_s"))
+
+    def coefficients(self) -> tuple[Port, ...]:
+        return (
+            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
+            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
+        )
+
     def tunables(self) -> tuple[Tunable, ...]:
+        if self.by_gear:
+            cable = self.device.file.cable
+            if cable is None:
+                raise UserError(f"{self.device.origin}: section [cable] is missing.", "Add it.")
+            asked = cable.drive_1_s
+            # By bandwidth_limit_1_s, whose filter is here a difference over one period.
+            limit = DELAY_SHARE / self.h
+            return (
+                Tunable(
+                    "bandwidth_1_s", asked.value, 0.0, limit, MEANING, asked.source, asked.status
+                ),
+            )
         return (
             bandwidth_tunable(
                 self.device,
@@ -377,7 +449,9 @@ class _DriveObserver:
             around(
                 self.omega,
                 self.omega_lim,
-                "rate of the motor's encoder" if self.fixed else "motor side's rate",
+                "motor side's rate"
+                if self.omega == "omega_motor_rad_s"
+                else "rate of the motor's encoder",
                 on_invalid="omega_last_rad_s",
             ),
             around("tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid=0.0),

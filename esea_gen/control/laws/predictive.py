@@ -6,12 +6,20 @@ from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.limits import command_stamp
-from esea_gen.control.predictive_drive import Q_BEST, R_BEST, Person, predictive_controller
+from esea_gen.control.predictive_drive import (
+    Q_BEST,
+    R_BEST,
+    DriveTrain,
+    Person,
+    predictive_controller,
+)
 from esea_gen.control.shown import shown_reference, with_state_as_output
 from esea_gen.control.trend import trend
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.component import Component
 from esea_gen.observe import drive_of
+from esea_gen.observe.cable import cable_observer
+from esea_gen.observe.disturbance import drive_observer_by_gear
 from esea_gen.observe.extrapolation import parabola
 from esea_gen.observe.human import lag_observer
 
@@ -41,6 +49,19 @@ def device_horizon(device: DeviceData) -> Horizon:
     )
 
 
+def drive_train(device: DeviceData) -> DriveTrain:
+    """Whether predictive control of a device knows the cable.
+
+    return: as ``drive`` in ``[predictive]`` says; where that is ``auto``, ``cable`` for a device
+        with ``[cable]`` whose rates are not those of the published controller.
+    """
+    asked = device.file.predictive
+    published = asked is not None and asked.person == "parabola"
+    if asked is not None and asked.drive != "auto":
+        return asked.drive
+    return "rigid" if device.file.cable is None or published else "cable"
+
+
 def _parts(base: Base) -> Parts:
     # With no section of its own: best of our trials, nothing known ahead.
     asked, device = base.device.file.predictive, base.device
@@ -55,6 +76,8 @@ def _parts(base: Base) -> Parts:
         future != "held" or one_layer,
     )
     control: dict[str, Component] = {}
+    sense: dict[str, Component] = {}
+    after_limits: dict[str, Component] = {}
     replaced: dict[str, Component] = {
         "sensor": with_state_as_output(
             base.blocks["sensor"],
@@ -62,6 +85,10 @@ def _parts(base: Base) -> Parts:
             "play states of the stop operators, for predictive control",
         )
     }
+    train = drive_train(device)
+    if train == "cable":
+        sense["cable"] = cable_observer(device)
+        after_limits["drive_by_gear"] = drive_observer_by_gear(device)
     if published:
         control["parabola"] = parabola(device)
         replaced["human"] = lag_observer(device)
@@ -81,14 +108,17 @@ def _parts(base: Base) -> Parts:
         impedance=one_layer,
         person=person,
         weights=weights,
+        train=train,
     )
     inputs: dict[str, tuple[str, ...]] = {}
     if preview:
         names = ["tau_preview_Nm", *(["theta_preview_rad", "omega_preview_rad_s"] * one_layer)]
         inputs = {n: (f"ahead.{n}",) for n in names}
-    sources = _sources(published, along)
+    sources = _sources(published, along, train)
     return Parts(
         control=control,
+        sense=sense,
+        after_limits=after_limits,
         command="predictive.u_Nm",
         replaced=replaced,
         wires={
@@ -103,7 +133,7 @@ def _parts(base: Base) -> Parts:
     )
 
 
-def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
+def _sources(published: bool, along: bool, train: DriveTrain) -> dict[str, dict[str, str]]:
     # What feeds the inputs that are not the sliding mode's.
     omega_load = "load_rate.omega_rad_s" if published else "human.omega_load_rad_s"
     shown = ["offset_Nm", "keep", "tau_range_Nm", "tau_wanted_Nm", "theta_wanted_rad"]
@@ -130,6 +160,10 @@ def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
         "predictive": {
             "delta_rad": "joint.theta_rad",
             "omega_rad_s": "velocity.omega_rad_s",
+            "wound_rad": "cable.wound_rad",
+            "gap_rad": "cable.gap_rad",
+            "give_rad_Nm": "cable.give_rad_Nm",
+            "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
             "omega_m_rad_s": "motor_rate.omega_rad_s",
             "theta_l_rad": "encoder_load.theta_rad",
             "omega_l_rad_s": omega_load,
@@ -137,7 +171,7 @@ def _sources(published: bool, along: bool) -> dict[str, dict[str, str]]:
             "u_in_force_Nm": "limits.u_Nm",
             "tau_rate_Nm": "sensor.tau_rate_Nm",
             "play_rad": "sensor.play_rad",
-            "d4_rad_s2": "drive.d4_rad_s2",
+            "d4_rad_s2": "drive_by_gear.d4_rad_s2" if train == "cable" else "drive.d4_rad_s2",
         }
         | tau_h
         | wanted,

@@ -1,0 +1,316 @@
+"""The cable between gear and motor side: how far it is wound up, and where its backlash is now."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import (
+    Constant,
+    Equation,
+    Flag,
+    Port,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
+from esea_gen.model.symbolic import equation
+from esea_gen.observe import drive_of
+
+if TYPE_CHECKING:
+    from esea_gen.devices.fields import Cable, Redundancy
+    from esea_gen.devices.file import DeviceData
+
+
+USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
+
+
+# The give is learnt at this share of the rate of the ends, for a torque that changes by 1 Nm; from
+# what changes faster than this share of that rate.
+LEARN_1_Nm2, MEAN_SHARE = 0.2, 0.25
+
+
+def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
+    """What a device file says of its cable.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+
+    Returns
+    -------
+    cable, redundancy : Section
+        The sections ``[cable]`` and ``[redundancy]``, which has the stiffness.
+
+    Raises
+    ------
+    UserError
+        When one of them is missing.
+    """
+    f = device.file
+    if f.cable is None or f.redundancy is None:
+        name = "cable" if f.cable is None else "redundancy"
+        raise UserError(
+            f"{device.origin}: section [{name}] is missing: a law that knows the cable needs it.",
+            'Add it, or write drive = "rigid" in [predictive].',
+        )
+    return f.cable, f.redundancy
+
+
+def wound_range_rad(device: DeviceData) -> float:
+    """Largest winding of the cable, from the middle of its gap.
+
+    Parameters
+    ----------
+    device : DeviceData
+        As for :func:`cable_of`.
+
+    Returns
+    -------
+    float
+        In rad: half the largest backlash, and what the largest torque winds up.
+    """
+    own, redundancy = cable_of(device)
+    by_torque = drive_of(device).tau_Nm / redundancy.cable_least_Nm_rad.value
+    return threshold(1.01 * (0.5 * own.backlash_most_rad.value + by_torque))
+
+
+def give_most_rad_Nm(device: DeviceData) -> float:
+    """One over the stiffness of the softest cable.
+
+    Parameters
+    ----------
+    device : DeviceData
+        As for :func:`cable_of`.
+
+    Returns
+    -------
+    float
+        In rad/Nm.
+    """
+    _, redundancy = cable_of(device)
+    return 1 / redundancy.cable_least_Nm_rad.value
+
+
+def cable_observer(device: DeviceData) -> Block:
+    """Winding of the cable, and its backlash, from the encoders at both of its ends.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive and the sections ``[cable]`` and ``[redundancy]``.
+
+    Returns
+    -------
+    Block
+        Inputs: angle that the drive has turned, motor-side angle, whether both encoders are usable,
+        the interaction torque.  Outputs: ``wound_rad``, the gear's angle less the motor side's,
+        from the middle of the gap; ``gap_rad``, the whole backlash; a status word.
+
+    Raises
+    ------
+    UserError
+        When the device has no drive or lacks a section.
+
+    Notes
+    -----
+    The motor-side part is light: its torques balance within milliseconds, so that the cable carries
+    the elastomer's torque, and tells by its winding less tau/k where in the gap it is.  Above
+    ``contact_Nm`` it lies at one end: there that end is learnt, by a lag of ``rate_1_s``, and the
+    winding is that of the model, free of the encoders' steps.  Below, it is as measured, between
+    both ends; a measurement beyond an end moves it.  The end that no torque has shown yet moves
+    along with the other one, so that the gap stays the usual one until both are known.
+
+    The motor's encoder knows no absolute angle, and a joint encoder is wrong by an angle that
+    changes slowly with the joint's: both are in the ends, and fall out of what is given.
+    """
+    law = _Cable(device)
+    return Block.define(
+        "cable",
+        "Cable between gear and motor side: winding and backlash",
+        period_s=law.h,
+        constants=law.constants(),
+        state=law.state(),
+        inputs=law.inputs(),
+        outputs=law.outputs(),
+        equations=_equations(),
+        step=law.step,
+    )
+
+
+class _Cable:
+    """Numbers, step and ports."""
+
+    def __init__(self, device: DeviceData) -> None:
+        self.own, redundancy = cable_of(device)
+        drive = self.drive = drive_of(device)
+        self.device = device
+        self.h = device.period_s
+        self.give = 1 / redundancy.cable_Nm_rad.value
+        self.usual, self.most = self.own.backlash_rad.value, self.own.backlash_most_rad.value
+        self.contact = threshold(self.own.contact_Nm.value)
+        self.share = 1 - math.exp(-self.h * self.own.rate_1_s.value)
+        span = drive.theta_high_rad - drive.theta_low_rad
+        side = max(abs(drive.theta_low_rad), abs(drive.theta_high_rad))
+        self.gear_lim = span * 1.01
+        self.turned_lim = 1.01 * (self.gear_lim + side)
+        self.softest = threshold(give_most_rad_Nm(device))
+        self.seen_lim = 1.01 * (self.turned_lim + drive.tau_Nm * self.softest)
+        self.mean_share = 1 - math.exp(-self.h * MEAN_SHARE * self.own.rate_1_s.value)
+        self.end_lim = 1.01 * (self.seen_lim + self.most)
+        self.wound_lim = wound_range_rad(device)
+
+    def step(
+        self,
+        c: SimpleNamespace,
+        s: SimpleNamespace,
+        u: SimpleNamespace,
+        guard: Guard,
+        label: Labels,
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
+        ok = label("ok", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
+        carried = label("carried_rad", u.tau_Nm * s.give_rad_Nm, "[cable 1] winding by the torque")
+        seen = label(
+            "seen_rad", u.theta_gear_rad - u.theta_motor_rad - carried, "[cable 1] where in the gap"
+        )
+        # Without a sample before, the ends lie about this one.
+        high = ca.if_else(s.primed, s.high_rad, seen + 0.5 * self.usual)
+        low = ca.if_else(s.primed, s.low_rad, seen - 0.5 * self.usual)
+        pulls = label("pulls", u.tau_Nm > self.contact, "surely at the upper end")
+        pushes = label("pushes", u.tau_Nm < -self.contact, "surely at the lower end")
+        lies = ca.if_else(pulls, high, ca.if_else(pushes, low, clip(seen, low, high)))
+        lies = label("lies_rad", lies, "[cable 2] where it must lie")
+        off = label("learnt_rad", self.share * (seen - lies), "[cable 3]")
+        at_high = ca.logic_or(pulls, ca.logic_and(ca.logic_not(pushes), seen > high))
+        at_low = ca.logic_or(pushes, ca.logic_and(ca.logic_not(pulls), seen < low))
+        up, down = s.high_shown > 0.5, s.low_shown > 0.5
+        to_high = ca.if_else(ca.logic_or(at_high, ca.logic_and(at_low, ca.logic_not(up))), off, 0.0)
+        to_low = ca.if_else(
+            ca.logic_or(at_low, ca.logic_and(at_high, ca.logic_not(down))), off, 0.0
+        )
+        new_high, new_low = high + to_high, low + to_low
+        # The gap is no less than none and no more than the largest: the end that moves wins.
+        kept_low = ca.if_else(at_low, new_low, clip(new_low, new_high - self.most, new_high))
+        kept_high = ca.if_else(at_low, clip(new_high, new_low, new_low + self.most), new_high)
+        middle = 0.5 * (kept_high + kept_low)
+        wound = ca.if_else(
+            pulls, kept_high, ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
+        )
+        give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
+        wound = wound - middle + carried
+        gap = ca.fmin(kept_high - kept_low, self.most)  # to rounding
+        next_state = {
+            "primed": ok,
+            "high_rad": ca.if_else(ok, kept_high, s.high_rad),
+            "low_rad": ca.if_else(ok, kept_low, s.low_rad),
+            "high_shown": ca.logic_and(ok, ca.logic_or(ca.logic_and(s.primed, up), pulls)),
+            "low_shown": ca.logic_and(ok, ca.logic_or(ca.logic_and(s.primed, down), pushes)),
+            **give,
+        }
+        outputs = {
+            "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 2]"),
+            "give_rad_Nm": give["give_rad_Nm"],
+            "gap_rad": label("gap_rad", ca.if_else(ok, gap, self.usual), "[cable 3]"),
+            "status": flag_word(
+                [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), ca.logic_not(ok)]
+            ),
+        }
+        return next_state, outputs
+
+    def learnt_give(
+        self, s: SimpleNamespace, u: SimpleNamespace, taut: Any, label: Labels
+    ) -> dict[str, Any]:
+        """What the cable gives for a torque: by how both change while it is taut (LMS)."""
+        goes_on = ca.logic_and(taut, s.taut)
+        turned = u.theta_gear_rad - u.theta_motor_rad
+        by_angle = ca.if_else(goes_on, turned - s.mean_rad, 0.0)
+        by_torque = ca.if_else(goes_on, u.tau_Nm - s.mean_Nm, 0.0)
+        by_torque = label("change_Nm", clip(by_torque, -1.0, 1.0), "[cable 5] since taut")
+        by_angle = clip(by_angle, -self.most, self.most)
+        missed = label("missed_rad", by_angle - s.give_rad_Nm * by_torque, "[cable 5]")
+        give = s.give_rad_Nm + LEARN_1_Nm2 * self.share * missed * by_torque
+        share = self.mean_share
+        return {
+            "taut": taut,
+            "mean_rad": ca.if_else(goes_on, s.mean_rad + share * (turned - s.mean_rad), turned),
+            "mean_Nm": ca.if_else(goes_on, s.mean_Nm + share * (u.tau_Nm - s.mean_Nm), u.tau_Nm),
+            "give_rad_Nm": label("give_rad_Nm", clip(give, 0.0, self.softest), "[cable 5]"),
+        }
+
+    def constants(self) -> tuple[Constant, ...]:
+        own = [c for c in self.device.constants("cable") if c.name in USED]
+        stiff = [c for c in self.device.constants("redundancy") if c.name == "cable_Nm_rad"]
+        return (*own, *stiff)
+
+    def state(self) -> tuple[Port, ...]:
+        return (
+            Port("primed", 0.0, 1.0, "1 when the last sample could be compared"),
+            around("high_rad", self.end_lim, "end of the gap at which the gear pulls upward"),
+            around("low_rad", self.end_lim, "its other end"),
+            Port("high_shown", 0.0, 1.0, "1 once a torque has shown that end"),
+            Port("low_shown", 0.0, 1.0, "1 once a torque has shown the other"),
+            Port("taut", 0.0, 1.0, "1 while the cable is at an end"),
+            around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
+            around("mean_Nm", self.drive.tau_Nm, "mean of the torque since then"),
+            Port(
+                "give_rad_Nm",
+                0.0,
+                self.softest,
+                "one over the cable's stiffness",
+                init=self.give,
+            ),
+        )
+
+    def inputs(self) -> tuple[Port, ...]:
+        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        return (
+            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
+            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
+            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        flags = (
+            Flag("INPUT_INVALID", "an input was NaN or outside its range", True),
+            Flag("STATE_REPAIRED", "the state was corrupt; the gap is learnt afresh", True),
+            Flag("NOT_COMPARED", "an encoder cannot be used: a cable in the middle of its gap"),
+        )
+        return (
+            around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
+            Port("give_rad_Nm", 0.0, self.softest, "one over the cable's stiffness"),
+            Port("gap_rad", 0.0, threshold(self.most), "whole backlash"),
+            Port("status", 0, 7, "what is known of this sample", flags=flags),
+        )
+
+
+def _equations() -> tuple[Equation, ...]:
+    g, m, tau, k = sp.symbols("theta_g theta_m tau_e k_c")
+    low, high, seen = sp.symbols("z_low z_high z")
+    inside = sp.Max(low, sp.Min(high, seen))
+    lies = sp.Piecewise((high, tau > sp.Symbol("tau_0")), (low, tau < -sp.Symbol("tau_0")),
+                        (inside, True))  # fmt: skip
+    return (
+        equation("[cable 1]", "z", g - m - tau / k, "where in the gap the cable lies"),
+        equation("[cable 2]", "z_e", lies, "at an end while torque says so, else between both"),
+        equation(
+            "[cable 3]",
+            "dz_end",
+            (1 - sp.exp(-sp.Symbol("L") * sp.Symbol("h"))) * (seen - sp.Symbol("z_e")),
+            "the end at which it lies is learnt; b = z_high - z_low",
+        ),
+        equation("[cable 4]", "w", sp.Symbol("z_e") - (high + low) / 2 + tau / k, "winding"),
+    )
+
+
+__all__ = ["cable_observer", "cable_of", "wound_range_rad"]
