@@ -135,7 +135,7 @@ class PlainLimits:
         if beat < 1:
             self.delivered_at = None
         self.beat = beat
-        stale = self.delivered_at is None or self.tick - self.delivered_at >= 10
+        stale = self.delivered_at is None or self.tick - self.delivered_at >= 25
 
         def value(name):
             lo, hi = n.ranges[name]

@@ -289,11 +289,12 @@ def test_a_silent_control_task(runners, real):
     last = 99 // DELIVER * DELIVER  # ticks 95 to 99 hold the last delivery
     x["control_beat"][95:] = x["control_beat"][last]
     y = ran(runners[real], x)
-    assert np.flatnonzero(y["fault"] == Fault.CONTROL_STALE)[0] == 95 + 10
-    # One delivery missing is let pass.
-    x = calm()
-    x["control_beat"][100:105] = x["control_beat"][99]
-    assert not np.any(ran(runners[real], x)["fault"][3:])
+    assert np.flatnonzero(y["fault"] == Fault.CONTROL_STALE)[0] == 95 + 25
+    # Four deliveries missing are let pass, five not.
+    for missing, latches in ((4, False), (5, True)):
+        x = calm()
+        x["control_beat"][100 : 100 + 5 * missing] = x["control_beat"][99]
+        assert np.any(ran(runners[real], x)["fault"][3:]) == latches
 
 
 # -- the latch -------------------------------------------------------------------------------------
@@ -544,9 +545,9 @@ def test_through_the_latches_of_two_tasks(drive, dies):
     if dies is None:
         assert not any(faults[3:])
     else:
-        # Silent: the run of tick 95 is seen at 96, stale ten later.  NaN: seen at 101.
+        # Silent: the run of tick 95 is seen at 96, stale 25 later.  NaN: seen at 101.
         assert faults[100] == 0
-        assert faults.index(Fault.CONTROL_STALE) == (106 if dies == "silent" else 101)
+        assert faults.index(Fault.CONTROL_STALE) == (121 if dies == "silent" else 101)
 
 
 # -- bad devices -----------------------------------------------------------------------------------

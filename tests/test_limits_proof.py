@@ -31,7 +31,7 @@ def test_the_numbers_are_those_of_the_device_file(drive):
     assert float(k.u_step_Nm) == pytest.approx(50 / 1000)
     assert (float(k.rom_min_rad), float(k.rom_max_rad)) == (-0.15, 2.5)
     assert (float(k.rom_margin_rad), float(k.theta_max_rad)) == (0.2, 0.3)
-    assert (k.omega_max_rad_s, k.energy_J, k.stale_ticks) == (10, 15, 10)
+    assert (k.omega_max_rad_s, k.energy_J, k.stale_ticks) == (10, 15, 25)
 
 
 @slow

@@ -87,33 +87,34 @@ def test_the_first_tick_may_be_any(run):
     assert run.fault[-1] == 0
 
 
-def test_late_control_runs_are_bridged_twice_and_then_latch(run):
+def test_late_control_runs_are_bridged_eleven_times_and_then_latch(run):
     """Each run ends two ticks after its start, one after its release; stamps keep coming."""
     run.until(200)
-    late_at = [201, 206, 211]  # releases of the runs that start at 200, 205, 210
-    for tick in range(200, 215):
+    # By hand: at the n-th late release stand n * 16 - (n - 1) * 5: 126 at the 11th, 137 at the 12th.
+    late_at = [201 + 5 * n for n in range(12)]  # releases of the runs that start at 200, 205, ...
+    for tick in range(200, 260):
         run.tick(tick, late=True)
     first = 200 + int(np.flatnonzero(run.fault[200:])[0])
-    assert first == late_at[2]
+    assert first == late_at[-1]
     assert run.fault[first] == Fault.LATE
     assert run.u[first] == 0
 
 
-@pytest.mark.parametrize(("every", "latches"), [(70, False), (55, True)])
+@pytest.mark.parametrize(("every", "latches"), [(20, False), (10, True)])
 def test_late_runs_now_and_then(run, every, latches):
-    """64 for each late run less 1 a tick: one in 70 ticks never adds up, one in 55 does.
+    """16 for each late run less 1 a tick: one in 20 ticks never adds up, one in 10 does.
 
-    By hand: after run n of one in 55 stand n * 64 - (n - 1) * 55; the eighth makes 127, the ninth
-    136, above 128.
+    By hand: after run n of one in 10 stand n * 16 - (n - 1) * 10; the 19th makes 124, the 20th 130,
+    above 128.
     """
     run.until(200)
-    for tick in range(200, 200 + 12 * every):
+    for tick in range(200, 200 + 22 * every):
         start = tick // 5 * 5
         run.tick(tick, data=200 + (tick - 200) % 5, late=(start - 200) % every < 5)
     found = np.flatnonzero(np.array(run.fault[200:]) == Fault.LATE)
     # The same counts again and again: the joint stands still, nothing else may latch.
     assert set(run.fault[200:]) <= ({0, int(Fault.LATE)} if latches else {0})
-    assert found[:1].tolist() == ([8 * every + 1] if latches else [])
+    assert found[:1].tolist() == ([19 * every + 1] if latches else [])
 
 
 def test_the_watch_counts(drive, given):

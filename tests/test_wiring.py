@@ -270,7 +270,7 @@ ORDER = {
     },
     "elbow_mpc": {
         "sense": "encoder_motor encoder_load joint velocity sensor motor_rate load_rate "
-        "encoder_gear reference cable passivity limits drive gear human drive_by_gear",
+        "encoder_gear reference passivity cable limits drive gear human drive_by_gear",
         "control": "ahead predictive redundancy stamp",
     },
 }

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.control.safety import STALE_PERIODS
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
@@ -21,7 +22,9 @@ class _Joint:
         self.t = {t.name: t.default for t in block.tunables}
         self.constant = {c.name: c.value for c in block.constants}
         self.steps = steps
-        self.deliver = int(self.constant["stale_ticks"]) // 2  # periods of the control task
+        self.deliver = (
+            int(self.constant["stale_ticks"]) // STALE_PERIODS
+        )  # periods of the control task
         self.middle = 0.5 * (self.t["rom_min_rad"] + self.t["rom_max_rad"])
         self.bent = 0.2 * self.t["theta_max_rad"]
         self.x: dict[str, Array] = {name: np.zeros(steps) for name in self.ports}
@@ -116,8 +119,8 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
             j.put(length, **cause)
             j.at += 3
             j.release(float(rng.choice([1.0, 2.0])))
-    # A control task that falls silent: for one delivery, which is let pass, and for good.
-    for missed in (1, 3):
+    # A control task that falls silent: for as long as is let pass, and for longer.
+    for missed in (STALE_PERIODS - 1, STALE_PERIODS + 1):
         frozen = j.x["control_beat"][j.at]
         j.put(missed * j.deliver + 1, control_beat=frozen)
         j.at += 2 * j.deliver

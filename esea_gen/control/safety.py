@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
 SLOTS = 10  # parts of the energy window
-STALE_PERIODS = 2  # control periods without a new stamp that count as a fault
+STALE_PERIODS = 5  # control periods without a new stamp that count as a fault
 COMMAND_RANGE = 4.0  # times the motor's largest torque: beyond is no command but a fault
 
 

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from esea_gen.language.ports import Port
 
 WATCH = "watch"
-LATE_STEP = 64  # what a late run adds to late_level; a tick in order takes 1
-LATE_MOST = 128  # above is too late: three runs in a row, or more than one in 64 ticks for good
+LATE_STEP = 16  # what a late run adds to late_level; a tick in order takes 1
+LATE_MOST = (
+    128  # above is too late: twelve control runs in a row, or more than one in 16 ticks for good
+)
 LATE_FULL = 255  # where it stays
 
 CLOCK_OK = Port("clock_ok", 0, 1, "1 when this tick followed the one before", on_invalid=0.0)

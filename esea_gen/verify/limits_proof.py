@@ -17,6 +17,7 @@ from fractions import Fraction
 
 from esea_gen.control.faults import Fault
 from esea_gen.control.latch import RELEASED_KEY
+from esea_gen.control.safety import STALE_PERIODS
 from esea_gen.device import Device
 from esea_gen.language.ports import Port
 from esea_gen.language.watch import LATE_MOST
@@ -140,7 +141,7 @@ def _late(s: Step) -> str:
     return implied(negated(s.given("late_level") <= LATE_MOST), s.cut)
 
 
-@_holds("stamp 0, or no new stamp for two control periods, cuts; an old stamp ages")
+@_holds(f"stamp 0, or no new stamp for {STALE_PERIODS} control periods, cuts; an old stamp ages")
 def _control_stale(s: Step) -> str:
     beat, age = s.given("control_beat"), s.before("age")
     same = beat.equals(s.before("beat_last"))

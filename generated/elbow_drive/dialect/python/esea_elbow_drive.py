@@ -647,6 +647,22 @@ enums["ESEA_ELBOW_DRIVE_REFERENCE_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_REFE
 ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENUM_END = 9
 enums["ESEA_ELBOW_DRIVE_REFERENCE_STATUS"][9] = EnumEntry("ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENUM_END", """""")
 
+# ESEA_ELBOW_DRIVE_PASSIVITY_STATUS
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_INPUT_INVALID", """an input was NaN or outside its range; the command is 0""")
+ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_STATE_REPAIRED", """the state was corrupt; all is counted afresh""")
+ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_DAMPED = 4
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_DAMPED", """damping is added to what is wanted""")
+ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_COMMAND_CLOSED = 8
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_COMMAND_CLOSED", """the command was cut: the drive holds as much as it may give""")
+ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_FAST = 16
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_FAST", """the drive is faster than the bound reckons with""")
+ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_ENUM_END = 17
+enums["ESEA_ELBOW_DRIVE_PASSIVITY_STATUS"][17] = EnumEntry("ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_ENUM_END", """""")
+
 # ESEA_ELBOW_DRIVE_LEAD_STATUS
 enums["ESEA_ELBOW_DRIVE_LEAD_STATUS"] = Enum()
 enums["ESEA_ELBOW_DRIVE_LEAD_STATUS"].bitmask = True
@@ -1126,22 +1142,22 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_OUT
     msgname = "ESEA_SENSE_OUT"
-    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "reference_status": "bitmask", "lead_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "smooth_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "lead_status": "ESEA_ELBOW_DRIVE_LEAD_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "smooth_status": "ESEA_ELBOW_DRIVE_SMOOTH_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_DRIVE_GEAR_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
+    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "damping_Nms_rad", "given_J", "held_J", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "passivity_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "damping_Nms_rad", "given_J", "held_J", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "passivity_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "reference_status": "bitmask", "passivity_status": "bitmask", "lead_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "smooth_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "passivity_status": "ESEA_ELBOW_DRIVE_PASSIVITY_STATUS", "lead_status": "ESEA_ELBOW_DRIVE_LEAD_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "smooth_status": "ESEA_ELBOW_DRIVE_SMOOTH_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_DRIVE_GEAR_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"theta_rad": "rad", "theta_motor_rad": "rad", "theta_load_rad": "rad", "omega_motor_rad_s": "rad/s", "omega_load_rad_s": "rad/s", "delta_set_rad": "rad"}
-    native_format = bytearray(b"<IffffffffffffffIIIIIIIIIIIIIIIIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 64
-    unpacker = struct.Struct("<IffffffffffffffIIIIIIIIIIIIIIIIIII")
+    native_format = bytearray(b"<IfffffffffffffffffIIIIIIIIIIIIIIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 15
+    unpacker = struct.Struct("<IfffffffffffffffffIIIIIIIIIIIIIIIIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_sense_out_message.id, MAVLink_esea_sense_out_message.msgname)
         self._fieldnames = MAVLink_esea_sense_out_message.fieldnames
         self._instance_field = MAVLink_esea_sense_out_message.instance_field
@@ -1161,6 +1177,9 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.energy_J = energy_J
         self.fault = fault
         self.mode_held = mode_held
+        self.damping_Nms_rad = damping_Nms_rad
+        self.given_J = given_J
+        self.held_J = held_J
         self.encoder_motor_status = encoder_motor_status
         self.encoder_load_status = encoder_load_status
         self.joint_status = joint_status
@@ -1170,6 +1189,7 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.load_rate_status = load_rate_status
         self.encoder_gear_status = encoder_gear_status
         self.reference_status = reference_status
+        self.passivity_status = passivity_status
         self.lead_status = lead_status
         self.inverse_status = inverse_status
         self.setpoint_status = setpoint_status
@@ -1182,7 +1202,7 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.reference_status, self.lead_status, self.inverse_status, self.setpoint_status, self.smooth_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.damping_Nms_rad, self.given_J, self.held_J, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.reference_status, self.passivity_status, self.lead_status, self.inverse_status, self.setpoint_status, self.smooth_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1870,7 +1890,7 @@ class MAVLink(object):
         """
         self.send(self.esea_sense_in_encode(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, count_gear, frame_error_gear), force_mavlink1=force_mavlink1)
 
-    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
+    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
         """
         Output of one run of task sense.
 
@@ -1889,6 +1909,9 @@ class MAVLink(object):
         energy_J                  : energy given to the limb within the window; [J], range 0 to 269.306396 (type:float)
         fault                     : first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15 (type:float)
         mode_held                 : mode that holds in this step; [dimensionless], range 0 to 2 (type:float)
+        damping_Nms_rad           : damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972 (type:float)
+        given_J                   : energy given beyond the wanted torque's; [J], range 0 to 120.119995 (type:float)
+        held_J                    : that, and what drive and command may still give; [J], range 0 to 172.595291 (type:float)
         encoder_motor_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS)
         encoder_load_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS)
         joint_status              : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_JOINT_STATUS)
@@ -1898,6 +1921,7 @@ class MAVLink(object):
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
         encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
+        passivity_status          : what is known of this step; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_PASSIVITY_STATUS)
         lead_status               : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LEAD_STATUS)
         inverse_status            : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_INVERSE_STATUS)
         setpoint_status           : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SETPOINT_STATUS)
@@ -1910,9 +1934,9 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks)
+        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, damping_Nms_rad, given_J, held_J, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, passivity_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks)
 
-    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task sense.
 
@@ -1931,6 +1955,9 @@ class MAVLink(object):
         energy_J                  : energy given to the limb within the window; [J], range 0 to 269.306396 (type:float)
         fault                     : first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15 (type:float)
         mode_held                 : mode that holds in this step; [dimensionless], range 0 to 2 (type:float)
+        damping_Nms_rad           : damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972 (type:float)
+        given_J                   : energy given beyond the wanted torque's; [J], range 0 to 120.119995 (type:float)
+        held_J                    : that, and what drive and command may still give; [J], range 0 to 172.595291 (type:float)
         encoder_motor_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS)
         encoder_load_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS)
         joint_status              : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_JOINT_STATUS)
@@ -1940,6 +1967,7 @@ class MAVLink(object):
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
         encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
+        passivity_status          : what is known of this step; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_PASSIVITY_STATUS)
         lead_status               : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LEAD_STATUS)
         inverse_status            : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_INVERSE_STATUS)
         setpoint_status           : what is known of this set-point; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_SETPOINT_STATUS)
@@ -1952,7 +1980,7 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, damping_Nms_rad, given_J, held_J, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, passivity_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
 
     def esea_control_in_encode(self, sequence: int) -> MAVLink_esea_control_in_message:
         """

@@ -75,6 +75,9 @@ extern "C" {
 #define casadi_f48 CASADI_PREFIX(f48)
 #define casadi_f49 CASADI_PREFIX(f49)
 #define casadi_f5 CASADI_PREFIX(f5)
+#define casadi_f50 CASADI_PREFIX(f50)
+#define casadi_f51 CASADI_PREFIX(f51)
+#define casadi_f52 CASADI_PREFIX(f52)
 #define casadi_f6 CASADI_PREFIX(f6)
 #define casadi_f7 CASADI_PREFIX(f7)
 #define casadi_f8 CASADI_PREFIX(f8)
@@ -2847,7 +2850,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init_work_bytes(casad
   return 0;
 }
 
-/* esea_elbow_drive_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status) */
+/* esea_elbow_drive_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_stiffness_Nm_rad,y_damping_Nms_rad) */
 static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
@@ -2899,9 +2902,9 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a03=(a03<=a07);
   a18=(a18&&a03);
   a03=arg[5]? arg[5][0] : 0;
-  a19=2.4845999145507812e+02;
+  a19=7.0598999023437500e+01;
   a19=(a03<=a19);
-  a20=-2.4845999145507812e+02;
+  a20=-7.0598999023437500e+01;
   a20=(a20<=a03);
   a19=(a19&&a20);
   a18=(a18&&a19);
@@ -2937,14 +2940,14 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a15=(a15?a13:0);
   a14=(a14?a12:0);
   a15=(a15-a14);
-  a16=(a16*a15);
-  a15=arg[0]? arg[0][0] : 0;
+  a15=(a16*a15);
+  a14=arg[0]? arg[0][0] : 0;
   a11=(a11?a09:0);
   a10=(a10?a17:0);
   a11=(a11-a10);
-  a15=(a15*a11);
-  a16=(a16+a15);
-  a21=(a21?a16:0);
+  a11=(a14*a11);
+  a15=(a15+a11);
+  a21=(a21?a15:0);
   a06=(a06?a04:0);
   a21=(a21+a06);
   a06=(a05-a21);
@@ -2953,12 +2956,12 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a19=(a18?a19:0);
   a04=(a19-a21);
   a04=(a02?a04:0);
-  a16=(!a02);
+  a15=(!a02);
   a03=(a18?a03:0);
-  a16=(a16?a03:0);
-  a04=(a04+a16);
-  a16=arg[2]? arg[2][0] : 0;
-  a04=(a04*a16);
+  a15=(a15?a03:0);
+  a04=(a04+a15);
+  a15=arg[2]? arg[2][0] : 0;
+  a04=(a04*a15);
   a07=(a07?a04:0);
   a06=(a06+a07);
   a07=(a00?a06:0);
@@ -2995,6 +2998,8 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a00=(a00?a02:0);
   a07=(a07+a00);
   if (res[6]!=0) res[6][0]=a07;
+  if (res[7]!=0) res[7][0]=a14;
+  if (res[8]!=0) res[8][0]=a16;
   return 0;
 }
 
@@ -3017,7 +3022,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_reference_step_decref(void) {
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_reference_step_n_in(void) { return 14;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_reference_step_n_out(void) { return 7;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_reference_step_n_out(void) { return 9;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_reference_step_default_in(casadi_int i) {
   switch (i) {
@@ -3054,6 +3059,8 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_reference_step_name_out
     case 4: return "y_mode";
     case 5: return "y_request_ok";
     case 6: return "y_status";
+    case 7: return "y_stiffness_Nm_rad";
+    case 8: return "y_damping_Nms_rad";
     default: return 0;
   }
 }
@@ -3087,13 +3094,15 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_reference_step_sp
     case 4: return casadi_s0;
     case 5: return casadi_s0;
     case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 14;
-  if (sz_res) *sz_res = 7;
+  if (sz_res) *sz_res = 9;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
@@ -3101,14 +3110,701 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work(casadi_int 
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 14*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_passivity_prepare:(least_Nms_rad,energy_J)->(c_least_Nms_rad,c_energy_J) */
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f18(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_prepare_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_prepare_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_prepare_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_prepare_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_passivity_prepare_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_passivity_prepare_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_passivity_prepare_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_passivity_prepare_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "least_Nms_rad";
+    case 1: return "energy_J";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_passivity_prepare_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "c_least_Nms_rad";
+    case 1: return "c_energy_J";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_passivity_prepare_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_passivity_prepare_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_passivity_init:(least_Nms_rad,energy_J)->(power_W_0,square_rad2_s2_0,damping_Nms_rad_0,theta_load_last_rad_0,error_last_Nm_0,theta_motor_last_rad_0,tau_last_Nm_0,given_J_0,v_Nm_0,most_Nm_0,seen_0) */
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  a1=2.9999998211860657e-01;
+  if (res[2]!=0) res[2][0]=a1;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
+  if (res[8]!=0) res[8][0]=a0;
+  if (res[9]!=0) res[9][0]=a0;
+  if (res[10]!=0) res[10][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f19(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_passivity_init_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_passivity_init_n_out(void) { return 11;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_passivity_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_passivity_init_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "least_Nms_rad";
+    case 1: return "energy_J";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_passivity_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "power_W_0";
+    case 1: return "square_rad2_s2_0";
+    case 2: return "damping_Nms_rad_0";
+    case 3: return "theta_load_last_rad_0";
+    case 4: return "error_last_Nm_0";
+    case 5: return "theta_motor_last_rad_0";
+    case 6: return "tau_last_Nm_0";
+    case 7: return "given_J_0";
+    case 8: return "v_Nm_0";
+    case 9: return "most_Nm_0";
+    case 10: return "seen_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_passivity_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_passivity_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 11;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 11*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_passivity_step:(c_least_Nms_rad,c_energy_J,s_power_W,s_square_rad2_s2,s_damping_Nms_rad,s_theta_load_last_rad,s_error_last_Nm,s_theta_motor_last_rad,s_tau_last_Nm,s_given_J,s_v_Nm,s_most_Nm,s_seen,u_mode,u_sensing_ok,u_tau_set_Nm,u_Kp_Nm_rad,u_Kd_Nms_rad,u_tau_Nm,u_theta_load_rad,u_omega_load_rad_s,u_theta_motor_rad,u_omega_motor_rad_s,u_u_command_Nm)->(next_power_W,next_square_rad2_s2,next_damping_Nms_rad,next_theta_load_last_rad,next_error_last_Nm,next_theta_motor_last_rad,next_tau_last_Nm,next_given_J,next_v_Nm,next_most_Nm,next_seen,y_tau_set_Nm,y_damping_Nms_rad,y_mode_ahead,y_u_command_Nm,y_given_J,y_held_J,y_status) */
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
+  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46, a47;
+  casadi_real a48;
+  a00=arg[2]? arg[2][0] : 0;
+  a01=3.5095516967773438e+02;
+  a01=(a00<=a01);
+  a02=-3.5095516967773438e+02;
+  a02=(a02<=a00);
+  a01=(a01&&a02);
+  a02=arg[3]? arg[3][0] : 0;
+  a03=1.4543998718261719e+02;
+  a03=(a02<=a03);
+  a04=0.;
+  a05=(a04<=a02);
+  a03=(a03&&a05);
+  a01=(a01&&a03);
+  a03=arg[4]? arg[4][0] : 0;
+  a05=3.0029997229576111e-01;
+  a05=(a03<=a05);
+  a06=(a04<=a03);
+  a05=(a05&&a06);
+  a01=(a01&&a05);
+  a05=arg[5]? arg[5][0] : 0;
+  a06=3.3499999046325684e+00;
+  a07=(a05<=a06);
+  a08=-9.4999998807907104e-01;
+  a09=(a08<=a05);
+  a07=(a07&&a09);
+  a01=(a01&&a07);
+  a07=arg[6]? arg[6][0] : 0;
+  a09=2.8956699371337891e+01;
+  a09=(a07<=a09);
+  a10=-2.8956699371337891e+01;
+  a10=(a10<=a07);
+  a09=(a09&&a10);
+  a01=(a01&&a09);
+  a09=arg[7]? arg[7][0] : 0;
+  a10=(a09<=a06);
+  a11=(a08<=a09);
+  a10=(a10&&a11);
+  a01=(a01&&a10);
+  a10=arg[8]? arg[8][0] : 0;
+  a11=20.;
+  a12=(a10<=a11);
+  a13=-20.;
+  a14=(a13<=a10);
+  a12=(a12&&a14);
+  a01=(a01&&a12);
+  a12=arg[9]? arg[9][0] : 0;
+  a14=1.2011999511718750e+02;
+  a14=(a12<=a14);
+  a15=(a04<=a12);
+  a14=(a14&&a15);
+  a01=(a01&&a14);
+  a14=arg[10]? arg[10][0] : 0;
+  a15=2.2122098505496979e-01;
+  a16=(a14<=a15);
+  a17=(a04<=a14);
+  a16=(a16&&a17);
+  a01=(a01&&a16);
+  a16=arg[11]? arg[11][0] : 0;
+  a15=(a16<=a15);
+  a17=(a04<=a16);
+  a15=(a15&&a17);
+  a01=(a01&&a15);
+  a15=arg[12]? arg[12][0] : 0;
+  a17=1.;
+  a18=(a15<=a17);
+  a19=(a04<=a15);
+  a18=(a18&&a19);
+  a01=(a01&&a18);
+  a00=(a01?a00:0);
+  a18=2.4968776025399153e-03;
+  a19=arg[13]? arg[13][0] : 0;
+  a20=2.;
+  a21=(a19<=a20);
+  a22=(a04<=a19);
+  a21=(a21&&a22);
+  a22=arg[14]? arg[14][0] : 0;
+  a23=(a22<=a17);
+  a24=(a04<=a22);
+  a23=(a23&&a24);
+  a24=(a21&&a23);
+  a25=arg[15]? arg[15][0] : 0;
+  a26=4.4699997901916504e+00;
+  a27=(a25<=a26);
+  a28=-4.4699997901916504e+00;
+  a29=(a28<=a25);
+  a27=(a27&&a29);
+  a24=(a24&&a27);
+  a29=arg[16]? arg[16][0] : 0;
+  a30=5.;
+  a30=(a29<=a30);
+  a31=(a04<=a29);
+  a30=(a30&&a31);
+  a24=(a24&&a30);
+  a31=arg[17]? arg[17][0] : 0;
+  a32=3.4999999403953552e-01;
+  a32=(a31<=a32);
+  a33=(a04<=a31);
+  a32=(a32&&a33);
+  a24=(a24&&a32);
+  a33=arg[18]? arg[18][0] : 0;
+  a11=(a33<=a11);
+  a13=(a13<=a33);
+  a11=(a11&&a13);
+  a24=(a24&&a11);
+  a13=arg[19]? arg[19][0] : 0;
+  a34=(a13<=a06);
+  a35=(a08<=a13);
+  a34=(a34&&a35);
+  a24=(a24&&a34);
+  a35=arg[20]? arg[20][0] : 0;
+  a36=12.;
+  a37=(a35<=a36);
+  a38=-12.;
+  a39=(a38<=a35);
+  a37=(a37&&a39);
+  a24=(a24&&a37);
+  a39=arg[21]? arg[21][0] : 0;
+  a06=(a39<=a06);
+  a08=(a08<=a39);
+  a06=(a06&&a08);
+  a24=(a24&&a06);
+  a08=arg[22]? arg[22][0] : 0;
+  a36=(a08<=a36);
+  a38=(a38<=a08);
+  a36=(a36&&a38);
+  a24=(a24&&a36);
+  a38=arg[23]? arg[23][0] : 0;
+  a40=8.8399994373321533e-01;
+  a41=(a38<=a40);
+  a42=-8.8399994373321533e-01;
+  a42=(a42<=a38);
+  a41=(a41&&a42);
+  a24=(a24&&a41);
+  a42=5.0000000000000000e-01;
+  a23=(a23?a22:0);
+  a23=(a42<a23);
+  a23=(a24&&a23);
+  a15=(a01?a15:0);
+  a15=(a42<a15);
+  a15=(a23&&a15);
+  a21=(a21?a19:0);
+  a19=(a42<a21);
+  a19=(a23&&a19);
+  a22=(a15&&a19);
+  a43=1000.;
+  a11=(a11?a33:0);
+  a33=(a27?a25:0);
+  a44=(a11-a33);
+  a45=1.5000000000000000e+00;
+  a46=(a45<a21);
+  a47=(a31*a35);
+  a47=(a32?a47:0);
+  a47=(a46?a47:0);
+  a47=(a37?a47:0);
+  a44=(a44-a47);
+  a07=(a01?a07:0);
+  a07=(a44+a07);
+  a07=(a42*a07);
+  a34=(a34?a13:0);
+  a05=(a01?a05:0);
+  a05=(a34-a05);
+  a13=1.2000000000000000e-02;
+  a05=casadi_fmin(a05,a13);
+  a47=-1.2000000000000000e-02;
+  a05=casadi_fmax(a05,a47);
+  a07=(a07*a05);
+  a43=(a43*a07);
+  a43=(a22?a43:0);
+  a43=(a43-a00);
+  a43=(a18*a43);
+  a00=(a00+a43);
+  if (res[0]!=0) res[0][0]=a00;
+  a02=(a01?a02:0);
+  a43=casadi_sq(a35);
+  a43=(a37?a43:0);
+  a43=(a37?a43:0);
+  a22=(a22?a43:0);
+  a22=(a22-a02);
+  a18=(a18*a22);
+  a02=(a02+a18);
+  a18=casadi_fmax(a02,a04);
+  if (res[1]!=0) res[1][0]=a18;
+  a03=(a01?a03:0);
+  a22=(!a01);
+  a43=2.9999998211860657e-01;
+  a07=(a22?a43:0);
+  a03=(a03+a07);
+  a07=1.0000000000000000e-03;
+  a05=arg[0]? arg[0][0] : 0;
+  a48=3.4880000000000001e-02;
+  a48=(a48*a29);
+  a30=(a30?a48:0);
+  a30=(a46?a30:0);
+  a05=(a05+a30);
+  a05=(a05*a02);
+  a00=(a00+a05);
+  a05=(a04<a00);
+  a30=6.;
+  a30=(a05?a30:0);
+  a05=(!a05);
+  a48=6.9999999999999996e-01;
+  a05=(a05?a48:0);
+  a30=(a30+a05);
+  a30=(a30*a00);
+  a00=1.6000000000000001e-03;
+  a32=(a32?a31:0);
+  a46=(a46?a32:0);
+  a43=(a43-a46);
+  a43=casadi_fmax(a43,a04);
+  a46=(a43-a03);
+  a46=(a00*a46);
+  a30=(a30+a46);
+  a07=(a07*a30);
+  a18=(a18+a00);
+  a07=(a07/a18);
+  a03=(a03+a07);
+  a03=casadi_fmin(a03,a43);
+  a03=casadi_fmax(a03,a04);
+  if (res[2]!=0) res[2][0]=a03;
+  if (res[3]!=0) res[3][0]=a34;
+  if (res[4]!=0) res[4][0]=a44;
+  a06=(a06?a39:0);
+  if (res[5]!=0) res[5][0]=a06;
+  if (res[6]!=0) res[6][0]=a11;
+  a12=(a01?a12:0);
+  a10=(a01?a10:0);
+  a11=(a11+a10);
+  a42=(a42*a11);
+  a09=(a01?a09:0);
+  a06=(a06-a09);
+  a06=casadi_fmin(a06,a13);
+  a06=casadi_fmax(a06,a47);
+  a42=(a42*a06);
+  a25=(a25*a06);
+  a27=(a27?a25:0);
+  a27=casadi_fmax(a27,a04);
+  a42=(a42-a27);
+  a15=(a15?a42:0);
+  a12=(a12+a15);
+  a15=120.;
+  a12=casadi_fmin(a12,a15);
+  a12=casadi_fmax(a12,a04);
+  if (res[7]!=0) res[7][0]=a12;
+  a41=(a41?a38:0);
+  a38=5.1052210764201245e-01;
+  a15=arg[1]? arg[1][0] : 0;
+  a42=3.3150000000000002e-01;
+  a42=(a42*a08);
+  a42=(a42*a08);
+  a42=(a36?a42:0);
+  a42=(a36?a42:0);
+  a42=(a12+a42);
+  a27=1.2657997729552196e+01;
+  a27=(a27*a14);
+  a27=(a01?a27:0);
+  a42=(a42+a27);
+  a15=(a15-a42);
+  a38=(a38*a15);
+  a38=casadi_fmax(a38,a04);
+  a38=casadi_fmin(a38,a40);
+  a40=casadi_fmin(a41,a38);
+  a38=(-a38);
+  a40=casadi_fmax(a40,a38);
+  a40=(a24?a40:0);
+  a38=casadi_fabs(a40);
+  a15=(a01?a16:0);
+  a27=5.0000000000000003e-02;
+  a15=(a15-a27);
+  a38=casadi_fmax(a38,a15);
+  a15=2.2099998593330383e-01;
+  a38=casadi_fmin(a38,a15);
+  a15=9.7173735224993463e-01;
+  a14=(a01?a14:0);
+  a14=(a14-a38);
+  a15=(a15*a14);
+  a15=(a38+a15);
+  if (res[8]!=0) res[8][0]=a15;
+  a38=casadi_fmax(a38,a04);
+  if (res[9]!=0) res[9][0]=a38;
+  if (res[10]!=0) res[10][0]=a23;
+  a35=(a03*a35);
+  a35=(a19?a35:0);
+  a37=(a37?a35:0);
+  a33=(a33-a37);
+  a33=casadi_fmin(a33,a26);
+  a33=casadi_fmax(a33,a28);
+  if (res[11]!=0) res[11][0]=a33;
+  a03=(a19?a03:0);
+  if (res[12]!=0) res[12][0]=a03;
+  a45=(a21<a45);
+  a33=1.0000000000000000e-04;
+  a33=(a33<a02);
+  a45=(a45&&a33);
+  a33=(a45?a20:0);
+  a45=(!a45);
+  a45=(a45?a21:0);
+  a33=(a33+a45);
+  a33=(a19?a33:0);
+  if (res[13]!=0) res[13][0]=a33;
+  if (res[14]!=0) res[14][0]=a40;
+  if (res[15]!=0) res[15][0]=a12;
+  a12=1.5973806681385150e+00;
+  a12=(a12*a16);
+  a01=(a01?a12:0);
+  a42=(a42+a01);
+  if (res[16]!=0) res[16][0]=a42;
+  a42=(!a24);
+  a42=(a42?a17:0);
+  a22=(a22?a20:0);
+  a42=(a42+a22);
+  a04=(a04<a03);
+  a19=(a19&&a04);
+  a04=4.;
+  a19=(a19?a04:0);
+  a42=(a42+a19);
+  a40=(a40==a41);
+  a40=(!a40);
+  a24=(a24&&a40);
+  a40=8.;
+  a24=(a24?a40:0);
+  a42=(a42+a24);
+  a24=3.4736673714593742e+00;
+  a36=(a36?a08:0);
+  a36=casadi_fabs(a36);
+  a24=(a24<a36);
+  a36=16.;
+  a24=(a24?a36:0);
+  a42=(a42+a24);
+  if (res[17]!=0) res[17][0]=a42;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f20(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_passivity_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_passivity_step_n_in(void) { return 24;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_passivity_step_n_out(void) { return 18;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_passivity_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_passivity_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "c_least_Nms_rad";
+    case 1: return "c_energy_J";
+    case 2: return "s_power_W";
+    case 3: return "s_square_rad2_s2";
+    case 4: return "s_damping_Nms_rad";
+    case 5: return "s_theta_load_last_rad";
+    case 6: return "s_error_last_Nm";
+    case 7: return "s_theta_motor_last_rad";
+    case 8: return "s_tau_last_Nm";
+    case 9: return "s_given_J";
+    case 10: return "s_v_Nm";
+    case 11: return "s_most_Nm";
+    case 12: return "s_seen";
+    case 13: return "u_mode";
+    case 14: return "u_sensing_ok";
+    case 15: return "u_tau_set_Nm";
+    case 16: return "u_Kp_Nm_rad";
+    case 17: return "u_Kd_Nms_rad";
+    case 18: return "u_tau_Nm";
+    case 19: return "u_theta_load_rad";
+    case 20: return "u_omega_load_rad_s";
+    case 21: return "u_theta_motor_rad";
+    case 22: return "u_omega_motor_rad_s";
+    case 23: return "u_u_command_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_passivity_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_power_W";
+    case 1: return "next_square_rad2_s2";
+    case 2: return "next_damping_Nms_rad";
+    case 3: return "next_theta_load_last_rad";
+    case 4: return "next_error_last_Nm";
+    case 5: return "next_theta_motor_last_rad";
+    case 6: return "next_tau_last_Nm";
+    case 7: return "next_given_J";
+    case 8: return "next_v_Nm";
+    case 9: return "next_most_Nm";
+    case 10: return "next_seen";
+    case 11: return "y_tau_set_Nm";
+    case 12: return "y_damping_Nms_rad";
+    case 13: return "y_mode_ahead";
+    case 14: return "y_u_command_Nm";
+    case 15: return "y_given_J";
+    case 16: return "y_held_J";
+    case 17: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_passivity_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    case 18: return casadi_s0;
+    case 19: return casadi_s0;
+    case 20: return casadi_s0;
+    case 21: return casadi_s0;
+    case 22: return casadi_s0;
+    case 23: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_passivity_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 24;
+  if (sz_res) *sz_res = 18;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 24*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 18*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
 /* esea_elbow_drive_casadi_torque_lead_prepare:(share)->(c_share) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3116,7 +3812,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare_checkout(void) {
@@ -3187,7 +3883,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_torque_lead_init:(share)->(slow_0,tau_set_Nm_0) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3196,7 +3892,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init_checkout(void) {
@@ -3269,7 +3965,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init_work_bytes(cas
 }
 
 /* esea_elbow_drive_casadi_torque_lead_step:(c_share,s_slow,s_tau_set_Nm,u_tau_set_Nm,u_tau_rate_Nm_s,u_tau_curve_Nm_s2,u_trust,u_settled,u_mode)->(next_slow,next_tau_set_Nm,y_tau_led_Nm,y_governed,y_status) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[3]? arg[3][0] : 0;
@@ -3371,7 +4067,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step_checkout(void) {
@@ -3466,7 +4162,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step_work_bytes(cas
 }
 
 /* esea_elbow_drive_casadi_inverse_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -3495,7 +4191,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_checkout(void) {
@@ -3570,7 +4266,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_inverse_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10],theta_hat_rad_0,v_rad_s_0,a_rad_s2_0) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3593,7 +4289,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_checkout(void) {
@@ -3680,7 +4376,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_inverse_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_tau_Nm)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_theta_rad,y_omega_mid_rad_s,y_tau_model_Nm,y_residual_Nm,y_step_rad,y_status) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -4565,7 +5261,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_checkout(void) {
@@ -4680,7 +5376,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -4709,7 +5405,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_checkout(void) {
@@ -4784,7 +5480,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,held_rad_0,delta_rad_0,rate_rad_s_0,acc_rad_s2_0) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4796,7 +5492,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_checkout(void) {
@@ -4879,7 +5575,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_held_rad,s_delta_rad,s_rate_rad_s,s_acc_rad_s2,u_theta_set_rad)->(next_primed,next_held_rad,next_delta_rad,next_rate_rad_s,next_acc_rad_s2,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_status) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19;
   a00=arg[3]? arg[3][0] : 0;
@@ -5003,7 +5699,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_checkout(void) {
@@ -5106,7 +5802,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_smoothed_setpoint_init:()->(primed_0,first_rad_0,second_rad_0,third_rad_0) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5117,7 +5813,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init_checkout(void) {
@@ -5192,7 +5888,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init_work_byt
 }
 
 /* esea_elbow_drive_casadi_smoothed_setpoint_step:(s_primed,s_first_rad,s_second_rad,s_third_rad,u_theta_set_rad,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_governed)->(next_primed,next_first_rad,next_second_rad,next_third_rad,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_theta_smooth_rad,y_status) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24;
@@ -5337,7 +6033,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step_checkout(void) {
@@ -5440,7 +6136,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step_work_byt
 }
 
 /* esea_elbow_drive_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -5478,7 +6174,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_checkout(void) {
@@ -5587,7 +6283,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5600,7 +6296,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[5]!=0) res[5][0]=a0;
   if (res[6]!=0) res[6][0]=a0;
   if (res[7]!=0) res[7][0]=a0;
-  a1=10.;
+  a1=25.;
   if (res[8]!=0) res[8][0]=a1;
   if (res[9]!=0) res[9][0]=a0;
   if (res[10]!=0) res[10][0]=a0;
@@ -5618,7 +6314,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_checkout(void) {
@@ -5735,7 +6431,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -5743,7 +6439,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   casadi_real a48, a49, a50, a51, a52, a53, a54, a55, a56, a57, a58, a59;
   casadi_real a60, a61, a62, a63, a64, a65, a66, a67, a68, a69, a70, a71;
   casadi_real a72, a73, a74, a75, a76, a77, a78, a79, a80, a81, a82, a83;
-  casadi_real a84, a85, a86, a87, a88;
+  casadi_real a84, a85, a86, a87, a88, a89;
   a00=arg[13]? arg[13][0] : 0;
   a01=5.5924055000000000e+06;
   a02=(a00<=a01);
@@ -5795,7 +6491,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a17=(a17&&a18);
   a02=(a02&&a17);
   a17=arg[21]? arg[21][0] : 0;
-  a18=10.;
+  a18=25.;
   a19=(a17<=a18);
   a20=(a03<=a17);
   a19=(a19&&a20);
@@ -5910,208 +6606,209 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a41=(a41&&a42);
   a13=(a13&&a41);
   a41=arg[5]? arg[5][0] : 0;
-  a42=(a41<=a18);
-  a43=5.0000000000000000e-01;
-  a43=(a43<=a41);
-  a42=(a42&&a43);
-  a13=(a13&&a42);
-  a42=arg[6]? arg[6][0] : 0;
-  a43=(a42<=a05);
-  a44=1.5000000596046448e-01;
-  a44=(a44<=a42);
+  a42=10.;
+  a43=(a41<=a42);
+  a44=5.0000000000000000e-01;
+  a44=(a44<=a41);
   a43=(a43&&a44);
   a13=(a13&&a43);
-  a43=arg[7]? arg[7][0] : 0;
-  a44=5.0499994307756424e-02;
-  a44=(a43<=a44);
-  a45=4.9499998567625880e-04;
+  a43=arg[6]? arg[6][0] : 0;
+  a44=(a43<=a05);
+  a45=1.5000000596046448e-01;
   a45=(a45<=a43);
   a44=(a44&&a45);
   a13=(a13&&a44);
-  a44=arg[8]? arg[8][0] : 0;
-  a38=(a44<=a38);
-  a45=-3.5000994801521301e-01;
-  a45=(a45<=a44);
-  a38=(a38&&a45);
+  a44=arg[7]? arg[7][0] : 0;
+  a45=5.0499994307756424e-02;
+  a45=(a44<=a45);
+  a46=4.9499998567625880e-04;
+  a46=(a46<=a44);
+  a45=(a45&&a46);
+  a13=(a13&&a45);
+  a45=arg[8]? arg[8][0] : 0;
+  a38=(a45<=a38);
+  a46=-3.5000994801521301e-01;
+  a46=(a46<=a45);
+  a38=(a38&&a46);
   a13=(a13&&a38);
   a38=arg[9]? arg[9][0] : 0;
-  a45=2.7000095844268799e+00;
-  a45=(a38<=a45);
+  a46=2.7000095844268799e+00;
+  a46=(a38<=a46);
   a40=(a40<=a38);
-  a45=(a45&&a40);
-  a13=(a13&&a45);
-  a45=arg[10]? arg[10][0] : 0;
+  a46=(a46&&a40);
+  a13=(a13&&a46);
+  a46=arg[10]? arg[10][0] : 0;
   a40=1.1160498857498169e+00;
-  a40=(a45<=a40);
-  a46=1.0939500294625759e-02;
-  a46=(a46<=a45);
-  a40=(a40&&a46);
+  a40=(a46<=a40);
+  a47=1.0939500294625759e-02;
+  a47=(a47<=a46);
+  a40=(a40&&a47);
   a13=(a13&&a40);
   a40=arg[11]? arg[11][0] : 0;
-  a46=9.0899991989135742e+00;
-  a46=(a40<=a46);
-  a47=4.4550001621246338e-01;
-  a47=(a47<=a40);
-  a46=(a46&&a47);
-  a13=(a13&&a46);
-  a46=arg[12]? arg[12][0] : 0;
-  a47=4.4641995429992676e+00;
-  a47=(a46<=a47);
-  a48=2.1879000123590231e-03;
-  a48=(a48<=a46);
+  a47=9.0899991989135742e+00;
+  a47=(a40<=a47);
+  a48=4.4550001621246338e-01;
+  a48=(a48<=a40);
   a47=(a47&&a48);
   a13=(a13&&a47);
-  a47=(a37<a39);
-  a13=(a13&&a47);
-  a47=(!a13);
-  a48=(a09||a47);
-  a49=arg[28]? arg[28][0] : 0;
-  a50=(a49<=a11);
-  a51=(a03<=a49);
-  a50=(a50&&a51);
-  a49=(a50?a49:0);
-  a51=(!a50);
-  a51=(a51?a11:0);
-  a49=(a49+a51);
-  a49=(a49==a03);
-  a51=(!a49);
-  a48=(a48||a51);
-  a52=arg[25]? arg[25][0] : 0;
-  a53=8.8399994373321533e-01;
-  a53=(a52<=a53);
-  a54=-8.8399994373321533e-01;
-  a54=(a54<=a52);
-  a53=(a53&&a54);
-  a54=arg[26]? arg[26][0] : 0;
-  a55=(a54<=a15);
-  a56=(a03<=a54);
-  a55=(a55&&a56);
-  a56=(a53&&a55);
-  a57=arg[27]? arg[27][0] : 0;
-  a58=2.;
-  a59=(a57<=a58);
-  a60=(a03<=a57);
-  a59=(a59&&a60);
-  a56=(a56&&a59);
-  a56=(a56&&a50);
-  a50=arg[29]? arg[29][0] : 0;
-  a60=(a50<=a08);
-  a61=(a03<=a50);
+  a47=arg[12]? arg[12][0] : 0;
+  a48=4.4641995429992676e+00;
+  a48=(a47<=a48);
+  a49=2.1879000123590231e-03;
+  a49=(a49<=a47);
+  a48=(a48&&a49);
+  a13=(a13&&a48);
+  a48=(a37<a39);
+  a13=(a13&&a48);
+  a48=(!a13);
+  a49=(a09||a48);
+  a50=arg[28]? arg[28][0] : 0;
+  a51=(a50<=a11);
+  a52=(a03<=a50);
+  a51=(a51&&a52);
+  a50=(a51?a50:0);
+  a52=(!a51);
+  a52=(a52?a11:0);
+  a50=(a50+a52);
+  a50=(a50==a03);
+  a52=(!a50);
+  a49=(a49||a52);
+  a53=arg[25]? arg[25][0] : 0;
+  a54=8.8399994373321533e-01;
+  a54=(a53<=a54);
+  a55=-8.8399994373321533e-01;
+  a55=(a55<=a53);
+  a54=(a54&&a55);
+  a55=arg[26]? arg[26][0] : 0;
+  a56=(a55<=a15);
+  a57=(a03<=a55);
+  a56=(a56&&a57);
+  a57=(a54&&a56);
+  a58=arg[27]? arg[27][0] : 0;
+  a59=2.;
+  a60=(a58<=a59);
+  a61=(a03<=a58);
   a60=(a60&&a61);
-  a56=(a56&&a60);
-  a61=arg[30]? arg[30][0] : 0;
-  a62=(a61<=a11);
-  a63=(a03<=a61);
-  a62=(a62&&a63);
-  a56=(a56&&a62);
-  a63=arg[31]? arg[31][0] : 0;
-  a64=(a63<=a11);
-  a65=(a03<=a63);
-  a64=(a64&&a65);
-  a56=(a56&&a64);
-  a65=arg[32]? arg[32][0] : 0;
-  a66=3.4999999403953552e-01;
-  a66=(a65<=a66);
-  a67=-3.4999999403953552e-01;
-  a67=(a67<=a65);
-  a66=(a66&&a67);
-  a56=(a56&&a66);
-  a67=arg[33]? arg[33][0] : 0;
-  a68=3.3499999046325684e+00;
-  a68=(a67<=a68);
-  a69=-9.4999998807907104e-01;
-  a69=(a69<=a67);
-  a68=(a68&&a69);
-  a56=(a56&&a68);
-  a69=arg[34]? arg[34][0] : 0;
-  a70=12.;
-  a71=(a69<=a70);
-  a72=-12.;
-  a73=(a72<=a69);
-  a71=(a71&&a73);
-  a56=(a56&&a71);
-  a73=arg[35]? arg[35][0] : 0;
-  a74=3.;
-  a75=(a73<=a74);
-  a76=-5.9999996423721313e-01;
-  a76=(a76<=a73);
-  a75=(a75&&a76);
-  a56=(a56&&a75);
-  a76=arg[36]? arg[36][0] : 0;
-  a77=(a76<=a70);
-  a72=(a72<=a76);
-  a77=(a77&&a72);
-  a56=(a56&&a77);
-  a72=arg[37]? arg[37][0] : 0;
-  a78=20.;
-  a78=(a72<=a78);
-  a79=-20.;
-  a79=(a79<=a72);
-  a78=(a78&&a79);
-  a56=(a56&&a78);
-  a79=arg[38]? arg[38][0] : 0;
-  a80=(a79<=a11);
-  a81=(a03<=a79);
-  a80=(a80&&a81);
-  a56=(a56&&a80);
-  a81=arg[39]? arg[39][0] : 0;
-  a82=(a81<=a15);
-  a83=(a03<=a81);
-  a82=(a82&&a83);
-  a56=(a56&&a82);
-  a83=arg[40]? arg[40][0] : 0;
-  a84=(a83<=a11);
-  a85=(a03<=a83);
-  a84=(a84&&a85);
-  a56=(a56&&a84);
-  a59=(a59?a57:0);
-  a57=(a59==a03);
-  a85=(a59==a11);
-  a85=(a57||a85);
-  a59=(a59==a58);
-  a85=(a85||a59);
-  a85=(a56&&a85);
-  a50=(a60?a50:0);
-  a60=(!a60);
-  a60=(a60?a07:0);
-  a50=(a50+a60);
-  a60=(a50==a03);
-  a59=(a50==a11);
-  a60=(a60||a59);
-  a59=(a50==a58);
-  a60=(a60||a59);
-  a59=(a50==a74);
-  a60=(a60||a59);
-  a59=4.;
-  a86=(a50==a59);
-  a60=(a60||a86);
-  a86=5.;
-  a87=(a50==a86);
-  a60=(a60||a87);
-  a87=6.;
-  a88=(a50==a87);
-  a60=(a60||a88);
-  a88=(a50==a08);
-  a60=(a60||a88);
-  a85=(a85&&a60);
-  a62=(a62?a61:0);
-  a62=(a62==a11);
-  a85=(a85&&a62);
-  a62=(!a85);
-  a48=(a48||a62);
-  a64=(a64?a63:0);
-  a64=(a64==a11);
-  a63=(!a64);
-  a48=(a48||a63);
-  a54=(a55?a54:0);
-  a55=(!a55);
+  a57=(a57&&a60);
+  a57=(a57&&a51);
+  a51=arg[29]? arg[29][0] : 0;
+  a61=(a51<=a08);
+  a62=(a03<=a51);
+  a61=(a61&&a62);
+  a57=(a57&&a61);
+  a62=arg[30]? arg[30][0] : 0;
+  a63=(a62<=a11);
+  a64=(a03<=a62);
+  a63=(a63&&a64);
+  a57=(a57&&a63);
+  a64=arg[31]? arg[31][0] : 0;
+  a65=(a64<=a11);
+  a66=(a03<=a64);
+  a65=(a65&&a66);
+  a57=(a57&&a65);
+  a66=arg[32]? arg[32][0] : 0;
+  a67=3.4999999403953552e-01;
+  a67=(a66<=a67);
+  a68=-3.4999999403953552e-01;
+  a68=(a68<=a66);
+  a67=(a67&&a68);
+  a57=(a57&&a67);
+  a68=arg[33]? arg[33][0] : 0;
+  a69=3.3499999046325684e+00;
+  a69=(a68<=a69);
+  a70=-9.4999998807907104e-01;
+  a70=(a70<=a68);
+  a69=(a69&&a70);
+  a57=(a57&&a69);
+  a70=arg[34]? arg[34][0] : 0;
+  a71=12.;
+  a72=(a70<=a71);
+  a73=-12.;
+  a74=(a73<=a70);
+  a72=(a72&&a74);
+  a57=(a57&&a72);
+  a74=arg[35]? arg[35][0] : 0;
+  a75=3.;
+  a76=(a74<=a75);
+  a77=-5.9999996423721313e-01;
+  a77=(a77<=a74);
+  a76=(a76&&a77);
+  a57=(a57&&a76);
+  a77=arg[36]? arg[36][0] : 0;
+  a78=(a77<=a71);
+  a73=(a73<=a77);
+  a78=(a78&&a73);
+  a57=(a57&&a78);
+  a73=arg[37]? arg[37][0] : 0;
+  a79=20.;
+  a79=(a73<=a79);
+  a80=-20.;
+  a80=(a80<=a73);
+  a79=(a79&&a80);
+  a57=(a57&&a79);
+  a80=arg[38]? arg[38][0] : 0;
+  a81=(a80<=a11);
+  a82=(a03<=a80);
+  a81=(a81&&a82);
+  a57=(a57&&a81);
+  a82=arg[39]? arg[39][0] : 0;
+  a83=(a82<=a15);
+  a84=(a03<=a82);
+  a83=(a83&&a84);
+  a57=(a57&&a83);
+  a84=arg[40]? arg[40][0] : 0;
+  a85=(a84<=a11);
+  a86=(a03<=a84);
+  a85=(a85&&a86);
+  a57=(a57&&a85);
+  a60=(a60?a58:0);
+  a58=(a60==a03);
+  a86=(a60==a11);
+  a86=(a58||a86);
+  a60=(a60==a59);
+  a86=(a86||a60);
+  a86=(a57&&a86);
+  a51=(a61?a51:0);
+  a61=(!a61);
+  a61=(a61?a07:0);
+  a51=(a51+a61);
+  a61=(a51==a03);
+  a60=(a51==a11);
+  a61=(a61||a60);
+  a60=(a51==a59);
+  a61=(a61||a60);
+  a60=(a51==a75);
+  a61=(a61||a60);
+  a60=4.;
+  a87=(a51==a60);
+  a61=(a61||a87);
+  a87=5.;
+  a88=(a51==a87);
+  a61=(a61||a88);
+  a88=6.;
+  a89=(a51==a88);
+  a61=(a61||a89);
+  a89=(a51==a08);
+  a61=(a61||a89);
+  a86=(a86&&a61);
+  a63=(a63?a62:0);
+  a63=(a63==a11);
+  a86=(a86&&a63);
+  a63=(!a86);
+  a49=(a49||a63);
+  a65=(a65?a64:0);
+  a65=(a65==a11);
+  a64=(!a65);
+  a49=(a49||a64);
+  a55=(a56?a55:0);
+  a56=(!a56);
   a16=(a02?a16:0);
-  a55=(a55?a16:0);
-  a54=(a54+a55);
-  a55=(a11<=a54);
-  a16=(a54==a16);
+  a56=(a56?a16:0);
+  a55=(a55+a56);
+  a56=(a11<=a55);
+  a16=(a55==a16);
   a16=(!a16);
-  a16=(a55&&a16);
+  a16=(a56&&a16);
   a16=(!a16);
   a17=(a02?a17:0);
   a23=(a23?a18:0);
@@ -6119,52 +6816,52 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a17=(a17+a11);
   a17=casadi_fmin(a17,a18);
   a16=(a16?a17:0);
-  a16=(a55?a16:0);
-  a55=(!a55);
-  a55=(a55?a18:0);
-  a16=(a16+a55);
-  a55=(a18<=a16);
-  a48=(a48||a55);
-  a66=(a66?a65:0);
-  a66=casadi_fabs(a66);
-  a66=(a36<a66);
-  a68=(a68?a67:0);
-  a75=(a75?a73:0);
-  a68=(a68-a75);
-  a68=casadi_fabs(a68);
-  a36=(a36<a68);
-  a66=(a66||a36);
-  a66=(a56&&a66);
-  a48=(a48||a66);
-  a36=(a78?a72:0);
+  a16=(a56?a16:0);
+  a56=(!a56);
+  a56=(a56?a18:0);
+  a16=(a16+a56);
+  a18=(a18<=a16);
+  a49=(a49||a18);
+  a67=(a67?a66:0);
+  a67=casadi_fabs(a67);
+  a67=(a36<a67);
+  a69=(a69?a68:0);
+  a76=(a76?a74:0);
+  a69=(a69-a76);
+  a69=casadi_fabs(a69);
+  a36=(a36<a69);
+  a67=(a67||a36);
+  a67=(a57&&a67);
+  a49=(a49||a67);
+  a36=(a79?a73:0);
   a36=casadi_fabs(a36);
   a34=(a34<a36);
-  a34=(a56&&a34);
-  a48=(a48||a34);
-  a36=(a77?a76:0);
-  a68=casadi_fabs(a36);
-  a71=(a71?a69:0);
-  a69=casadi_fabs(a71);
-  a68=casadi_fmax(a68,a69);
-  a41=(a41<a68);
-  a41=(a56&&a41);
-  a48=(a48||a41);
-  a68=2.6999998092651367e+00;
-  a38=casadi_fmin(a38,a68);
-  a38=(a38<a75);
-  a68=-3.4999996423721313e-01;
-  a44=casadi_fmax(a44,a68);
-  a44=(a75<a44);
-  a38=(a38||a44);
-  a56=(a56&&a38);
-  a48=(a48||a56);
+  a34=(a57&&a34);
+  a49=(a49||a34);
+  a36=(a78?a77:0);
+  a69=casadi_fabs(a36);
+  a72=(a72?a70:0);
+  a70=casadi_fabs(a72);
+  a69=casadi_fmax(a69,a70);
+  a41=(a41<a69);
+  a41=(a57&&a41);
+  a49=(a49||a41);
+  a69=2.6999998092651367e+00;
+  a38=casadi_fmin(a38,a69);
+  a38=(a38<a76);
+  a69=-3.4999996423721313e-01;
+  a45=casadi_fmax(a45,a69);
+  a45=(a76<a45);
+  a38=(a38||a45);
+  a57=(a57&&a38);
+  a49=(a49||a57);
   a20=(a02?a20:0);
   a38=1.0000000000000000e-03;
-  a72=(a72*a76);
-  a78=(a78?a72:0);
-  a77=(a77?a78:0);
-  a77=casadi_fmax(a77,a03);
-  a38=(a38*a77);
+  a73=(a73*a77);
+  a79=(a79?a73:0);
+  a78=(a78?a79:0);
+  a78=casadi_fmax(a78,a03);
+  a38=(a38*a78);
   a20=(a20+a38);
   a20=casadi_fmin(a20,a21);
   a22=(a02?a22:0);
@@ -6197,149 +6894,149 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a32=(a02?a32:0);
   a38=casadi_fabs(a32);
   a21=(a21+a38);
-  a42=(a42<a21);
-  a48=(a48||a42);
-  a80=(a80?a79:0);
-  a80=(a80==a11);
-  a79=(!a80);
-  a48=(a48||a79);
+  a43=(a43<a21);
+  a49=(a49||a43);
+  a81=(a81?a80:0);
+  a81=(a81==a11);
+  a80=(!a81);
+  a49=(a49||a80);
   a38=128.;
-  a81=(a82?a81:0);
-  a82=(!a82);
-  a82=(a82?a15:0);
-  a81=(a81+a82);
-  a81=(a38<a81);
-  a48=(a48||a81);
-  a84=(a84?a83:0);
-  a84=(a84==a11);
-  a84=(!a84);
-  a48=(a48||a84);
-  a48=(!a48);
+  a82=(a83?a82:0);
+  a83=(!a83);
+  a83=(a83?a15:0);
+  a82=(a82+a83);
+  a82=(a38<a82);
+  a49=(a49||a82);
+  a85=(a85?a84:0);
+  a85=(a85==a11);
+  a85=(!a85);
+  a49=(a49||a85);
+  a49=(!a49);
   a14=(a06&&a14);
-  a83=(a03<=a07);
-  a83=(a06&&a83);
-  a82=(a08<=a07);
-  a82=(!a82);
+  a84=(a03<=a07);
+  a84=(a06&&a84);
+  a83=(a08<=a07);
+  a83=(!a83);
   a15=(a07+a11);
-  a82=(a82?a15:0);
-  a82=(a50==a82);
-  a82=(a83&&a82);
-  a82=(a82&&a00);
-  a82=(a82&&a48);
-  a82=(a82&&a57);
-  a53=(a53?a52:0);
-  a52=(a53==a03);
-  a82=(a82&&a52);
-  a14=(a14||a82);
-  a48=(a48&&a14);
-  a01=(a48?a01:0);
+  a83=(a83?a15:0);
+  a83=(a51==a83);
+  a83=(a84&&a83);
+  a83=(a83&&a00);
+  a83=(a83&&a49);
+  a83=(a83&&a58);
+  a54=(a54?a53:0);
+  a53=(a54==a03);
+  a83=(a83&&a53);
+  a14=(a14||a83);
+  a49=(a49&&a14);
+  a01=(a49?a01:0);
   if (res[0]!=0) res[0][0]=a01;
-  a01=(!a48);
+  a01=(!a49);
   a14=(a06&&a00);
   a04=(a14?a04:0);
   a14=(!a14);
-  a58=(a09?a58:0);
-  a74=(a47?a74:0);
-  a52=(a51?a59:0);
-  a86=(a62?a86:0);
+  a59=(a09?a59:0);
+  a75=(a48?a75:0);
+  a53=(a52?a60:0);
   a87=(a63?a87:0);
-  a08=(a55?a08:0);
-  a15=(!a55);
-  a77=(a66?a35:0);
-  a78=(!a66);
-  a72=9.;
-  a72=(a34?a72:0);
-  a76=(!a34);
-  a18=(a41?a18:0);
-  a44=(!a41);
-  a68=11.;
-  a68=(a56?a68:0);
-  a69=(!a56);
-  a70=(a42?a70:0);
-  a73=(!a42);
-  a67=13.;
-  a67=(a79?a67:0);
-  a65=14.;
-  a65=(a81?a65:0);
-  a17=(!a81);
-  a05=(a84?a05:0);
-  a17=(a17?a05:0);
-  a65=(a65+a17);
-  a80=(a80?a65:0);
-  a67=(a67+a80);
-  a73=(a73?a67:0);
-  a70=(a70+a73);
-  a69=(a69?a70:0);
-  a68=(a68+a69);
-  a44=(a44?a68:0);
-  a18=(a18+a44);
-  a76=(a76?a18:0);
-  a72=(a72+a76);
-  a78=(a78?a72:0);
-  a77=(a77+a78);
-  a15=(a15?a77:0);
+  a88=(a64?a88:0);
+  a08=(a18?a08:0);
+  a15=(!a18);
+  a78=(a67?a35:0);
+  a79=(!a67);
+  a73=9.;
+  a73=(a34?a73:0);
+  a77=(!a34);
+  a42=(a41?a42:0);
+  a45=(!a41);
+  a69=11.;
+  a69=(a57?a69:0);
+  a70=(!a57);
+  a71=(a43?a71:0);
+  a74=(!a43);
+  a68=13.;
+  a68=(a80?a68:0);
+  a66=14.;
+  a66=(a82?a66:0);
+  a56=(!a82);
+  a05=(a85?a05:0);
+  a56=(a56?a05:0);
+  a66=(a66+a56);
+  a81=(a81?a66:0);
+  a68=(a68+a81);
+  a74=(a74?a68:0);
+  a71=(a71+a74);
+  a70=(a70?a71:0);
+  a69=(a69+a70);
+  a45=(a45?a69:0);
+  a42=(a42+a45);
+  a77=(a77?a42:0);
+  a73=(a73+a77);
+  a79=(a79?a73:0);
+  a78=(a78+a79);
+  a15=(a15?a78:0);
   a08=(a08+a15);
-  a64=(a64?a08:0);
-  a87=(a87+a64);
-  a85=(a85?a87:0);
-  a86=(a86+a85);
-  a49=(a49?a86:0);
-  a52=(a52+a49);
-  a13=(a13?a52:0);
-  a74=(a74+a13);
-  a74=(a06?a74:0);
-  a74=(a58+a74);
-  a14=(a14?a74:0);
+  a65=(a65?a08:0);
+  a88=(a88+a65);
+  a86=(a86?a88:0);
+  a87=(a87+a86);
+  a50=(a50?a87:0);
+  a53=(a53+a50);
+  a13=(a13?a53:0);
+  a75=(a75+a13);
+  a75=(a06?a75:0);
+  a75=(a59+a75);
+  a14=(a14?a75:0);
   a04=(a04+a14);
   a04=(a01?a04:0);
   if (res[1]!=0) res[1][0]=a04;
   a14=(-a04);
   if (res[2]!=0) res[2][0]=a14;
-  a14=(a60?a50:0);
-  a74=(!a60);
-  a74=(a74?a07:0);
-  a14=(a14+a74);
+  a14=(a61?a51:0);
+  a75=(!a61);
+  a75=(a75?a07:0);
+  a14=(a14+a75);
   a06=(a06?a14:0);
   a09=(a09?a10:0);
   a06=(a06+a09);
   if (res[3]!=0) res[3][0]=a06;
   a06=(-a06);
   if (res[4]!=0) res[4][0]=a06;
-  a57=(!a57);
-  a06=(a57?a53:0);
+  a58=(!a58);
+  a06=(a58?a54:0);
   a06=casadi_fmin(a06,a33);
   a09=(-a33);
   a06=casadi_fmax(a06,a09);
-  a39=(a39-a75);
-  a39=(a45*a39);
+  a39=(a39-a76);
+  a39=(a46*a39);
   a39=casadi_fmax(a39,a03);
-  a09=casadi_fmax(a36,a71);
+  a09=casadi_fmax(a36,a72);
   a09=(a40-a09);
-  a09=(a46*a09);
+  a09=(a47*a09);
   a09=casadi_fmax(a09,a03);
   a10=casadi_fmin(a39,a09);
   a10=casadi_fmin(a06,a10);
-  a75=(a75-a37);
-  a45=(a45*a75);
-  a45=casadi_fmax(a45,a03);
-  a36=casadi_fmin(a36,a71);
-  a40=(a40+a36);
-  a46=(a46*a40);
+  a76=(a76-a37);
+  a46=(a46*a76);
   a46=casadi_fmax(a46,a03);
-  a03=casadi_fmin(a45,a46);
+  a36=casadi_fmin(a36,a72);
+  a40=(a40+a36);
+  a47=(a47*a40);
+  a47=casadi_fmax(a47,a03);
+  a03=casadi_fmin(a46,a47);
   a03=(-a03);
   a10=casadi_fmax(a10,a03);
   a03=4.9999997019767761e-02;
-  a43=casadi_fmin(a43,a03);
-  a03=(a12+a43);
+  a44=casadi_fmin(a44,a03);
+  a03=(a12+a44);
   a03=casadi_fmin(a10,a03);
-  a12=(a12-a43);
+  a12=(a12-a44);
   a03=casadi_fmax(a03,a12);
-  a12=(a48?a03:0);
+  a12=(a49?a03:0);
   if (res[5]!=0) res[5][0]=a12;
-  a43=(-a12);
-  if (res[6]!=0) res[6][0]=a43;
-  if (res[7]!=0) res[7][0]=a54;
+  a44=(-a12);
+  if (res[6]!=0) res[6][0]=a44;
+  if (res[7]!=0) res[7][0]=a55;
   if (res[8]!=0) res[8][0]=a16;
   a16=99.;
   a02=(a02?a19:0);
@@ -6392,99 +7089,99 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[11]!=0) res[11][9]=a16;
   if (res[12]!=0) res[12][0]=a12;
   a16=(a06-a10);
-  a16=(a48?a16:0);
+  a16=(a49?a16:0);
   if (res[13]!=0) res[13][0]=a16;
   a12=(a10-a12);
-  a12=(a48?a12:0);
+  a12=(a49?a12:0);
   if (res[14]!=0) res[14][0]=a12;
   if (res[15]!=0) res[15][0]=a21;
   if (res[16]!=0) res[16][0]=a04;
-  a62=(a62?a11:0);
-  a62=(a62+a58);
-  a47=(a47?a59:0);
-  a62=(a62+a47);
-  a51=(a51?a35:0);
-  a62=(a62+a51);
-  a51=16.;
-  a63=(a63?a51:0);
-  a62=(a62+a63);
-  a63=32.;
-  a55=(a55?a63:0);
-  a62=(a62+a55);
-  a55=64.;
-  a66=(a66?a55:0);
-  a62=(a62+a66);
+  a63=(a63?a11:0);
+  a63=(a63+a59);
+  a48=(a48?a60:0);
+  a63=(a63+a48);
+  a52=(a52?a35:0);
+  a63=(a63+a52);
+  a52=16.;
+  a64=(a64?a52:0);
+  a63=(a63+a64);
+  a64=32.;
+  a18=(a18?a64:0);
+  a63=(a63+a18);
+  a18=64.;
+  a67=(a67?a18:0);
+  a63=(a63+a67);
   a34=(a34?a38:0);
-  a62=(a62+a34);
+  a63=(a63+a34);
   a34=256.;
   a41=(a41?a34:0);
-  a62=(a62+a41);
+  a63=(a63+a41);
   a41=512.;
-  a56=(a56?a41:0);
-  a62=(a62+a56);
-  a56=1024.;
-  a42=(a42?a56:0);
-  a62=(a62+a42);
-  a57=(a48&&a57);
-  a53=casadi_fabs(a53);
-  a33=(a33<a53);
-  a33=(a57&&a33);
-  a53=2048.;
-  a33=(a33?a53:0);
-  a62=(a62+a33);
+  a57=(a57?a41:0);
+  a63=(a63+a57);
+  a57=1024.;
+  a43=(a43?a57:0);
+  a63=(a63+a43);
+  a58=(a49&&a58);
+  a54=casadi_fabs(a54);
+  a33=(a33<a54);
+  a33=(a58&&a33);
+  a54=2048.;
+  a33=(a33?a54:0);
+  a63=(a63+a33);
   a03=(a03==a10);
   a03=(!a03);
-  a48=(a48&&a03);
+  a49=(a49&&a03);
   a03=4096.;
-  a48=(a48?a03:0);
-  a62=(a62+a48);
-  a45=(-a45);
-  a45=(a06<a45);
-  a45=(a57&&a45);
-  a48=8192.;
-  a45=(a45?a48:0);
-  a62=(a62+a45);
-  a39=(a39<a06);
-  a39=(a57&&a39);
-  a45=16384.;
-  a39=(a39?a45:0);
-  a62=(a62+a39);
+  a49=(a49?a03:0);
+  a63=(a63+a49);
   a46=(-a46);
   a46=(a06<a46);
+  a46=(a58&&a46);
+  a49=8192.;
+  a46=(a46?a49:0);
+  a63=(a63+a46);
+  a39=(a39<a06);
+  a39=(a58&&a39);
+  a46=16384.;
+  a39=(a39?a46:0);
+  a63=(a63+a39);
+  a47=(-a47);
+  a47=(a06<a47);
   a09=(a09<a06);
-  a46=(a46||a09);
-  a57=(a57&&a46);
-  a46=32768.;
-  a57=(a57?a46:0);
-  a62=(a62+a57);
-  a83=(a83&&a60);
-  a50=(a50==a07);
-  a50=(!a50);
-  a83=(a83&&a50);
-  a82=(!a82);
-  a00=(a00&&a82);
-  a83=(a83&&a00);
+  a47=(a47||a09);
+  a58=(a58&&a47);
+  a47=32768.;
+  a58=(a58?a47:0);
+  a63=(a63+a58);
+  a84=(a84&&a61);
+  a51=(a51==a07);
+  a51=(!a51);
+  a84=(a84&&a51);
+  a83=(!a83);
+  a00=(a00&&a83);
+  a84=(a84&&a00);
   a00=65536.;
-  a83=(a83?a00:0);
-  a62=(a62+a83);
-  a83=131072.;
-  a01=(a01?a83:0);
-  a62=(a62+a01);
+  a84=(a84?a00:0);
+  a63=(a63+a84);
+  a84=131072.;
+  a01=(a01?a84:0);
+  a63=(a63+a01);
   a01=262144.;
-  a79=(a79?a01:0);
-  a62=(a62+a79);
-  a79=524288.;
-  a81=(a81?a79:0);
-  a62=(a62+a81);
-  a81=1048576.;
-  a84=(a84?a81:0);
-  a62=(a62+a84);
-  if (res[17]!=0) res[17][0]=a62;
+  a80=(a80?a01:0);
+  a63=(a63+a80);
+  a80=524288.;
+  a82=(a82?a80:0);
+  a63=(a63+a82);
+  a82=1048576.;
+  a85=(a85?a82:0);
+  a63=(a63+a85);
+  if (res[17]!=0) res[17][0]=a63;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_checkout(void) {
@@ -6669,7 +7366,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -6684,7 +7381,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_checkout(void) {
@@ -6757,7 +7454,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6770,7 +7467,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f36(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_checkout(void) {
@@ -6853,7 +7550,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -6989,7 +7686,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_checkout(void) {
@@ -7096,7 +7793,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0,a_rad_s2_0,moved_rad_s2_0) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7111,7 +7808,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f38(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_checkout(void) {
@@ -7194,7 +7891,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_work_bytes(c
 }
 
 /* esea_elbow_drive_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,s_a_rad_s2,s_moved_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,next_a_rad_s2,next_moved_rad_s2,y_d_gear_rad_s2,y_moves_rad_s2,y_status) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[8]? arg[8][0] : 0;
@@ -7363,7 +8060,7 @@ static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f39(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_checkout(void) {
@@ -7474,7 +8171,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_work_bytes(c
 }
 
 /* esea_elbow_drive_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -7489,7 +8186,7 @@ static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
+  return casadi_f40(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_checkout(void) {
@@ -7562,7 +8259,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7575,7 +8272,7 @@ static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
+  return casadi_f41(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_checkout(void) {
@@ -7658,7 +8355,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
@@ -7829,7 +8526,7 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
+  return casadi_f42(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_checkout(void) {
@@ -7938,7 +8635,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_set_trend_prepare:(bandwidth_Hz,quiet_Nm)->(c_quick,c_noises_1_Nm) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-3.1415926535897934e-02;
@@ -7954,7 +8651,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f43(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare_checkout(void) {
@@ -8029,7 +8726,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_set_trend_init:(quick,noises_1_Nm)->(primed_0,last_Nm_0,raw_Nm_0[2],grown_Nm_0[2],noise_Nm_0,stepped_0,miss_Nm_0,rate_Nm_s_0,acc_Nm_s2_0) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8047,7 +8744,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f44(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init_checkout(void) {
@@ -8136,7 +8833,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_set_trend_step:(c_quick,c_noises_1_Nm,s_primed,s_last_Nm,s_raw_Nm[2],s_grown_Nm[2],s_noise_Nm,s_stepped,s_miss_Nm,s_rate_Nm_s,s_acc_Nm_s2,u_tau_wanted_Nm)->(next_primed,next_last_Nm,next_raw_Nm[2],next_grown_Nm[2],next_noise_Nm,next_stepped,next_miss_Nm,next_rate_Nm_s,next_acc_Nm_s2,y_tau_rate_Nm_s,y_tau_curve_Nm_s2,y_trust,y_settled,y_status) */
-static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   a00=arg[2]? arg[2][0] : 0;
@@ -8337,7 +9034,7 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f42(arg, res, iw, w, mem);
+  return casadi_f45(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_checkout(void) {
@@ -8456,7 +9153,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share,friction_ahead)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead) */
-static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -8483,7 +9180,7 @@ static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f43(arg, res, iw, w, mem);
+  return casadi_f46(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_checkout(void) {
@@ -8578,7 +9275,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share,friction_ahead)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0) */
-static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8590,7 +9287,7 @@ static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f44(arg, res, iw, w, mem);
+  return casadi_f47(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_checkout(void) {
@@ -8683,7 +9380,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
-static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -9031,7 +9728,7 @@ static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f45(arg, res, iw, w, mem);
+  return casadi_f48(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_checkout(void) {
@@ -9170,7 +9867,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_redundancy_init:()->(zero_rad_0,zeroed_0) */
-static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9179,7 +9876,7 @@ static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f46(arg, res, iw, w, mem);
+  return casadi_f49(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_checkout(void) {
@@ -9250,7 +9947,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm,u_moves_rad_s2)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_room_Nm,y_status) */
-static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20;
   a00=5.0000000000000000e-01;
@@ -9387,7 +10084,7 @@ static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f47(arg, res, iw, w, mem);
+  return casadi_f50(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_checkout(void) {
@@ -9486,7 +10183,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_stamp_init:()->(beats_0) */
-static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9494,7 +10191,7 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f48(arg, res, iw, w, mem);
+  return casadi_f51(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_checkout(void) {
@@ -9563,7 +10260,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_work_bytes(casadi_in
 }
 
 /* esea_elbow_drive_casadi_stamp_step:(s_beats,u_u_command_Nm)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -9601,7 +10298,7 @@ static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f49(arg, res, iw, w, mem);
+  return casadi_f52(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step_checkout(void) {

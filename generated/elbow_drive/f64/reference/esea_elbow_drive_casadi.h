@@ -338,9 +338,63 @@ const casadi_int* esea_elbow_drive_casadi_reference_step_sparsity_out(casadi_int
 int esea_elbow_drive_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 #define esea_elbow_drive_casadi_reference_step_SZ_ARG 14
-#define esea_elbow_drive_casadi_reference_step_SZ_RES 7
+#define esea_elbow_drive_casadi_reference_step_SZ_RES 9
 #define esea_elbow_drive_casadi_reference_step_SZ_IW 0
 #define esea_elbow_drive_casadi_reference_step_SZ_W 0
+int esea_elbow_drive_casadi_passivity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_passivity_prepare_checkout(void);
+void esea_elbow_drive_casadi_passivity_prepare_release(int mem);
+void esea_elbow_drive_casadi_passivity_prepare_incref(void);
+void esea_elbow_drive_casadi_passivity_prepare_decref(void);
+casadi_int esea_elbow_drive_casadi_passivity_prepare_n_in(void);
+casadi_int esea_elbow_drive_casadi_passivity_prepare_n_out(void);
+casadi_real esea_elbow_drive_casadi_passivity_prepare_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_passivity_prepare_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_passivity_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_passivity_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_passivity_prepare_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_passivity_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_passivity_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_passivity_prepare_SZ_ARG 2
+#define esea_elbow_drive_casadi_passivity_prepare_SZ_RES 2
+#define esea_elbow_drive_casadi_passivity_prepare_SZ_IW 0
+#define esea_elbow_drive_casadi_passivity_prepare_SZ_W 0
+int esea_elbow_drive_casadi_passivity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_passivity_init_checkout(void);
+void esea_elbow_drive_casadi_passivity_init_release(int mem);
+void esea_elbow_drive_casadi_passivity_init_incref(void);
+void esea_elbow_drive_casadi_passivity_init_decref(void);
+casadi_int esea_elbow_drive_casadi_passivity_init_n_in(void);
+casadi_int esea_elbow_drive_casadi_passivity_init_n_out(void);
+casadi_real esea_elbow_drive_casadi_passivity_init_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_passivity_init_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_passivity_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_passivity_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_passivity_init_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_passivity_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_passivity_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_passivity_init_SZ_ARG 2
+#define esea_elbow_drive_casadi_passivity_init_SZ_RES 11
+#define esea_elbow_drive_casadi_passivity_init_SZ_IW 0
+#define esea_elbow_drive_casadi_passivity_init_SZ_W 0
+int esea_elbow_drive_casadi_passivity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_drive_casadi_passivity_step_checkout(void);
+void esea_elbow_drive_casadi_passivity_step_release(int mem);
+void esea_elbow_drive_casadi_passivity_step_incref(void);
+void esea_elbow_drive_casadi_passivity_step_decref(void);
+casadi_int esea_elbow_drive_casadi_passivity_step_n_in(void);
+casadi_int esea_elbow_drive_casadi_passivity_step_n_out(void);
+casadi_real esea_elbow_drive_casadi_passivity_step_default_in(casadi_int i);
+const char* esea_elbow_drive_casadi_passivity_step_name_in(casadi_int i);
+const char* esea_elbow_drive_casadi_passivity_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_passivity_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_drive_casadi_passivity_step_sparsity_out(casadi_int i);
+int esea_elbow_drive_casadi_passivity_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_drive_casadi_passivity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_drive_casadi_passivity_step_SZ_ARG 24
+#define esea_elbow_drive_casadi_passivity_step_SZ_RES 18
+#define esea_elbow_drive_casadi_passivity_step_SZ_IW 0
+#define esea_elbow_drive_casadi_passivity_step_SZ_W 0
 int esea_elbow_drive_casadi_torque_lead_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_drive_casadi_torque_lead_prepare_checkout(void);
 void esea_elbow_drive_casadi_torque_lead_prepare_release(int mem);

@@ -74,7 +74,18 @@ extern "C" {
 #define casadi_f136 CASADI_PREFIX(f136)
 #define casadi_f137 CASADI_PREFIX(f137)
 #define casadi_f138 CASADI_PREFIX(f138)
+#define casadi_f139 CASADI_PREFIX(f139)
 #define casadi_f14 CASADI_PREFIX(f14)
+#define casadi_f140 CASADI_PREFIX(f140)
+#define casadi_f141 CASADI_PREFIX(f141)
+#define casadi_f142 CASADI_PREFIX(f142)
+#define casadi_f143 CASADI_PREFIX(f143)
+#define casadi_f144 CASADI_PREFIX(f144)
+#define casadi_f145 CASADI_PREFIX(f145)
+#define casadi_f146 CASADI_PREFIX(f146)
+#define casadi_f147 CASADI_PREFIX(f147)
+#define casadi_f148 CASADI_PREFIX(f148)
+#define casadi_f149 CASADI_PREFIX(f149)
 #define casadi_f15 CASADI_PREFIX(f15)
 #define casadi_f16 CASADI_PREFIX(f16)
 #define casadi_f17 CASADI_PREFIX(f17)
@@ -177,7 +188,6 @@ extern "C" {
 #define casadi_s3 CASADI_PREFIX(s3)
 #define casadi_s4 CASADI_PREFIX(s4)
 #define casadi_s5 CASADI_PREFIX(s5)
-#define casadi_s6 CASADI_PREFIX(s6)
 #define casadi_sq CASADI_PREFIX(sq)
 
 /* Symbol visibility in DLLs */
@@ -237,9 +247,8 @@ static const casadi_int casadi_s0[3] = {1, 1, 1};
 static const casadi_int casadi_s1[3] = {10, 1, 1};
 static const casadi_int casadi_s2[3] = {3, 1, 1};
 static const casadi_int casadi_s3[3] = {2, 1, 1};
-static const casadi_int casadi_s4[3] = {7, 1, 1};
-static const casadi_int casadi_s5[3] = {6, 1, 1};
-static const casadi_int casadi_s6[3] = {8, 1, 1};
+static const casadi_int casadi_s4[3] = {8, 1, 1};
+static const casadi_int casadi_s5[3] = {9, 1, 1};
 
 /* esea_elbow_mpc_casadi_encoder_prepare:(zero_rad,zeroed)->(c_offset_rad,c_zeroed) */
 static int casadi_f0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
@@ -2951,7 +2960,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init_work_bytes(casadi_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_offset_Nm,y_keep,y_tau_range_Nm,y_Kp_Nm_rad,y_Kd_Nms_rad,y_tau_wanted_Nm,y_theta_wanted_rad,y_omega_wanted_rad_s) */
+/* esea_elbow_mpc_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_stiffness_Nm_rad,y_damping_Nms_rad,y_offset_Nm,y_keep,y_tau_range_Nm,y_Kp_Nm_rad,y_Kd_Nms_rad,y_tau_wanted_Nm,y_theta_wanted_rad,y_omega_wanted_rad_s) */
 static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
@@ -3003,9 +3012,9 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a03=(a03<=a07);
   a18=(a18&&a03);
   a03=arg[5]? arg[5][0] : 0;
-  a19=2.4845999145507812e+02;
+  a19=7.0598999023437500e+01;
   a19=(a03<=a19);
-  a20=-2.4845999145507812e+02;
+  a20=-7.0598999023437500e+01;
   a20=(a20<=a03);
   a19=(a19&&a20);
   a18=(a18&&a19);
@@ -3099,14 +3108,16 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a00=(a00?a02:0);
   a14=(a14+a00);
   if (res[6]!=0) res[6][0]=a14;
-  if (res[7]!=0) res[7][0]=a07;
-  if (res[8]!=0) res[8][0]=a10;
-  if (res[9]!=0) res[9][0]=a04;
-  if (res[10]!=0) res[10][0]=a12;
-  if (res[11]!=0) res[11][0]=a16;
-  if (res[12]!=0) res[12][0]=a06;
-  if (res[13]!=0) res[13][0]=a11;
-  if (res[14]!=0) res[14][0]=a15;
+  if (res[7]!=0) res[7][0]=a12;
+  if (res[8]!=0) res[8][0]=a16;
+  if (res[9]!=0) res[9][0]=a07;
+  if (res[10]!=0) res[10][0]=a10;
+  if (res[11]!=0) res[11][0]=a04;
+  if (res[12]!=0) res[12][0]=a12;
+  if (res[13]!=0) res[13][0]=a16;
+  if (res[14]!=0) res[14][0]=a06;
+  if (res[15]!=0) res[15][0]=a11;
+  if (res[16]!=0) res[16][0]=a15;
   return 0;
 }
 
@@ -3129,7 +3140,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_reference_step_decref(void) {
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_reference_step_n_in(void) { return 14;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_reference_step_n_out(void) { return 15;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_reference_step_n_out(void) { return 17;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_reference_step_default_in(casadi_int i) {
   switch (i) {
@@ -3166,14 +3177,16 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_reference_step_name_out(c
     case 4: return "y_mode";
     case 5: return "y_request_ok";
     case 6: return "y_status";
-    case 7: return "y_offset_Nm";
-    case 8: return "y_keep";
-    case 9: return "y_tau_range_Nm";
-    case 10: return "y_Kp_Nm_rad";
-    case 11: return "y_Kd_Nms_rad";
-    case 12: return "y_tau_wanted_Nm";
-    case 13: return "y_theta_wanted_rad";
-    case 14: return "y_omega_wanted_rad_s";
+    case 7: return "y_stiffness_Nm_rad";
+    case 8: return "y_damping_Nms_rad";
+    case 9: return "y_offset_Nm";
+    case 10: return "y_keep";
+    case 11: return "y_tau_range_Nm";
+    case 12: return "y_Kp_Nm_rad";
+    case 13: return "y_Kd_Nms_rad";
+    case 14: return "y_tau_wanted_Nm";
+    case 15: return "y_theta_wanted_rad";
+    case 16: return "y_omega_wanted_rad_s";
     default: return 0;
   }
 }
@@ -3215,13 +3228,15 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_reference_step_spar
     case 12: return casadi_s0;
     case 13: return casadi_s0;
     case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 14;
-  if (sz_res) *sz_res = 15;
+  if (sz_res) *sz_res = 17;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
@@ -3229,14 +3244,1187 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work(casadi_int *s
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 14*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 15*sizeof(casadi_real*);
+  if (sz_res) *sz_res = 17*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_passivity_prepare:(least_Nms_rad,energy_J)->(c_least_Nms_rad,c_energy_J) */
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f18(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_prepare_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_prepare_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_prepare_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_prepare_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_passivity_prepare_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_passivity_prepare_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_passivity_prepare_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_passivity_prepare_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "least_Nms_rad";
+    case 1: return "energy_J";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_passivity_prepare_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "c_least_Nms_rad";
+    case 1: return "c_energy_J";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_passivity_prepare_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_passivity_prepare_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_passivity_init:(least_Nms_rad,energy_J)->(power_W_0,square_rad2_s2_0,damping_Nms_rad_0,theta_load_last_rad_0,error_last_Nm_0,theta_motor_last_rad_0,tau_last_Nm_0,given_J_0,v_Nm_0,most_Nm_0,seen_0) */
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  a1=2.9999998211860657e-01;
+  if (res[2]!=0) res[2][0]=a1;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
+  if (res[8]!=0) res[8][0]=a0;
+  if (res[9]!=0) res[9][0]=a0;
+  if (res[10]!=0) res[10][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f19(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_passivity_init_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_passivity_init_n_out(void) { return 11;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_passivity_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_passivity_init_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "least_Nms_rad";
+    case 1: return "energy_J";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_passivity_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "power_W_0";
+    case 1: return "square_rad2_s2_0";
+    case 2: return "damping_Nms_rad_0";
+    case 3: return "theta_load_last_rad_0";
+    case 4: return "error_last_Nm_0";
+    case 5: return "theta_motor_last_rad_0";
+    case 6: return "tau_last_Nm_0";
+    case 7: return "given_J_0";
+    case 8: return "v_Nm_0";
+    case 9: return "most_Nm_0";
+    case 10: return "seen_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_passivity_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_passivity_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 11;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 11*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_passivity_step:(c_least_Nms_rad,c_energy_J,s_power_W,s_square_rad2_s2,s_damping_Nms_rad,s_theta_load_last_rad,s_error_last_Nm,s_theta_motor_last_rad,s_tau_last_Nm,s_given_J,s_v_Nm,s_most_Nm,s_seen,u_mode,u_sensing_ok,u_tau_set_Nm,u_Kp_Nm_rad,u_Kd_Nms_rad,u_tau_Nm,u_theta_load_rad,u_omega_load_rad_s,u_theta_motor_rad,u_omega_motor_rad_s,u_u_command_Nm)->(next_power_W,next_square_rad2_s2,next_damping_Nms_rad,next_theta_load_last_rad,next_error_last_Nm,next_theta_motor_last_rad,next_tau_last_Nm,next_given_J,next_v_Nm,next_most_Nm,next_seen,y_tau_set_Nm,y_damping_Nms_rad,y_mode_ahead,y_u_command_Nm,y_given_J,y_held_J,y_status) */
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
+  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46, a47;
+  casadi_real a48;
+  a00=arg[2]? arg[2][0] : 0;
+  a01=3.5095516967773438e+02;
+  a01=(a00<=a01);
+  a02=-3.5095516967773438e+02;
+  a02=(a02<=a00);
+  a01=(a01&&a02);
+  a02=arg[3]? arg[3][0] : 0;
+  a03=1.4543998718261719e+02;
+  a03=(a02<=a03);
+  a04=0.;
+  a05=(a04<=a02);
+  a03=(a03&&a05);
+  a01=(a01&&a03);
+  a03=arg[4]? arg[4][0] : 0;
+  a05=3.0029997229576111e-01;
+  a05=(a03<=a05);
+  a06=(a04<=a03);
+  a05=(a05&&a06);
+  a01=(a01&&a05);
+  a05=arg[5]? arg[5][0] : 0;
+  a06=3.3499999046325684e+00;
+  a07=(a05<=a06);
+  a08=-9.4999998807907104e-01;
+  a09=(a08<=a05);
+  a07=(a07&&a09);
+  a01=(a01&&a07);
+  a07=arg[6]? arg[6][0] : 0;
+  a09=2.8956699371337891e+01;
+  a09=(a07<=a09);
+  a10=-2.8956699371337891e+01;
+  a10=(a10<=a07);
+  a09=(a09&&a10);
+  a01=(a01&&a09);
+  a09=arg[7]? arg[7][0] : 0;
+  a10=(a09<=a06);
+  a11=(a08<=a09);
+  a10=(a10&&a11);
+  a01=(a01&&a10);
+  a10=arg[8]? arg[8][0] : 0;
+  a11=20.;
+  a12=(a10<=a11);
+  a13=-20.;
+  a14=(a13<=a10);
+  a12=(a12&&a14);
+  a01=(a01&&a12);
+  a12=arg[9]? arg[9][0] : 0;
+  a14=1.2011999511718750e+02;
+  a14=(a12<=a14);
+  a15=(a04<=a12);
+  a14=(a14&&a15);
+  a01=(a01&&a14);
+  a14=arg[10]? arg[10][0] : 0;
+  a15=2.2122098505496979e-01;
+  a16=(a14<=a15);
+  a17=(a04<=a14);
+  a16=(a16&&a17);
+  a01=(a01&&a16);
+  a16=arg[11]? arg[11][0] : 0;
+  a15=(a16<=a15);
+  a17=(a04<=a16);
+  a15=(a15&&a17);
+  a01=(a01&&a15);
+  a15=arg[12]? arg[12][0] : 0;
+  a17=1.;
+  a18=(a15<=a17);
+  a19=(a04<=a15);
+  a18=(a18&&a19);
+  a01=(a01&&a18);
+  a00=(a01?a00:0);
+  a18=2.4968776025399153e-03;
+  a19=arg[13]? arg[13][0] : 0;
+  a20=2.;
+  a21=(a19<=a20);
+  a22=(a04<=a19);
+  a21=(a21&&a22);
+  a22=arg[14]? arg[14][0] : 0;
+  a23=(a22<=a17);
+  a24=(a04<=a22);
+  a23=(a23&&a24);
+  a24=(a21&&a23);
+  a25=arg[15]? arg[15][0] : 0;
+  a26=4.4699997901916504e+00;
+  a27=(a25<=a26);
+  a28=-4.4699997901916504e+00;
+  a29=(a28<=a25);
+  a27=(a27&&a29);
+  a24=(a24&&a27);
+  a29=arg[16]? arg[16][0] : 0;
+  a30=5.;
+  a30=(a29<=a30);
+  a31=(a04<=a29);
+  a30=(a30&&a31);
+  a24=(a24&&a30);
+  a31=arg[17]? arg[17][0] : 0;
+  a32=3.4999999403953552e-01;
+  a32=(a31<=a32);
+  a33=(a04<=a31);
+  a32=(a32&&a33);
+  a24=(a24&&a32);
+  a33=arg[18]? arg[18][0] : 0;
+  a11=(a33<=a11);
+  a13=(a13<=a33);
+  a11=(a11&&a13);
+  a24=(a24&&a11);
+  a13=arg[19]? arg[19][0] : 0;
+  a34=(a13<=a06);
+  a35=(a08<=a13);
+  a34=(a34&&a35);
+  a24=(a24&&a34);
+  a35=arg[20]? arg[20][0] : 0;
+  a36=12.;
+  a37=(a35<=a36);
+  a38=-12.;
+  a39=(a38<=a35);
+  a37=(a37&&a39);
+  a24=(a24&&a37);
+  a39=arg[21]? arg[21][0] : 0;
+  a06=(a39<=a06);
+  a08=(a08<=a39);
+  a06=(a06&&a08);
+  a24=(a24&&a06);
+  a08=arg[22]? arg[22][0] : 0;
+  a36=(a08<=a36);
+  a38=(a38<=a08);
+  a36=(a36&&a38);
+  a24=(a24&&a36);
+  a38=arg[23]? arg[23][0] : 0;
+  a40=8.8399994373321533e-01;
+  a41=(a38<=a40);
+  a42=-8.8399994373321533e-01;
+  a42=(a42<=a38);
+  a41=(a41&&a42);
+  a24=(a24&&a41);
+  a42=5.0000000000000000e-01;
+  a23=(a23?a22:0);
+  a23=(a42<a23);
+  a23=(a24&&a23);
+  a15=(a01?a15:0);
+  a15=(a42<a15);
+  a15=(a23&&a15);
+  a21=(a21?a19:0);
+  a19=(a42<a21);
+  a19=(a23&&a19);
+  a22=(a15&&a19);
+  a43=1000.;
+  a11=(a11?a33:0);
+  a33=(a27?a25:0);
+  a44=(a11-a33);
+  a45=1.5000000000000000e+00;
+  a46=(a45<a21);
+  a47=(a31*a35);
+  a47=(a32?a47:0);
+  a47=(a46?a47:0);
+  a47=(a37?a47:0);
+  a44=(a44-a47);
+  a07=(a01?a07:0);
+  a07=(a44+a07);
+  a07=(a42*a07);
+  a34=(a34?a13:0);
+  a05=(a01?a05:0);
+  a05=(a34-a05);
+  a13=1.2000000000000000e-02;
+  a05=casadi_fmin(a05,a13);
+  a47=-1.2000000000000000e-02;
+  a05=casadi_fmax(a05,a47);
+  a07=(a07*a05);
+  a43=(a43*a07);
+  a43=(a22?a43:0);
+  a43=(a43-a00);
+  a43=(a18*a43);
+  a00=(a00+a43);
+  if (res[0]!=0) res[0][0]=a00;
+  a02=(a01?a02:0);
+  a43=casadi_sq(a35);
+  a43=(a37?a43:0);
+  a43=(a37?a43:0);
+  a22=(a22?a43:0);
+  a22=(a22-a02);
+  a18=(a18*a22);
+  a02=(a02+a18);
+  a18=casadi_fmax(a02,a04);
+  if (res[1]!=0) res[1][0]=a18;
+  a03=(a01?a03:0);
+  a22=(!a01);
+  a43=2.9999998211860657e-01;
+  a07=(a22?a43:0);
+  a03=(a03+a07);
+  a07=1.0000000000000000e-03;
+  a05=arg[0]? arg[0][0] : 0;
+  a48=3.4880000000000001e-02;
+  a48=(a48*a29);
+  a30=(a30?a48:0);
+  a30=(a46?a30:0);
+  a05=(a05+a30);
+  a05=(a05*a02);
+  a00=(a00+a05);
+  a05=(a04<a00);
+  a30=6.;
+  a30=(a05?a30:0);
+  a05=(!a05);
+  a48=6.9999999999999996e-01;
+  a05=(a05?a48:0);
+  a30=(a30+a05);
+  a30=(a30*a00);
+  a00=1.6000000000000001e-03;
+  a32=(a32?a31:0);
+  a46=(a46?a32:0);
+  a43=(a43-a46);
+  a43=casadi_fmax(a43,a04);
+  a46=(a43-a03);
+  a46=(a00*a46);
+  a30=(a30+a46);
+  a07=(a07*a30);
+  a18=(a18+a00);
+  a07=(a07/a18);
+  a03=(a03+a07);
+  a03=casadi_fmin(a03,a43);
+  a03=casadi_fmax(a03,a04);
+  if (res[2]!=0) res[2][0]=a03;
+  if (res[3]!=0) res[3][0]=a34;
+  if (res[4]!=0) res[4][0]=a44;
+  a06=(a06?a39:0);
+  if (res[5]!=0) res[5][0]=a06;
+  if (res[6]!=0) res[6][0]=a11;
+  a12=(a01?a12:0);
+  a10=(a01?a10:0);
+  a11=(a11+a10);
+  a42=(a42*a11);
+  a09=(a01?a09:0);
+  a06=(a06-a09);
+  a06=casadi_fmin(a06,a13);
+  a06=casadi_fmax(a06,a47);
+  a42=(a42*a06);
+  a25=(a25*a06);
+  a27=(a27?a25:0);
+  a27=casadi_fmax(a27,a04);
+  a42=(a42-a27);
+  a15=(a15?a42:0);
+  a12=(a12+a15);
+  a15=120.;
+  a12=casadi_fmin(a12,a15);
+  a12=casadi_fmax(a12,a04);
+  if (res[7]!=0) res[7][0]=a12;
+  a41=(a41?a38:0);
+  a38=5.1052210764201245e-01;
+  a15=arg[1]? arg[1][0] : 0;
+  a42=3.3150000000000002e-01;
+  a42=(a42*a08);
+  a42=(a42*a08);
+  a42=(a36?a42:0);
+  a42=(a36?a42:0);
+  a42=(a12+a42);
+  a27=1.2657997729552196e+01;
+  a27=(a27*a14);
+  a27=(a01?a27:0);
+  a42=(a42+a27);
+  a15=(a15-a42);
+  a38=(a38*a15);
+  a38=casadi_fmax(a38,a04);
+  a38=casadi_fmin(a38,a40);
+  a40=casadi_fmin(a41,a38);
+  a38=(-a38);
+  a40=casadi_fmax(a40,a38);
+  a40=(a24?a40:0);
+  a38=casadi_fabs(a40);
+  a15=(a01?a16:0);
+  a27=5.0000000000000003e-02;
+  a15=(a15-a27);
+  a38=casadi_fmax(a38,a15);
+  a15=2.2099998593330383e-01;
+  a38=casadi_fmin(a38,a15);
+  a15=9.7173735224993463e-01;
+  a14=(a01?a14:0);
+  a14=(a14-a38);
+  a15=(a15*a14);
+  a15=(a38+a15);
+  if (res[8]!=0) res[8][0]=a15;
+  a38=casadi_fmax(a38,a04);
+  if (res[9]!=0) res[9][0]=a38;
+  if (res[10]!=0) res[10][0]=a23;
+  a35=(a03*a35);
+  a35=(a19?a35:0);
+  a37=(a37?a35:0);
+  a33=(a33-a37);
+  a33=casadi_fmin(a33,a26);
+  a33=casadi_fmax(a33,a28);
+  if (res[11]!=0) res[11][0]=a33;
+  a03=(a19?a03:0);
+  if (res[12]!=0) res[12][0]=a03;
+  a45=(a21<a45);
+  a33=1.0000000000000000e-04;
+  a33=(a33<a02);
+  a45=(a45&&a33);
+  a33=(a45?a20:0);
+  a45=(!a45);
+  a45=(a45?a21:0);
+  a33=(a33+a45);
+  a33=(a19?a33:0);
+  if (res[13]!=0) res[13][0]=a33;
+  if (res[14]!=0) res[14][0]=a40;
+  if (res[15]!=0) res[15][0]=a12;
+  a12=1.5973806681385150e+00;
+  a12=(a12*a16);
+  a01=(a01?a12:0);
+  a42=(a42+a01);
+  if (res[16]!=0) res[16][0]=a42;
+  a42=(!a24);
+  a42=(a42?a17:0);
+  a22=(a22?a20:0);
+  a42=(a42+a22);
+  a04=(a04<a03);
+  a19=(a19&&a04);
+  a04=4.;
+  a19=(a19?a04:0);
+  a42=(a42+a19);
+  a40=(a40==a41);
+  a40=(!a40);
+  a24=(a24&&a40);
+  a40=8.;
+  a24=(a24?a40:0);
+  a42=(a42+a24);
+  a24=3.4736673714593742e+00;
+  a36=(a36?a08:0);
+  a36=casadi_fabs(a36);
+  a24=(a24<a36);
+  a36=16.;
+  a24=(a24?a36:0);
+  a42=(a42+a24);
+  if (res[17]!=0) res[17][0]=a42;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f20(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_passivity_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_passivity_step_n_in(void) { return 24;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_passivity_step_n_out(void) { return 18;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_passivity_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_passivity_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "c_least_Nms_rad";
+    case 1: return "c_energy_J";
+    case 2: return "s_power_W";
+    case 3: return "s_square_rad2_s2";
+    case 4: return "s_damping_Nms_rad";
+    case 5: return "s_theta_load_last_rad";
+    case 6: return "s_error_last_Nm";
+    case 7: return "s_theta_motor_last_rad";
+    case 8: return "s_tau_last_Nm";
+    case 9: return "s_given_J";
+    case 10: return "s_v_Nm";
+    case 11: return "s_most_Nm";
+    case 12: return "s_seen";
+    case 13: return "u_mode";
+    case 14: return "u_sensing_ok";
+    case 15: return "u_tau_set_Nm";
+    case 16: return "u_Kp_Nm_rad";
+    case 17: return "u_Kd_Nms_rad";
+    case 18: return "u_tau_Nm";
+    case 19: return "u_theta_load_rad";
+    case 20: return "u_omega_load_rad_s";
+    case 21: return "u_theta_motor_rad";
+    case 22: return "u_omega_motor_rad_s";
+    case 23: return "u_u_command_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_passivity_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_power_W";
+    case 1: return "next_square_rad2_s2";
+    case 2: return "next_damping_Nms_rad";
+    case 3: return "next_theta_load_last_rad";
+    case 4: return "next_error_last_Nm";
+    case 5: return "next_theta_motor_last_rad";
+    case 6: return "next_tau_last_Nm";
+    case 7: return "next_given_J";
+    case 8: return "next_v_Nm";
+    case 9: return "next_most_Nm";
+    case 10: return "next_seen";
+    case 11: return "y_tau_set_Nm";
+    case 12: return "y_damping_Nms_rad";
+    case 13: return "y_mode_ahead";
+    case 14: return "y_u_command_Nm";
+    case 15: return "y_given_J";
+    case 16: return "y_held_J";
+    case 17: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_passivity_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    case 18: return casadi_s0;
+    case 19: return casadi_s0;
+    case 20: return casadi_s0;
+    case 21: return casadi_s0;
+    case 22: return casadi_s0;
+    case 23: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_passivity_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 24;
+  if (sz_res) *sz_res = 18;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 24*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 18*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_cable_init:()->(primed_0,high_rad_0,low_rad_0,high_shown_0,low_shown_0,taut_0,mean_rad_0,mean_Nm_0,give_rad_Nm_0) */
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
+  a0=6.6666666666666671e-03;
+  if (res[8]!=0) res[8][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f21(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_cable_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_cable_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_cable_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_cable_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_cable_init_n_out(void) { return 9;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_cable_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_cable_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_cable_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "primed_0";
+    case 1: return "high_rad_0";
+    case 2: return "low_rad_0";
+    case 3: return "high_shown_0";
+    case 4: return "low_shown_0";
+    case 5: return "taut_0";
+    case 6: return "mean_rad_0";
+    case 7: return "mean_Nm_0";
+    case 8: return "give_rad_Nm_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_cable_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_cable_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 9;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_cable_step:(s_primed,s_high_rad,s_low_rad,s_high_shown,s_low_shown,s_taut,s_mean_rad,s_mean_Nm,s_give_rad_Nm,u_theta_gear_rad,u_gear_usable,u_theta_motor_rad,u_motor_usable,u_tau_Nm)->(next_primed,next_high_rad,next_low_rad,next_high_shown,next_low_shown,next_taut,next_mean_rad,next_mean_Nm,next_give_rad_Nm,y_wound_rad,y_give_rad_Nm,y_gap_rad,y_status) */
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33;
+  a00=arg[9]? arg[9][0] : 0;
+  a01=4.3429994583129883e+00;
+  a01=(a00<=a01);
+  a02=-4.3429994583129883e+00;
+  a02=(a02<=a00);
+  a01=(a01&&a02);
+  a02=arg[10]? arg[10][0] : 0;
+  a03=1.;
+  a04=(a02<=a03);
+  a05=0.;
+  a06=(a05<=a02);
+  a04=(a04&&a06);
+  a06=(a01&&a04);
+  a07=arg[11]? arg[11][0] : 0;
+  a08=3.3499999046325684e+00;
+  a08=(a07<=a08);
+  a09=-9.4999998807907104e-01;
+  a09=(a09<=a07);
+  a08=(a08&&a09);
+  a06=(a06&&a08);
+  a09=arg[12]? arg[12][0] : 0;
+  a10=(a09<=a03);
+  a11=(a05<=a09);
+  a10=(a10&&a11);
+  a06=(a06&&a10);
+  a11=arg[13]? arg[13][0] : 0;
+  a12=20.;
+  a13=(a11<=a12);
+  a14=-20.;
+  a15=(a14<=a11);
+  a13=(a13&&a15);
+  a06=(a06&&a13);
+  a15=5.0000000000000000e-01;
+  a10=(a10?a09:0);
+  a10=(a15<=a10);
+  a04=(a04?a02:0);
+  a04=(a15<=a04);
+  a10=(a10&&a04);
+  a10=(a06&&a10);
+  if (res[0]!=0) res[0][0]=a10;
+  a04=(a13?a11:0);
+  a02=-1.9999998807907104e-01;
+  a02=(a04<a02);
+  a09=1.9999998807907104e-01;
+  a09=(a09<a04);
+  a16=(!a09);
+  a01=(a01?a00:0);
+  a08=(a08?a07:0);
+  a01=(a01-a08);
+  a08=arg[0]? arg[0][0] : 0;
+  a07=(a08<=a03);
+  a00=(a05<=a08);
+  a07=(a07&&a00);
+  a00=arg[1]? arg[1][0] : 0;
+  a17=8.2114295959472656e+00;
+  a18=(a00<=a17);
+  a19=-8.2114295959472656e+00;
+  a20=(a19<=a00);
+  a18=(a18&&a20);
+  a07=(a07&&a18);
+  a18=arg[2]? arg[2][0] : 0;
+  a17=(a18<=a17);
+  a19=(a19<=a18);
+  a17=(a17&&a19);
+  a07=(a07&&a17);
+  a17=arg[3]? arg[3][0] : 0;
+  a19=(a17<=a03);
+  a20=(a05<=a17);
+  a19=(a19&&a20);
+  a07=(a07&&a19);
+  a19=arg[4]? arg[4][0] : 0;
+  a20=(a19<=a03);
+  a21=(a05<=a19);
+  a20=(a20&&a21);
+  a07=(a07&&a20);
+  a20=arg[5]? arg[5][0] : 0;
+  a21=(a20<=a03);
+  a22=(a05<=a20);
+  a21=(a21&&a22);
+  a07=(a07&&a21);
+  a21=arg[6]? arg[6][0] : 0;
+  a22=7.7699294090270996e+00;
+  a22=(a21<=a22);
+  a23=-7.7699294090270996e+00;
+  a23=(a23<=a21);
+  a22=(a22&&a23);
+  a07=(a07&&a22);
+  a22=arg[7]? arg[7][0] : 0;
+  a12=(a22<=a12);
+  a14=(a14<=a22);
+  a12=(a12&&a14);
+  a07=(a07&&a12);
+  a12=arg[8]? arg[8][0] : 0;
+  a14=1.2499999254941940e-02;
+  a23=(a12<=a14);
+  a24=(a05<=a12);
+  a23=(a23&&a24);
+  a07=(a07&&a23);
+  a12=(a07?a12:0);
+  a23=(!a07);
+  a24=6.6666666666666671e-03;
+  a24=(a23?a24:0);
+  a12=(a12+a24);
+  a11=(a11*a12);
+  a13=(a13?a11:0);
+  a11=(a01-a13);
+  a08=(a07?a08:0);
+  a18=(a07?a18:0);
+  a24=(a08?a18:0);
+  a25=(!a08);
+  a26=3.0000000000000001e-03;
+  a27=(a11-a26);
+  a27=(a25?a27:0);
+  a24=(a24+a27);
+  a27=(a11<a24);
+  a27=(a16&&a27);
+  a27=(a02||a27);
+  a00=(a07?a00:0);
+  a28=(a08?a00:0);
+  a26=(a11+a26);
+  a25=(a25?a26:0);
+  a28=(a28+a25);
+  a25=(!a02);
+  a26=(a28<a11);
+  a26=(a25&&a26);
+  a26=(a09||a26);
+  a17=(a07?a17:0);
+  a17=(a15<a17);
+  a29=(!a17);
+  a29=(a27&&a29);
+  a29=(a26||a29);
+  a30=1.9801326693244747e-02;
+  a31=(a09?a28:0);
+  a32=(a02?a24:0);
+  a33=casadi_fmin(a11,a28);
+  a33=casadi_fmax(a33,a24);
+  a33=(a25?a33:0);
+  a32=(a32+a33);
+  a32=(a16?a32:0);
+  a31=(a31+a32);
+  a31=(a11-a31);
+  a30=(a30*a31);
+  a29=(a29?a30:0);
+  a28=(a28+a29);
+  a19=(a07?a19:0);
+  a19=(a15<a19);
+  a29=(!a19);
+  a26=(a26&&a29);
+  a26=(a27||a26);
+  a26=(a26?a30:0);
+  a24=(a24+a26);
+  a26=2.9999999999999999e-02;
+  a30=(a24+a26);
+  a30=casadi_fmin(a28,a30);
+  a30=casadi_fmax(a30,a24);
+  a30=(a27?a30:0);
+  a29=(!a27);
+  a31=(a29?a28:0);
+  a30=(a30+a31);
+  a31=(a10?a30:0);
+  a32=(!a10);
+  a00=(a32?a00:0);
+  a31=(a31+a00);
+  if (res[1]!=0) res[1][0]=a31;
+  a27=(a27?a24:0);
+  a24=casadi_fmin(a24,a28);
+  a28=(a28-a26);
+  a24=casadi_fmax(a24,a28);
+  a29=(a29?a24:0);
+  a27=(a27+a29);
+  a29=(a10?a27:0);
+  a18=(a32?a18:0);
+  a29=(a29+a18);
+  if (res[2]!=0) res[2][0]=a29;
+  a17=(a08&&a17);
+  a17=(a17||a09);
+  a17=(a10&&a17);
+  if (res[3]!=0) res[3][0]=a17;
+  a08=(a08&&a19);
+  a08=(a08||a02);
+  a08=(a10&&a08);
+  if (res[4]!=0) res[4][0]=a08;
+  a08=(a09||a02);
+  a08=(a10&&a08);
+  if (res[5]!=0) res[5][0]=a08;
+  a20=(a07?a20:0);
+  a08=(a08&&a20);
+  a21=(a07?a21:0);
+  a20=4.9875208073176802e-03;
+  a19=(a01-a21);
+  a17=(a20*a19);
+  a21=(a21+a17);
+  a21=(a08?a21:0);
+  a17=(!a08);
+  a01=(a17?a01:0);
+  a21=(a21+a01);
+  if (res[6]!=0) res[6][0]=a21;
+  a07=(a07?a22:0);
+  a22=(a04-a07);
+  a20=(a20*a22);
+  a07=(a07+a20);
+  a07=(a08?a07:0);
+  a17=(a17?a04:0);
+  a07=(a07+a17);
+  if (res[7]!=0) res[7][0]=a07;
+  a07=3.9602653386489493e-03;
+  a19=(a08?a19:0);
+  a19=casadi_fmin(a19,a26);
+  a17=-2.9999999999999999e-02;
+  a19=casadi_fmax(a19,a17);
+  a08=(a08?a22:0);
+  a08=casadi_fmin(a08,a03);
+  a22=-1.;
+  a08=casadi_fmax(a08,a22);
+  a22=(a12*a08);
+  a19=(a19-a22);
+  a07=(a07*a19);
+  a07=(a07*a08);
+  a12=(a12+a07);
+  a12=casadi_fmin(a12,a14);
+  a12=casadi_fmax(a12,a05);
+  if (res[8]!=0) res[8][0]=a12;
+  a09=(a09?a30:0);
+  a02=(a02?a27:0);
+  a11=casadi_fmin(a11,a30);
+  a11=casadi_fmax(a11,a27);
+  a25=(a25?a11:0);
+  a02=(a02+a25);
+  a16=(a16?a02:0);
+  a09=(a09+a16);
+  a16=(a30+a27);
+  a15=(a15*a16);
+  a09=(a09-a15);
+  a09=(a09+a13);
+  a09=(a10?a09:0);
+  a13=(a32?a13:0);
+  a09=(a09+a13);
+  if (res[9]!=0) res[9][0]=a09;
+  if (res[10]!=0) res[10][0]=a12;
+  a30=(a30-a27);
+  a30=casadi_fmin(a30,a26);
+  a10=(a10?a30:0);
+  a30=6.0000000000000001e-03;
+  a30=(a32?a30:0);
+  a10=(a10+a30);
+  if (res[11]!=0) res[11][0]=a10;
+  a06=(!a06);
+  a06=(a06?a03:0);
+  a03=2.;
+  a23=(a23?a03:0);
+  a06=(a06+a23);
+  a23=4.;
+  a32=(a32?a23:0);
+  a06=(a06+a32);
+  if (res[12]!=0) res[12][0]=a06;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f22(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_cable_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_cable_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_cable_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_cable_step_n_in(void) { return 14;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_cable_step_n_out(void) { return 13;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_cable_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_cable_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_primed";
+    case 1: return "s_high_rad";
+    case 2: return "s_low_rad";
+    case 3: return "s_high_shown";
+    case 4: return "s_low_shown";
+    case 5: return "s_taut";
+    case 6: return "s_mean_rad";
+    case 7: return "s_mean_Nm";
+    case 8: return "s_give_rad_Nm";
+    case 9: return "u_theta_gear_rad";
+    case 10: return "u_gear_usable";
+    case 11: return "u_theta_motor_rad";
+    case 12: return "u_motor_usable";
+    case 13: return "u_tau_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_cable_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_primed";
+    case 1: return "next_high_rad";
+    case 2: return "next_low_rad";
+    case 3: return "next_high_shown";
+    case 4: return "next_low_shown";
+    case 5: return "next_taut";
+    case 6: return "next_mean_rad";
+    case 7: return "next_mean_Nm";
+    case 8: return "next_give_rad_Nm";
+    case 9: return "y_wound_rad";
+    case 10: return "y_give_rad_Nm";
+    case 11: return "y_gap_rad";
+    case 12: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_cable_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_cable_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 14;
+  if (sz_res) *sz_res = 13;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 14*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 13*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
 /* esea_elbow_mpc_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3274,7 +4462,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_checkout(void) {
@@ -3383,7 +4571,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3396,7 +4584,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[5]!=0) res[5][0]=a0;
   if (res[6]!=0) res[6][0]=a0;
   if (res[7]!=0) res[7][0]=a0;
-  a1=10.;
+  a1=25.;
   if (res[8]!=0) res[8][0]=a1;
   if (res[9]!=0) res[9][0]=a0;
   if (res[10]!=0) res[10][0]=a0;
@@ -3414,7 +4602,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_checkout(void) {
@@ -3531,7 +4719,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -3539,7 +4727,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
   casadi_real a48, a49, a50, a51, a52, a53, a54, a55, a56, a57, a58, a59;
   casadi_real a60, a61, a62, a63, a64, a65, a66, a67, a68, a69, a70, a71;
   casadi_real a72, a73, a74, a75, a76, a77, a78, a79, a80, a81, a82, a83;
-  casadi_real a84, a85, a86, a87, a88;
+  casadi_real a84, a85, a86, a87, a88, a89;
   a00=arg[13]? arg[13][0] : 0;
   a01=5.5924055000000000e+06;
   a02=(a00<=a01);
@@ -3591,7 +4779,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a17=(a17&&a18);
   a02=(a02&&a17);
   a17=arg[21]? arg[21][0] : 0;
-  a18=10.;
+  a18=25.;
   a19=(a17<=a18);
   a20=(a03<=a17);
   a19=(a19&&a20);
@@ -3706,208 +4894,209 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a41=(a41&&a42);
   a13=(a13&&a41);
   a41=arg[5]? arg[5][0] : 0;
-  a42=(a41<=a18);
-  a43=5.0000000000000000e-01;
-  a43=(a43<=a41);
-  a42=(a42&&a43);
-  a13=(a13&&a42);
-  a42=arg[6]? arg[6][0] : 0;
-  a43=(a42<=a05);
-  a44=1.5000000596046448e-01;
-  a44=(a44<=a42);
+  a42=10.;
+  a43=(a41<=a42);
+  a44=5.0000000000000000e-01;
+  a44=(a44<=a41);
   a43=(a43&&a44);
   a13=(a13&&a43);
-  a43=arg[7]? arg[7][0] : 0;
-  a44=5.0499994307756424e-02;
-  a44=(a43<=a44);
-  a45=4.9499998567625880e-04;
+  a43=arg[6]? arg[6][0] : 0;
+  a44=(a43<=a05);
+  a45=1.5000000596046448e-01;
   a45=(a45<=a43);
   a44=(a44&&a45);
   a13=(a13&&a44);
-  a44=arg[8]? arg[8][0] : 0;
-  a38=(a44<=a38);
-  a45=-3.5000994801521301e-01;
-  a45=(a45<=a44);
-  a38=(a38&&a45);
+  a44=arg[7]? arg[7][0] : 0;
+  a45=5.0499994307756424e-02;
+  a45=(a44<=a45);
+  a46=4.9499998567625880e-04;
+  a46=(a46<=a44);
+  a45=(a45&&a46);
+  a13=(a13&&a45);
+  a45=arg[8]? arg[8][0] : 0;
+  a38=(a45<=a38);
+  a46=-3.5000994801521301e-01;
+  a46=(a46<=a45);
+  a38=(a38&&a46);
   a13=(a13&&a38);
   a38=arg[9]? arg[9][0] : 0;
-  a45=2.7000095844268799e+00;
-  a45=(a38<=a45);
+  a46=2.7000095844268799e+00;
+  a46=(a38<=a46);
   a40=(a40<=a38);
-  a45=(a45&&a40);
-  a13=(a13&&a45);
-  a45=arg[10]? arg[10][0] : 0;
+  a46=(a46&&a40);
+  a13=(a13&&a46);
+  a46=arg[10]? arg[10][0] : 0;
   a40=1.1160498857498169e+00;
-  a40=(a45<=a40);
-  a46=1.0939500294625759e-02;
-  a46=(a46<=a45);
-  a40=(a40&&a46);
+  a40=(a46<=a40);
+  a47=1.0939500294625759e-02;
+  a47=(a47<=a46);
+  a40=(a40&&a47);
   a13=(a13&&a40);
   a40=arg[11]? arg[11][0] : 0;
-  a46=9.0899991989135742e+00;
-  a46=(a40<=a46);
-  a47=4.4550001621246338e-01;
-  a47=(a47<=a40);
-  a46=(a46&&a47);
-  a13=(a13&&a46);
-  a46=arg[12]? arg[12][0] : 0;
-  a47=4.4641995429992676e+00;
-  a47=(a46<=a47);
-  a48=2.1879000123590231e-03;
-  a48=(a48<=a46);
+  a47=9.0899991989135742e+00;
+  a47=(a40<=a47);
+  a48=4.4550001621246338e-01;
+  a48=(a48<=a40);
   a47=(a47&&a48);
   a13=(a13&&a47);
-  a47=(a37<a39);
-  a13=(a13&&a47);
-  a47=(!a13);
-  a48=(a09||a47);
-  a49=arg[28]? arg[28][0] : 0;
-  a50=(a49<=a11);
-  a51=(a03<=a49);
-  a50=(a50&&a51);
-  a49=(a50?a49:0);
-  a51=(!a50);
-  a51=(a51?a11:0);
-  a49=(a49+a51);
-  a49=(a49==a03);
-  a51=(!a49);
-  a48=(a48||a51);
-  a52=arg[25]? arg[25][0] : 0;
-  a53=8.8399994373321533e-01;
-  a53=(a52<=a53);
-  a54=-8.8399994373321533e-01;
-  a54=(a54<=a52);
-  a53=(a53&&a54);
-  a54=arg[26]? arg[26][0] : 0;
-  a55=(a54<=a15);
-  a56=(a03<=a54);
-  a55=(a55&&a56);
-  a56=(a53&&a55);
-  a57=arg[27]? arg[27][0] : 0;
-  a58=2.;
-  a59=(a57<=a58);
-  a60=(a03<=a57);
-  a59=(a59&&a60);
-  a56=(a56&&a59);
-  a56=(a56&&a50);
-  a50=arg[29]? arg[29][0] : 0;
-  a60=(a50<=a08);
-  a61=(a03<=a50);
+  a47=arg[12]? arg[12][0] : 0;
+  a48=4.4641995429992676e+00;
+  a48=(a47<=a48);
+  a49=2.1879000123590231e-03;
+  a49=(a49<=a47);
+  a48=(a48&&a49);
+  a13=(a13&&a48);
+  a48=(a37<a39);
+  a13=(a13&&a48);
+  a48=(!a13);
+  a49=(a09||a48);
+  a50=arg[28]? arg[28][0] : 0;
+  a51=(a50<=a11);
+  a52=(a03<=a50);
+  a51=(a51&&a52);
+  a50=(a51?a50:0);
+  a52=(!a51);
+  a52=(a52?a11:0);
+  a50=(a50+a52);
+  a50=(a50==a03);
+  a52=(!a50);
+  a49=(a49||a52);
+  a53=arg[25]? arg[25][0] : 0;
+  a54=8.8399994373321533e-01;
+  a54=(a53<=a54);
+  a55=-8.8399994373321533e-01;
+  a55=(a55<=a53);
+  a54=(a54&&a55);
+  a55=arg[26]? arg[26][0] : 0;
+  a56=(a55<=a15);
+  a57=(a03<=a55);
+  a56=(a56&&a57);
+  a57=(a54&&a56);
+  a58=arg[27]? arg[27][0] : 0;
+  a59=2.;
+  a60=(a58<=a59);
+  a61=(a03<=a58);
   a60=(a60&&a61);
-  a56=(a56&&a60);
-  a61=arg[30]? arg[30][0] : 0;
-  a62=(a61<=a11);
-  a63=(a03<=a61);
-  a62=(a62&&a63);
-  a56=(a56&&a62);
-  a63=arg[31]? arg[31][0] : 0;
-  a64=(a63<=a11);
-  a65=(a03<=a63);
-  a64=(a64&&a65);
-  a56=(a56&&a64);
-  a65=arg[32]? arg[32][0] : 0;
-  a66=3.4999999403953552e-01;
-  a66=(a65<=a66);
-  a67=-3.4999999403953552e-01;
-  a67=(a67<=a65);
-  a66=(a66&&a67);
-  a56=(a56&&a66);
-  a67=arg[33]? arg[33][0] : 0;
-  a68=3.3499999046325684e+00;
-  a68=(a67<=a68);
-  a69=-9.4999998807907104e-01;
-  a69=(a69<=a67);
-  a68=(a68&&a69);
-  a56=(a56&&a68);
-  a69=arg[34]? arg[34][0] : 0;
-  a70=12.;
-  a71=(a69<=a70);
-  a72=-12.;
-  a73=(a72<=a69);
-  a71=(a71&&a73);
-  a56=(a56&&a71);
-  a73=arg[35]? arg[35][0] : 0;
-  a74=3.;
-  a75=(a73<=a74);
-  a76=-5.9999996423721313e-01;
-  a76=(a76<=a73);
-  a75=(a75&&a76);
-  a56=(a56&&a75);
-  a76=arg[36]? arg[36][0] : 0;
-  a77=(a76<=a70);
-  a72=(a72<=a76);
-  a77=(a77&&a72);
-  a56=(a56&&a77);
-  a72=arg[37]? arg[37][0] : 0;
-  a78=20.;
-  a78=(a72<=a78);
-  a79=-20.;
-  a79=(a79<=a72);
-  a78=(a78&&a79);
-  a56=(a56&&a78);
-  a79=arg[38]? arg[38][0] : 0;
-  a80=(a79<=a11);
-  a81=(a03<=a79);
-  a80=(a80&&a81);
-  a56=(a56&&a80);
-  a81=arg[39]? arg[39][0] : 0;
-  a82=(a81<=a15);
-  a83=(a03<=a81);
-  a82=(a82&&a83);
-  a56=(a56&&a82);
-  a83=arg[40]? arg[40][0] : 0;
-  a84=(a83<=a11);
-  a85=(a03<=a83);
-  a84=(a84&&a85);
-  a56=(a56&&a84);
-  a59=(a59?a57:0);
-  a57=(a59==a03);
-  a85=(a59==a11);
-  a85=(a57||a85);
-  a59=(a59==a58);
-  a85=(a85||a59);
-  a85=(a56&&a85);
-  a50=(a60?a50:0);
-  a60=(!a60);
-  a60=(a60?a07:0);
-  a50=(a50+a60);
-  a60=(a50==a03);
-  a59=(a50==a11);
-  a60=(a60||a59);
-  a59=(a50==a58);
-  a60=(a60||a59);
-  a59=(a50==a74);
-  a60=(a60||a59);
-  a59=4.;
-  a86=(a50==a59);
-  a60=(a60||a86);
-  a86=5.;
-  a87=(a50==a86);
-  a60=(a60||a87);
-  a87=6.;
-  a88=(a50==a87);
-  a60=(a60||a88);
-  a88=(a50==a08);
-  a60=(a60||a88);
-  a85=(a85&&a60);
-  a62=(a62?a61:0);
-  a62=(a62==a11);
-  a85=(a85&&a62);
-  a62=(!a85);
-  a48=(a48||a62);
-  a64=(a64?a63:0);
-  a64=(a64==a11);
-  a63=(!a64);
-  a48=(a48||a63);
-  a54=(a55?a54:0);
-  a55=(!a55);
+  a57=(a57&&a60);
+  a57=(a57&&a51);
+  a51=arg[29]? arg[29][0] : 0;
+  a61=(a51<=a08);
+  a62=(a03<=a51);
+  a61=(a61&&a62);
+  a57=(a57&&a61);
+  a62=arg[30]? arg[30][0] : 0;
+  a63=(a62<=a11);
+  a64=(a03<=a62);
+  a63=(a63&&a64);
+  a57=(a57&&a63);
+  a64=arg[31]? arg[31][0] : 0;
+  a65=(a64<=a11);
+  a66=(a03<=a64);
+  a65=(a65&&a66);
+  a57=(a57&&a65);
+  a66=arg[32]? arg[32][0] : 0;
+  a67=3.4999999403953552e-01;
+  a67=(a66<=a67);
+  a68=-3.4999999403953552e-01;
+  a68=(a68<=a66);
+  a67=(a67&&a68);
+  a57=(a57&&a67);
+  a68=arg[33]? arg[33][0] : 0;
+  a69=3.3499999046325684e+00;
+  a69=(a68<=a69);
+  a70=-9.4999998807907104e-01;
+  a70=(a70<=a68);
+  a69=(a69&&a70);
+  a57=(a57&&a69);
+  a70=arg[34]? arg[34][0] : 0;
+  a71=12.;
+  a72=(a70<=a71);
+  a73=-12.;
+  a74=(a73<=a70);
+  a72=(a72&&a74);
+  a57=(a57&&a72);
+  a74=arg[35]? arg[35][0] : 0;
+  a75=3.;
+  a76=(a74<=a75);
+  a77=-5.9999996423721313e-01;
+  a77=(a77<=a74);
+  a76=(a76&&a77);
+  a57=(a57&&a76);
+  a77=arg[36]? arg[36][0] : 0;
+  a78=(a77<=a71);
+  a73=(a73<=a77);
+  a78=(a78&&a73);
+  a57=(a57&&a78);
+  a73=arg[37]? arg[37][0] : 0;
+  a79=20.;
+  a79=(a73<=a79);
+  a80=-20.;
+  a80=(a80<=a73);
+  a79=(a79&&a80);
+  a57=(a57&&a79);
+  a80=arg[38]? arg[38][0] : 0;
+  a81=(a80<=a11);
+  a82=(a03<=a80);
+  a81=(a81&&a82);
+  a57=(a57&&a81);
+  a82=arg[39]? arg[39][0] : 0;
+  a83=(a82<=a15);
+  a84=(a03<=a82);
+  a83=(a83&&a84);
+  a57=(a57&&a83);
+  a84=arg[40]? arg[40][0] : 0;
+  a85=(a84<=a11);
+  a86=(a03<=a84);
+  a85=(a85&&a86);
+  a57=(a57&&a85);
+  a60=(a60?a58:0);
+  a58=(a60==a03);
+  a86=(a60==a11);
+  a86=(a58||a86);
+  a60=(a60==a59);
+  a86=(a86||a60);
+  a86=(a57&&a86);
+  a51=(a61?a51:0);
+  a61=(!a61);
+  a61=(a61?a07:0);
+  a51=(a51+a61);
+  a61=(a51==a03);
+  a60=(a51==a11);
+  a61=(a61||a60);
+  a60=(a51==a59);
+  a61=(a61||a60);
+  a60=(a51==a75);
+  a61=(a61||a60);
+  a60=4.;
+  a87=(a51==a60);
+  a61=(a61||a87);
+  a87=5.;
+  a88=(a51==a87);
+  a61=(a61||a88);
+  a88=6.;
+  a89=(a51==a88);
+  a61=(a61||a89);
+  a89=(a51==a08);
+  a61=(a61||a89);
+  a86=(a86&&a61);
+  a63=(a63?a62:0);
+  a63=(a63==a11);
+  a86=(a86&&a63);
+  a63=(!a86);
+  a49=(a49||a63);
+  a65=(a65?a64:0);
+  a65=(a65==a11);
+  a64=(!a65);
+  a49=(a49||a64);
+  a55=(a56?a55:0);
+  a56=(!a56);
   a16=(a02?a16:0);
-  a55=(a55?a16:0);
-  a54=(a54+a55);
-  a55=(a11<=a54);
-  a16=(a54==a16);
+  a56=(a56?a16:0);
+  a55=(a55+a56);
+  a56=(a11<=a55);
+  a16=(a55==a16);
   a16=(!a16);
-  a16=(a55&&a16);
+  a16=(a56&&a16);
   a16=(!a16);
   a17=(a02?a17:0);
   a23=(a23?a18:0);
@@ -3915,52 +5104,52 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a17=(a17+a11);
   a17=casadi_fmin(a17,a18);
   a16=(a16?a17:0);
-  a16=(a55?a16:0);
-  a55=(!a55);
-  a55=(a55?a18:0);
-  a16=(a16+a55);
-  a55=(a18<=a16);
-  a48=(a48||a55);
-  a66=(a66?a65:0);
-  a66=casadi_fabs(a66);
-  a66=(a36<a66);
-  a68=(a68?a67:0);
-  a75=(a75?a73:0);
-  a68=(a68-a75);
-  a68=casadi_fabs(a68);
-  a36=(a36<a68);
-  a66=(a66||a36);
-  a66=(a56&&a66);
-  a48=(a48||a66);
-  a36=(a78?a72:0);
+  a16=(a56?a16:0);
+  a56=(!a56);
+  a56=(a56?a18:0);
+  a16=(a16+a56);
+  a18=(a18<=a16);
+  a49=(a49||a18);
+  a67=(a67?a66:0);
+  a67=casadi_fabs(a67);
+  a67=(a36<a67);
+  a69=(a69?a68:0);
+  a76=(a76?a74:0);
+  a69=(a69-a76);
+  a69=casadi_fabs(a69);
+  a36=(a36<a69);
+  a67=(a67||a36);
+  a67=(a57&&a67);
+  a49=(a49||a67);
+  a36=(a79?a73:0);
   a36=casadi_fabs(a36);
   a34=(a34<a36);
-  a34=(a56&&a34);
-  a48=(a48||a34);
-  a36=(a77?a76:0);
-  a68=casadi_fabs(a36);
-  a71=(a71?a69:0);
-  a69=casadi_fabs(a71);
-  a68=casadi_fmax(a68,a69);
-  a41=(a41<a68);
-  a41=(a56&&a41);
-  a48=(a48||a41);
-  a68=2.6999998092651367e+00;
-  a38=casadi_fmin(a38,a68);
-  a38=(a38<a75);
-  a68=-3.4999996423721313e-01;
-  a44=casadi_fmax(a44,a68);
-  a44=(a75<a44);
-  a38=(a38||a44);
-  a56=(a56&&a38);
-  a48=(a48||a56);
+  a34=(a57&&a34);
+  a49=(a49||a34);
+  a36=(a78?a77:0);
+  a69=casadi_fabs(a36);
+  a72=(a72?a70:0);
+  a70=casadi_fabs(a72);
+  a69=casadi_fmax(a69,a70);
+  a41=(a41<a69);
+  a41=(a57&&a41);
+  a49=(a49||a41);
+  a69=2.6999998092651367e+00;
+  a38=casadi_fmin(a38,a69);
+  a38=(a38<a76);
+  a69=-3.4999996423721313e-01;
+  a45=casadi_fmax(a45,a69);
+  a45=(a76<a45);
+  a38=(a38||a45);
+  a57=(a57&&a38);
+  a49=(a49||a57);
   a20=(a02?a20:0);
   a38=1.0000000000000000e-03;
-  a72=(a72*a76);
-  a78=(a78?a72:0);
-  a77=(a77?a78:0);
-  a77=casadi_fmax(a77,a03);
-  a38=(a38*a77);
+  a73=(a73*a77);
+  a79=(a79?a73:0);
+  a78=(a78?a79:0);
+  a78=casadi_fmax(a78,a03);
+  a38=(a38*a78);
   a20=(a20+a38);
   a20=casadi_fmin(a20,a21);
   a22=(a02?a22:0);
@@ -3993,149 +5182,149 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a32=(a02?a32:0);
   a38=casadi_fabs(a32);
   a21=(a21+a38);
-  a42=(a42<a21);
-  a48=(a48||a42);
-  a80=(a80?a79:0);
-  a80=(a80==a11);
-  a79=(!a80);
-  a48=(a48||a79);
+  a43=(a43<a21);
+  a49=(a49||a43);
+  a81=(a81?a80:0);
+  a81=(a81==a11);
+  a80=(!a81);
+  a49=(a49||a80);
   a38=128.;
-  a81=(a82?a81:0);
-  a82=(!a82);
-  a82=(a82?a15:0);
-  a81=(a81+a82);
-  a81=(a38<a81);
-  a48=(a48||a81);
-  a84=(a84?a83:0);
-  a84=(a84==a11);
-  a84=(!a84);
-  a48=(a48||a84);
-  a48=(!a48);
+  a82=(a83?a82:0);
+  a83=(!a83);
+  a83=(a83?a15:0);
+  a82=(a82+a83);
+  a82=(a38<a82);
+  a49=(a49||a82);
+  a85=(a85?a84:0);
+  a85=(a85==a11);
+  a85=(!a85);
+  a49=(a49||a85);
+  a49=(!a49);
   a14=(a06&&a14);
-  a83=(a03<=a07);
-  a83=(a06&&a83);
-  a82=(a08<=a07);
-  a82=(!a82);
+  a84=(a03<=a07);
+  a84=(a06&&a84);
+  a83=(a08<=a07);
+  a83=(!a83);
   a15=(a07+a11);
-  a82=(a82?a15:0);
-  a82=(a50==a82);
-  a82=(a83&&a82);
-  a82=(a82&&a00);
-  a82=(a82&&a48);
-  a82=(a82&&a57);
-  a53=(a53?a52:0);
-  a52=(a53==a03);
-  a82=(a82&&a52);
-  a14=(a14||a82);
-  a48=(a48&&a14);
-  a01=(a48?a01:0);
+  a83=(a83?a15:0);
+  a83=(a51==a83);
+  a83=(a84&&a83);
+  a83=(a83&&a00);
+  a83=(a83&&a49);
+  a83=(a83&&a58);
+  a54=(a54?a53:0);
+  a53=(a54==a03);
+  a83=(a83&&a53);
+  a14=(a14||a83);
+  a49=(a49&&a14);
+  a01=(a49?a01:0);
   if (res[0]!=0) res[0][0]=a01;
-  a01=(!a48);
+  a01=(!a49);
   a14=(a06&&a00);
   a04=(a14?a04:0);
   a14=(!a14);
-  a58=(a09?a58:0);
-  a74=(a47?a74:0);
-  a52=(a51?a59:0);
-  a86=(a62?a86:0);
+  a59=(a09?a59:0);
+  a75=(a48?a75:0);
+  a53=(a52?a60:0);
   a87=(a63?a87:0);
-  a08=(a55?a08:0);
-  a15=(!a55);
-  a77=(a66?a35:0);
-  a78=(!a66);
-  a72=9.;
-  a72=(a34?a72:0);
-  a76=(!a34);
-  a18=(a41?a18:0);
-  a44=(!a41);
-  a68=11.;
-  a68=(a56?a68:0);
-  a69=(!a56);
-  a70=(a42?a70:0);
-  a73=(!a42);
-  a67=13.;
-  a67=(a79?a67:0);
-  a65=14.;
-  a65=(a81?a65:0);
-  a17=(!a81);
-  a05=(a84?a05:0);
-  a17=(a17?a05:0);
-  a65=(a65+a17);
-  a80=(a80?a65:0);
-  a67=(a67+a80);
-  a73=(a73?a67:0);
-  a70=(a70+a73);
-  a69=(a69?a70:0);
-  a68=(a68+a69);
-  a44=(a44?a68:0);
-  a18=(a18+a44);
-  a76=(a76?a18:0);
-  a72=(a72+a76);
-  a78=(a78?a72:0);
-  a77=(a77+a78);
-  a15=(a15?a77:0);
+  a88=(a64?a88:0);
+  a08=(a18?a08:0);
+  a15=(!a18);
+  a78=(a67?a35:0);
+  a79=(!a67);
+  a73=9.;
+  a73=(a34?a73:0);
+  a77=(!a34);
+  a42=(a41?a42:0);
+  a45=(!a41);
+  a69=11.;
+  a69=(a57?a69:0);
+  a70=(!a57);
+  a71=(a43?a71:0);
+  a74=(!a43);
+  a68=13.;
+  a68=(a80?a68:0);
+  a66=14.;
+  a66=(a82?a66:0);
+  a56=(!a82);
+  a05=(a85?a05:0);
+  a56=(a56?a05:0);
+  a66=(a66+a56);
+  a81=(a81?a66:0);
+  a68=(a68+a81);
+  a74=(a74?a68:0);
+  a71=(a71+a74);
+  a70=(a70?a71:0);
+  a69=(a69+a70);
+  a45=(a45?a69:0);
+  a42=(a42+a45);
+  a77=(a77?a42:0);
+  a73=(a73+a77);
+  a79=(a79?a73:0);
+  a78=(a78+a79);
+  a15=(a15?a78:0);
   a08=(a08+a15);
-  a64=(a64?a08:0);
-  a87=(a87+a64);
-  a85=(a85?a87:0);
-  a86=(a86+a85);
-  a49=(a49?a86:0);
-  a52=(a52+a49);
-  a13=(a13?a52:0);
-  a74=(a74+a13);
-  a74=(a06?a74:0);
-  a74=(a58+a74);
-  a14=(a14?a74:0);
+  a65=(a65?a08:0);
+  a88=(a88+a65);
+  a86=(a86?a88:0);
+  a87=(a87+a86);
+  a50=(a50?a87:0);
+  a53=(a53+a50);
+  a13=(a13?a53:0);
+  a75=(a75+a13);
+  a75=(a06?a75:0);
+  a75=(a59+a75);
+  a14=(a14?a75:0);
   a04=(a04+a14);
   a04=(a01?a04:0);
   if (res[1]!=0) res[1][0]=a04;
   a14=(-a04);
   if (res[2]!=0) res[2][0]=a14;
-  a14=(a60?a50:0);
-  a74=(!a60);
-  a74=(a74?a07:0);
-  a14=(a14+a74);
+  a14=(a61?a51:0);
+  a75=(!a61);
+  a75=(a75?a07:0);
+  a14=(a14+a75);
   a06=(a06?a14:0);
   a09=(a09?a10:0);
   a06=(a06+a09);
   if (res[3]!=0) res[3][0]=a06;
   a06=(-a06);
   if (res[4]!=0) res[4][0]=a06;
-  a57=(!a57);
-  a06=(a57?a53:0);
+  a58=(!a58);
+  a06=(a58?a54:0);
   a06=casadi_fmin(a06,a33);
   a09=(-a33);
   a06=casadi_fmax(a06,a09);
-  a39=(a39-a75);
-  a39=(a45*a39);
+  a39=(a39-a76);
+  a39=(a46*a39);
   a39=casadi_fmax(a39,a03);
-  a09=casadi_fmax(a36,a71);
+  a09=casadi_fmax(a36,a72);
   a09=(a40-a09);
-  a09=(a46*a09);
+  a09=(a47*a09);
   a09=casadi_fmax(a09,a03);
   a10=casadi_fmin(a39,a09);
   a10=casadi_fmin(a06,a10);
-  a75=(a75-a37);
-  a45=(a45*a75);
-  a45=casadi_fmax(a45,a03);
-  a36=casadi_fmin(a36,a71);
-  a40=(a40+a36);
-  a46=(a46*a40);
+  a76=(a76-a37);
+  a46=(a46*a76);
   a46=casadi_fmax(a46,a03);
-  a03=casadi_fmin(a45,a46);
+  a36=casadi_fmin(a36,a72);
+  a40=(a40+a36);
+  a47=(a47*a40);
+  a47=casadi_fmax(a47,a03);
+  a03=casadi_fmin(a46,a47);
   a03=(-a03);
   a10=casadi_fmax(a10,a03);
   a03=4.9999997019767761e-02;
-  a43=casadi_fmin(a43,a03);
-  a03=(a12+a43);
+  a44=casadi_fmin(a44,a03);
+  a03=(a12+a44);
   a03=casadi_fmin(a10,a03);
-  a12=(a12-a43);
+  a12=(a12-a44);
   a03=casadi_fmax(a03,a12);
-  a12=(a48?a03:0);
+  a12=(a49?a03:0);
   if (res[5]!=0) res[5][0]=a12;
-  a43=(-a12);
-  if (res[6]!=0) res[6][0]=a43;
-  if (res[7]!=0) res[7][0]=a54;
+  a44=(-a12);
+  if (res[6]!=0) res[6][0]=a44;
+  if (res[7]!=0) res[7][0]=a55;
   if (res[8]!=0) res[8][0]=a16;
   a16=99.;
   a02=(a02?a19:0);
@@ -4188,99 +5377,99 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[11]!=0) res[11][9]=a16;
   if (res[12]!=0) res[12][0]=a12;
   a16=(a06-a10);
-  a16=(a48?a16:0);
+  a16=(a49?a16:0);
   if (res[13]!=0) res[13][0]=a16;
   a12=(a10-a12);
-  a12=(a48?a12:0);
+  a12=(a49?a12:0);
   if (res[14]!=0) res[14][0]=a12;
   if (res[15]!=0) res[15][0]=a21;
   if (res[16]!=0) res[16][0]=a04;
-  a62=(a62?a11:0);
-  a62=(a62+a58);
-  a47=(a47?a59:0);
-  a62=(a62+a47);
-  a51=(a51?a35:0);
-  a62=(a62+a51);
-  a51=16.;
-  a63=(a63?a51:0);
-  a62=(a62+a63);
-  a63=32.;
-  a55=(a55?a63:0);
-  a62=(a62+a55);
-  a55=64.;
-  a66=(a66?a55:0);
-  a62=(a62+a66);
+  a63=(a63?a11:0);
+  a63=(a63+a59);
+  a48=(a48?a60:0);
+  a63=(a63+a48);
+  a52=(a52?a35:0);
+  a63=(a63+a52);
+  a52=16.;
+  a64=(a64?a52:0);
+  a63=(a63+a64);
+  a64=32.;
+  a18=(a18?a64:0);
+  a63=(a63+a18);
+  a18=64.;
+  a67=(a67?a18:0);
+  a63=(a63+a67);
   a34=(a34?a38:0);
-  a62=(a62+a34);
+  a63=(a63+a34);
   a34=256.;
   a41=(a41?a34:0);
-  a62=(a62+a41);
+  a63=(a63+a41);
   a41=512.;
-  a56=(a56?a41:0);
-  a62=(a62+a56);
-  a56=1024.;
-  a42=(a42?a56:0);
-  a62=(a62+a42);
-  a57=(a48&&a57);
-  a53=casadi_fabs(a53);
-  a33=(a33<a53);
-  a33=(a57&&a33);
-  a53=2048.;
-  a33=(a33?a53:0);
-  a62=(a62+a33);
+  a57=(a57?a41:0);
+  a63=(a63+a57);
+  a57=1024.;
+  a43=(a43?a57:0);
+  a63=(a63+a43);
+  a58=(a49&&a58);
+  a54=casadi_fabs(a54);
+  a33=(a33<a54);
+  a33=(a58&&a33);
+  a54=2048.;
+  a33=(a33?a54:0);
+  a63=(a63+a33);
   a03=(a03==a10);
   a03=(!a03);
-  a48=(a48&&a03);
+  a49=(a49&&a03);
   a03=4096.;
-  a48=(a48?a03:0);
-  a62=(a62+a48);
-  a45=(-a45);
-  a45=(a06<a45);
-  a45=(a57&&a45);
-  a48=8192.;
-  a45=(a45?a48:0);
-  a62=(a62+a45);
-  a39=(a39<a06);
-  a39=(a57&&a39);
-  a45=16384.;
-  a39=(a39?a45:0);
-  a62=(a62+a39);
+  a49=(a49?a03:0);
+  a63=(a63+a49);
   a46=(-a46);
   a46=(a06<a46);
+  a46=(a58&&a46);
+  a49=8192.;
+  a46=(a46?a49:0);
+  a63=(a63+a46);
+  a39=(a39<a06);
+  a39=(a58&&a39);
+  a46=16384.;
+  a39=(a39?a46:0);
+  a63=(a63+a39);
+  a47=(-a47);
+  a47=(a06<a47);
   a09=(a09<a06);
-  a46=(a46||a09);
-  a57=(a57&&a46);
-  a46=32768.;
-  a57=(a57?a46:0);
-  a62=(a62+a57);
-  a83=(a83&&a60);
-  a50=(a50==a07);
-  a50=(!a50);
-  a83=(a83&&a50);
-  a82=(!a82);
-  a00=(a00&&a82);
-  a83=(a83&&a00);
+  a47=(a47||a09);
+  a58=(a58&&a47);
+  a47=32768.;
+  a58=(a58?a47:0);
+  a63=(a63+a58);
+  a84=(a84&&a61);
+  a51=(a51==a07);
+  a51=(!a51);
+  a84=(a84&&a51);
+  a83=(!a83);
+  a00=(a00&&a83);
+  a84=(a84&&a00);
   a00=65536.;
-  a83=(a83?a00:0);
-  a62=(a62+a83);
-  a83=131072.;
-  a01=(a01?a83:0);
-  a62=(a62+a01);
+  a84=(a84?a00:0);
+  a63=(a63+a84);
+  a84=131072.;
+  a01=(a01?a84:0);
+  a63=(a63+a01);
   a01=262144.;
-  a79=(a79?a01:0);
-  a62=(a62+a79);
-  a79=524288.;
-  a81=(a81?a79:0);
-  a62=(a62+a81);
-  a81=1048576.;
-  a84=(a84?a81:0);
-  a62=(a62+a84);
-  if (res[17]!=0) res[17][0]=a62;
+  a80=(a80?a01:0);
+  a63=(a63+a80);
+  a80=524288.;
+  a82=(a82?a80:0);
+  a63=(a63+a82);
+  a82=1048576.;
+  a85=(a85?a82:0);
+  a63=(a63+a85);
+  if (res[17]!=0) res[17][0]=a63;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_checkout(void) {
@@ -4465,7 +5654,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -4480,7 +5669,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_checkout(void) {
@@ -4553,7 +5742,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4566,7 +5755,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_checkout(void) {
@@ -4649,7 +5838,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -4785,7 +5974,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_checkout(void) {
@@ -4892,7 +6081,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0,a_rad_s2_0,moved_rad_s2_0) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4907,7 +6096,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_checkout(void) {
@@ -4990,7 +6179,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,s_a_rad_s2,s_moved_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,next_a_rad_s2,next_moved_rad_s2,y_d_gear_rad_s2,y_moves_rad_s2,y_status) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[8]? arg[8][0] : 0;
@@ -5159,7 +6348,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_checkout(void) {
@@ -5270,7 +6459,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -5285,7 +6474,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_checkout(void) {
@@ -5358,7 +6547,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5371,7 +6560,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_checkout(void) {
@@ -5454,7 +6643,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
@@ -5625,7 +6814,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_checkout(void) {
@@ -5733,13 +6922,442 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_work_bytes(casadi_
   return 0;
 }
 
+/* esea_elbow_mpc_casadi_drive_by_gear_prepare:(bandwidth_1_s)->(c_share,c_keep) */
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1, a2;
+  a0=1.;
+  a1=-1.0000000000000000e-03;
+  a2=arg[0]? arg[0][0] : 0;
+  a1=(a1*a2);
+  a1=exp(a1);
+  a1=(a0-a1);
+  if (res[0]!=0) res[0][0]=a1;
+  a0=(a0-a1);
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f34(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_prepare_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_prepare_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_prepare_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_prepare_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_drive_by_gear_prepare_n_in(void) { return 1;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_drive_by_gear_prepare_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_drive_by_gear_prepare_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_drive_by_gear_prepare_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "bandwidth_1_s";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_drive_by_gear_prepare_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    case 1: return "c_keep";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_prepare_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_prepare_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_drive_by_gear_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f35(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_drive_by_gear_init_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_drive_by_gear_init_n_out(void) { return 6;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_drive_by_gear_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_drive_by_gear_init_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "share";
+    case 1: return "keep";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_drive_by_gear_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "primed_0";
+    case 1: return "omega_last_rad_s_0";
+    case 2: return "passive_rad_s2_0";
+    case 3: return "u_held_Nm_0";
+    case 4: return "u_a_Nm_0";
+    case 5: return "d4_rad_s2_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 6;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 6*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_drive_by_gear_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_status) */
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  a00=arg[8]? arg[8][0] : 0;
+  a01=2.2099998593330383e-01;
+  a02=(a00<=a01);
+  a03=-2.2099998593330383e-01;
+  a04=(a03<=a00);
+  a02=(a02&&a04);
+  a04=arg[9]? arg[9][0] : 0;
+  a05=12.;
+  a06=(a04<=a05);
+  a07=-12.;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a08=(a02&&a06);
+  a09=arg[10]? arg[10][0] : 0;
+  a10=20.;
+  a10=(a09<=a10);
+  a11=-20.;
+  a11=(a11<=a09);
+  a10=(a10&&a11);
+  a08=(a08&&a10);
+  if (res[0]!=0) res[0][0]=a08;
+  a04=(a06?a04:0);
+  a06=(!a06);
+  a11=arg[2]? arg[2][0] : 0;
+  a12=1.;
+  a13=(a11<=a12);
+  a14=0.;
+  a14=(a14<=a11);
+  a13=(a13&&a14);
+  a14=arg[3]? arg[3][0] : 0;
+  a05=(a14<=a05);
+  a07=(a07<=a14);
+  a05=(a05&&a07);
+  a13=(a13&&a05);
+  a05=arg[4]? arg[4][0] : 0;
+  a07=6.8671913146972656e+01;
+  a07=(a05<=a07);
+  a15=-6.8671913146972656e+01;
+  a15=(a15<=a05);
+  a07=(a07&&a15);
+  a13=(a13&&a07);
+  a07=arg[5]? arg[5][0] : 0;
+  a15=(a07<=a01);
+  a16=(a03<=a07);
+  a15=(a15&&a16);
+  a13=(a13&&a15);
+  a15=arg[6]? arg[6][0] : 0;
+  a01=(a15<=a01);
+  a03=(a03<=a15);
+  a01=(a01&&a03);
+  a13=(a13&&a01);
+  a01=arg[7]? arg[7][0] : 0;
+  a03=2.4666666030883789e+01;
+  a16=(a01<=a03);
+  a17=-2.4666666030883789e+01;
+  a18=(a17<=a01);
+  a16=(a16&&a18);
+  a13=(a13&&a16);
+  a14=(a13?a14:0);
+  a06=(a06?a14:0);
+  a04=(a04+a06);
+  if (res[1]!=0) res[1][0]=a04;
+  a06=-4.6879999999999999e-01;
+  a16=5.0000000000000003e-02;
+  a16=(a04/a16);
+  a16=tanh(a16);
+  a06=(a06*a16);
+  a18=5.5510000000000004e-01;
+  a18=(a18*a04);
+  a06=(a06-a18);
+  a10=(a10?a09:0);
+  a06=(a06-a10);
+  a09=6.6300000000000003e-01;
+  a06=(a06/a09);
+  a09=1.5082956259426847e-01;
+  a10=casadi_fabs(a10);
+  a09=(a09*a10);
+  a09=(a09*a16);
+  a06=(a06-a09);
+  if (res[2]!=0) res[2][0]=a06;
+  a02=(a02?a00:0);
+  if (res[3]!=0) res[3][0]=a02;
+  a07=(a13?a07:0);
+  a02=9.7173735224993463e-01;
+  a15=(a13?a15:0);
+  a15=(a15-a07);
+  a02=(a02*a15);
+  a02=(a07+a02);
+  if (res[4]!=0) res[4][0]=a02;
+  a11=(a13?a11:0);
+  a11=(a08&&a11);
+  a02=arg[1]? arg[1][0] : 0;
+  a02=(a01*a02);
+  a02=(a13?a02:0);
+  a00=arg[0]? arg[0][0] : 0;
+  a09=1000.;
+  a04=(a04-a14);
+  a09=(a09*a04);
+  a04=1.1161387631975867e+02;
+  a14=9.8580115352228026e-01;
+  a14=(a14*a15);
+  a07=(a07+a14);
+  a04=(a04*a07);
+  a07=5.0000000000000000e-01;
+  a05=(a13?a05:0);
+  a06=(a06+a05);
+  a07=(a07*a06);
+  a04=(a04+a07);
+  a09=(a09-a04);
+  a00=(a00*a09);
+  a02=(a02+a00);
+  a00=casadi_fmin(a02,a03);
+  a00=casadi_fmax(a00,a17);
+  a00=(a11?a00:0);
+  a17=(!a11);
+  a01=(a13?a01:0);
+  a17=(a17?a01:0);
+  a00=(a00+a17);
+  if (res[5]!=0) res[5][0]=a00;
+  if (res[6]!=0) res[6][0]=a00;
+  a08=(!a08);
+  a08=(a08?a12:0);
+  a13=(!a13);
+  a12=2.;
+  a13=(a13?a12:0);
+  a08=(a08+a13);
+  a02=casadi_fabs(a02);
+  a03=(a03<a02);
+  a11=(a11&&a03);
+  a03=4.;
+  a11=(a11?a03:0);
+  a08=(a08+a11);
+  if (res[7]!=0) res[7][0]=a08;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f36(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_drive_by_gear_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_drive_by_gear_step_n_in(void) { return 11;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_drive_by_gear_step_n_out(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_drive_by_gear_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_drive_by_gear_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    case 1: return "c_keep";
+    case 2: return "s_primed";
+    case 3: return "s_omega_last_rad_s";
+    case 4: return "s_passive_rad_s2";
+    case 5: return "s_u_held_Nm";
+    case 6: return "s_u_a_Nm";
+    case 7: return "s_d4_rad_s2";
+    case 8: return "u_u_Nm";
+    case 9: return "u_omega_gear_rad_s";
+    case 10: return "u_tau_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_drive_by_gear_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_primed";
+    case 1: return "next_omega_last_rad_s";
+    case 2: return "next_passive_rad_s2";
+    case 3: return "next_u_held_Nm";
+    case 4: return "next_u_a_Nm";
+    case 5: return "next_d4_rad_s2";
+    case 6: return "y_d4_rad_s2";
+    case 7: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 11;
+  if (sz_res) *sz_res = 8;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 11*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
 /* esea_elbow_mpc_casadi_ahead_init:()->() */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_checkout(void) {
@@ -5805,11 +7423,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_work_bytes(casadi_int 
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_ahead_step:(u_mode,u_tau_preview_Nm[10],u_offset_Nm,u_keep,u_tau_range_Nm,u_theta_preview_rad[10],u_omega_preview_rad_s[10],u_Kp_Nm_rad,u_Kd_Nms_rad,u_theta_load_rad,u_omega_load_rad_s)->(y_tau_d_Nm[10],y_theta_d_rad[10],y_omega_d_rad_s[10],y_Kp_Nm_rad,y_Kd_Nms_rad,y_mode,y_request_ok,y_status) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_ahead_step:(u_mode,u_tau_preview_Nm[10],u_offset_Nm,u_keep,u_tau_range_Nm,u_damping_Nms_rad,u_theta_preview_rad[10],u_omega_preview_rad_s[10],u_Kp_Nm_rad,u_Kd_Nms_rad,u_theta_load_rad,u_omega_load_rad_s)->(y_tau_d_Nm[10],y_theta_d_rad[10],y_omega_d_rad_s[10],y_Kp_Nm_rad,y_Kd_Nms_rad,y_mode,y_request_ok,y_status) */
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24, a25, a26, a27, a28, a29, a30;
+  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
+  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44;
   a00=arg[1]? arg[1][0] : 0;
   a01=casadi_fabs(a00);
   a02=arg[1]? arg[1][1] : 0;
@@ -5900,6 +7519,50 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a00=casadi_fmin(a00,a19);
   a22=(-a19);
   a00=casadi_fmax(a00,a22);
+  a20=arg[7]? arg[7][0] : 0;
+  a23=casadi_fabs(a20);
+  a24=arg[7]? arg[7][1] : 0;
+  a25=casadi_fabs(a24);
+  a23=(a23+a25);
+  a25=arg[7]? arg[7][2] : 0;
+  a26=casadi_fabs(a25);
+  a23=(a23+a26);
+  a26=arg[7]? arg[7][3] : 0;
+  a27=casadi_fabs(a26);
+  a23=(a23+a27);
+  a27=arg[7]? arg[7][4] : 0;
+  a28=casadi_fabs(a27);
+  a23=(a23+a28);
+  a28=arg[7]? arg[7][5] : 0;
+  a29=casadi_fabs(a28);
+  a23=(a23+a29);
+  a29=arg[7]? arg[7][6] : 0;
+  a30=casadi_fabs(a29);
+  a23=(a23+a30);
+  a30=arg[7]? arg[7][7] : 0;
+  a31=casadi_fabs(a30);
+  a23=(a23+a31);
+  a31=arg[7]? arg[7][8] : 0;
+  a32=casadi_fabs(a31);
+  a23=(a23+a32);
+  a32=arg[7]? arg[7][9] : 0;
+  a33=casadi_fabs(a32);
+  a23=(a23+a33);
+  a33=1.2012000274658203e+02;
+  a23=(a23<=a33);
+  a33=arg[5]? arg[5][0] : 0;
+  a34=5.;
+  a35=(a33<=a34);
+  a36=(a14<=a33);
+  a35=(a35&&a36);
+  a36=(a33*a20);
+  a36=(a35?a36:0);
+  a36=(a23?a36:0);
+  a00=(a00-a36);
+  a36=20.;
+  a00=casadi_fmin(a00,a36);
+  a37=-20.;
+  a00=casadi_fmax(a00,a37);
   if (res[0]!=0) res[0][0]=a00;
   a02=(a01?a02:0);
   a17=(a17*a18);
@@ -5952,6 +7615,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a02=(a02+a18);
   a02=casadi_fmin(a02,a19);
   a02=casadi_fmax(a02,a22);
+  a18=(a33*a24);
+  a18=(a35?a18:0);
+  a18=(a23?a18:0);
+  a02=(a02-a18);
+  a02=casadi_fmin(a02,a36);
+  a02=casadi_fmax(a02,a37);
   if (res[0]!=0) res[0][1]=a02;
   a03=(a01?a03:0);
   a11=(a11*a17);
@@ -6023,6 +7692,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a03=(a03+a02);
   a03=casadi_fmin(a03,a19);
   a03=casadi_fmax(a03,a22);
+  a02=(a33*a25);
+  a02=(a35?a02:0);
+  a02=(a23?a02:0);
+  a03=(a03-a02);
+  a03=casadi_fmin(a03,a36);
+  a03=casadi_fmax(a03,a37);
   if (res[0]!=0) res[0][2]=a03;
   a04=(a01?a04:0);
   a11=(a11*a17);
@@ -6114,6 +7789,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a04=(a04+a03);
   a04=casadi_fmin(a04,a19);
   a04=casadi_fmax(a04,a22);
+  a03=(a33*a26);
+  a03=(a35?a03:0);
+  a03=(a23?a03:0);
+  a04=(a04-a03);
+  a04=casadi_fmin(a04,a36);
+  a04=casadi_fmax(a04,a37);
   if (res[0]!=0) res[0][3]=a04;
   a05=(a01?a05:0);
   a11=(a11*a17);
@@ -6225,6 +7906,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a05=(a05+a04);
   a05=casadi_fmin(a05,a19);
   a05=casadi_fmax(a05,a22);
+  a04=(a33*a27);
+  a04=(a35?a04:0);
+  a04=(a23?a04:0);
+  a05=(a05-a04);
+  a05=casadi_fmin(a05,a36);
+  a05=casadi_fmax(a05,a37);
   if (res[0]!=0) res[0][4]=a05;
   a06=(a01?a06:0);
   a11=(a11*a17);
@@ -6356,6 +8043,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a06=(a06+a05);
   a06=casadi_fmin(a06,a19);
   a06=casadi_fmax(a06,a22);
+  a05=(a33*a28);
+  a05=(a35?a05:0);
+  a05=(a23?a05:0);
+  a06=(a06-a05);
+  a06=casadi_fmin(a06,a36);
+  a06=casadi_fmax(a06,a37);
   if (res[0]!=0) res[0][5]=a06;
   a07=(a01?a07:0);
   a11=(a11*a17);
@@ -6507,6 +8200,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a07=(a07+a06);
   a07=casadi_fmin(a07,a19);
   a07=casadi_fmax(a07,a22);
+  a06=(a33*a29);
+  a06=(a35?a06:0);
+  a06=(a23?a06:0);
+  a07=(a07-a06);
+  a07=casadi_fmin(a07,a36);
+  a07=casadi_fmax(a07,a37);
   if (res[0]!=0) res[0][6]=a07;
   a08=(a01?a08:0);
   a11=(a11*a17);
@@ -6678,6 +8377,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a08=(a08+a07);
   a08=casadi_fmin(a08,a19);
   a08=casadi_fmax(a08,a22);
+  a07=(a33*a30);
+  a07=(a35?a07:0);
+  a07=(a23?a07:0);
+  a08=(a08-a07);
+  a08=casadi_fmin(a08,a36);
+  a08=casadi_fmax(a08,a37);
   if (res[0]!=0) res[0][7]=a08;
   a09=(a01?a09:0);
   a11=(a11*a17);
@@ -6869,6 +8574,12 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a09=(a09+a08);
   a09=casadi_fmin(a09,a19);
   a09=casadi_fmax(a09,a22);
+  a08=(a33*a31);
+  a08=(a35?a08:0);
+  a08=(a23?a08:0);
+  a09=(a09-a08);
+  a09=casadi_fmin(a09,a36);
+  a09=casadi_fmax(a09,a37);
   if (res[0]!=0) res[0][8]=a09;
   a10=(a01?a10:0);
   a11=(a11*a17);
@@ -7080,270 +8791,248 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a10=(a10+a15);
   a10=casadi_fmin(a10,a19);
   a10=casadi_fmax(a10,a22);
+  a22=(a33*a32);
+  a22=(a35?a22:0);
+  a22=(a23?a22:0);
+  a10=(a10-a22);
+  a10=casadi_fmin(a10,a36);
+  a10=casadi_fmax(a10,a37);
   if (res[0]!=0) res[0][9]=a10;
-  a10=arg[5]? arg[5][0] : 0;
-  a22=casadi_fabs(a10);
-  a15=arg[5]? arg[5][1] : 0;
+  a10=arg[6]? arg[6][0] : 0;
+  a37=casadi_fabs(a10);
+  a22=arg[6]? arg[6][1] : 0;
+  a15=casadi_fabs(a22);
+  a37=(a37+a15);
+  a15=arg[6]? arg[6][2] : 0;
   a11=casadi_fabs(a15);
-  a22=(a22+a11);
-  a11=arg[5]? arg[5][2] : 0;
+  a37=(a37+a11);
+  a11=arg[6]? arg[6][3] : 0;
   a17=casadi_fabs(a11);
-  a22=(a22+a17);
-  a17=arg[5]? arg[5][3] : 0;
+  a37=(a37+a17);
+  a17=arg[6]? arg[6][4] : 0;
   a09=casadi_fabs(a17);
-  a22=(a22+a09);
-  a09=arg[5]? arg[5][4] : 0;
+  a37=(a37+a09);
+  a09=arg[6]? arg[6][5] : 0;
   a08=casadi_fabs(a09);
-  a22=(a22+a08);
-  a08=arg[5]? arg[5][5] : 0;
+  a37=(a37+a08);
+  a08=arg[6]? arg[6][6] : 0;
   a07=casadi_fabs(a08);
-  a22=(a22+a07);
-  a07=arg[5]? arg[5][6] : 0;
+  a37=(a37+a07);
+  a07=arg[6]? arg[6][7] : 0;
   a06=casadi_fabs(a07);
-  a22=(a22+a06);
-  a06=arg[5]? arg[5][7] : 0;
+  a37=(a37+a06);
+  a06=arg[6]? arg[6][8] : 0;
   a05=casadi_fabs(a06);
-  a22=(a22+a05);
-  a05=arg[5]? arg[5][8] : 0;
+  a37=(a37+a05);
+  a05=arg[6]? arg[6][9] : 0;
   a04=casadi_fabs(a05);
-  a22=(a22+a04);
-  a04=arg[5]? arg[5][9] : 0;
-  a03=casadi_fabs(a04);
-  a22=(a22+a03);
-  a03=3.3533500671386719e+01;
-  a22=(a22<=a03);
-  a10=(a22?a10:0);
-  a03=arg[9]? arg[9][0] : 0;
-  a02=3.3499999046325684e+00;
-  a18=(a03<=a02);
-  a00=-9.4999998807907104e-01;
-  a20=(a00<=a03);
-  a18=(a18&&a20);
-  a03=(a18?a03:0);
-  a20=arg[10]? arg[10][0] : 0;
-  a23=12.;
-  a23=(a20<=a23);
-  a24=-12.;
-  a24=(a24<=a20);
-  a23=(a23&&a24);
-  a24=2.3000000000000000e-02;
-  a24=(a24*a20);
-  a24=(a23?a24:0);
-  a24=(a03+a24);
-  a24=casadi_fmin(a24,a02);
-  a24=casadi_fmax(a24,a00);
-  a25=1.5000000000000000e+00;
-  a26=arg[0]? arg[0][0] : 0;
-  a27=2.;
-  a27=(a26<=a27);
-  a28=(a14<=a26);
-  a27=(a27&&a28);
-  a26=(a27?a26:0);
-  a25=(a25<a26);
-  a28=arg[7]? arg[7][0] : 0;
-  a29=20.;
-  a29=(a28<=a29);
-  a30=(a14<=a28);
-  a29=(a29&&a30);
-  a28=(a29?a28:0);
-  a28=(a25?a28:0);
-  a30=1.0000000000000000e-04;
-  a30=casadi_fmax(a28,a30);
-  a19=(a19/a30);
-  a30=(a24+a19);
-  a10=casadi_fmin(a10,a30);
-  a24=(a24-a19);
-  a10=casadi_fmax(a10,a24);
+  a37=(a37+a04);
+  a04=3.3533500671386719e+01;
+  a37=(a37<=a04);
+  a10=(a37?a10:0);
+  a04=arg[10]? arg[10][0] : 0;
+  a03=3.3499999046325684e+00;
+  a02=(a04<=a03);
+  a18=-9.4999998807907104e-01;
+  a00=(a18<=a04);
+  a02=(a02&&a00);
+  a04=(a02?a04:0);
+  a00=arg[11]? arg[11][0] : 0;
+  a38=12.;
+  a38=(a00<=a38);
+  a39=-12.;
+  a39=(a39<=a00);
+  a38=(a38&&a39);
+  a39=2.3000000000000000e-02;
+  a39=(a39*a00);
+  a39=(a38?a39:0);
+  a39=(a04+a39);
+  a39=casadi_fmin(a39,a03);
+  a39=casadi_fmax(a39,a18);
+  a40=1.5000000000000000e+00;
+  a41=arg[0]? arg[0][0] : 0;
+  a42=2.;
+  a42=(a41<=a42);
+  a43=(a14<=a41);
+  a42=(a42&&a43);
+  a41=(a42?a41:0);
+  a40=(a40<a41);
+  a43=arg[8]? arg[8][0] : 0;
+  a36=(a43<=a36);
+  a44=(a14<=a43);
+  a36=(a36&&a44);
+  a43=(a36?a43:0);
+  a43=(a40?a43:0);
+  a44=1.0000000000000000e-04;
+  a44=casadi_fmax(a43,a44);
+  a19=(a19/a44);
+  a44=(a39+a19);
+  a10=casadi_fmin(a10,a44);
+  a39=(a39-a19);
+  a10=casadi_fmax(a10,a39);
   if (res[1]!=0) res[1][0]=a10;
-  a15=(a22?a15:0);
+  a22=(a37?a22:0);
   a10=4.3000000000000003e-02;
-  a10=(a10*a20);
-  a10=(a23?a10:0);
-  a10=(a03+a10);
-  a10=casadi_fmin(a10,a02);
-  a10=casadi_fmax(a10,a00);
-  a24=(a10+a19);
-  a15=casadi_fmin(a15,a24);
+  a10=(a10*a00);
+  a10=(a38?a10:0);
+  a10=(a04+a10);
+  a10=casadi_fmin(a10,a03);
+  a10=casadi_fmax(a10,a18);
+  a39=(a10+a19);
+  a22=casadi_fmin(a22,a39);
   a10=(a10-a19);
-  a15=casadi_fmax(a15,a10);
-  if (res[1]!=0) res[1][1]=a15;
-  a11=(a22?a11:0);
-  a15=6.3000000000000000e-02;
-  a15=(a15*a20);
-  a15=(a23?a15:0);
-  a15=(a03+a15);
-  a15=casadi_fmin(a15,a02);
-  a15=casadi_fmax(a15,a00);
-  a10=(a15+a19);
-  a11=casadi_fmin(a11,a10);
+  a22=casadi_fmax(a22,a10);
+  if (res[1]!=0) res[1][1]=a22;
+  a15=(a37?a15:0);
+  a22=6.3000000000000000e-02;
+  a22=(a22*a00);
+  a22=(a38?a22:0);
+  a22=(a04+a22);
+  a22=casadi_fmin(a22,a03);
+  a22=casadi_fmax(a22,a18);
+  a10=(a22+a19);
+  a15=casadi_fmin(a15,a10);
+  a22=(a22-a19);
+  a15=casadi_fmax(a15,a22);
+  if (res[1]!=0) res[1][2]=a15;
+  a11=(a37?a11:0);
+  a15=8.3000000000000004e-02;
+  a15=(a15*a00);
+  a15=(a38?a15:0);
+  a15=(a04+a15);
+  a15=casadi_fmin(a15,a03);
+  a15=casadi_fmax(a15,a18);
+  a22=(a15+a19);
+  a11=casadi_fmin(a11,a22);
   a15=(a15-a19);
   a11=casadi_fmax(a11,a15);
-  if (res[1]!=0) res[1][2]=a11;
-  a17=(a22?a17:0);
-  a11=8.3000000000000004e-02;
-  a11=(a11*a20);
-  a11=(a23?a11:0);
-  a11=(a03+a11);
-  a11=casadi_fmin(a11,a02);
-  a11=casadi_fmax(a11,a00);
+  if (res[1]!=0) res[1][3]=a11;
+  a17=(a37?a17:0);
+  a11=1.0300000000000001e-01;
+  a11=(a11*a00);
+  a11=(a38?a11:0);
+  a11=(a04+a11);
+  a11=casadi_fmin(a11,a03);
+  a11=casadi_fmax(a11,a18);
   a15=(a11+a19);
   a17=casadi_fmin(a17,a15);
   a11=(a11-a19);
   a17=casadi_fmax(a17,a11);
-  if (res[1]!=0) res[1][3]=a17;
-  a09=(a22?a09:0);
-  a17=1.0300000000000001e-01;
-  a17=(a17*a20);
-  a17=(a23?a17:0);
-  a17=(a03+a17);
-  a17=casadi_fmin(a17,a02);
-  a17=casadi_fmax(a17,a00);
+  if (res[1]!=0) res[1][4]=a17;
+  a09=(a37?a09:0);
+  a17=1.2300000000000000e-01;
+  a17=(a17*a00);
+  a17=(a38?a17:0);
+  a17=(a04+a17);
+  a17=casadi_fmin(a17,a03);
+  a17=casadi_fmax(a17,a18);
   a11=(a17+a19);
   a09=casadi_fmin(a09,a11);
   a17=(a17-a19);
   a09=casadi_fmax(a09,a17);
-  if (res[1]!=0) res[1][4]=a09;
-  a08=(a22?a08:0);
-  a09=1.2300000000000000e-01;
-  a09=(a09*a20);
-  a09=(a23?a09:0);
-  a09=(a03+a09);
-  a09=casadi_fmin(a09,a02);
-  a09=casadi_fmax(a09,a00);
+  if (res[1]!=0) res[1][5]=a09;
+  a08=(a37?a08:0);
+  a09=1.4300000000000002e-01;
+  a09=(a09*a00);
+  a09=(a38?a09:0);
+  a09=(a04+a09);
+  a09=casadi_fmin(a09,a03);
+  a09=casadi_fmax(a09,a18);
   a17=(a09+a19);
   a08=casadi_fmin(a08,a17);
   a09=(a09-a19);
   a08=casadi_fmax(a08,a09);
-  if (res[1]!=0) res[1][5]=a08;
-  a07=(a22?a07:0);
-  a08=1.4300000000000002e-01;
-  a08=(a08*a20);
-  a08=(a23?a08:0);
-  a08=(a03+a08);
-  a08=casadi_fmin(a08,a02);
-  a08=casadi_fmax(a08,a00);
+  if (res[1]!=0) res[1][6]=a08;
+  a07=(a37?a07:0);
+  a08=1.6300000000000001e-01;
+  a08=(a08*a00);
+  a08=(a38?a08:0);
+  a08=(a04+a08);
+  a08=casadi_fmin(a08,a03);
+  a08=casadi_fmax(a08,a18);
   a09=(a08+a19);
   a07=casadi_fmin(a07,a09);
   a08=(a08-a19);
   a07=casadi_fmax(a07,a08);
-  if (res[1]!=0) res[1][6]=a07;
-  a06=(a22?a06:0);
-  a07=1.6300000000000001e-01;
-  a07=(a07*a20);
-  a07=(a23?a07:0);
-  a07=(a03+a07);
-  a07=casadi_fmin(a07,a02);
-  a07=casadi_fmax(a07,a00);
+  if (res[1]!=0) res[1][7]=a07;
+  a06=(a37?a06:0);
+  a07=1.8300000000000000e-01;
+  a07=(a07*a00);
+  a07=(a38?a07:0);
+  a07=(a04+a07);
+  a07=casadi_fmin(a07,a03);
+  a07=casadi_fmax(a07,a18);
   a08=(a07+a19);
   a06=casadi_fmin(a06,a08);
   a07=(a07-a19);
   a06=casadi_fmax(a06,a07);
-  if (res[1]!=0) res[1][7]=a06;
-  a05=(a22?a05:0);
-  a06=1.8300000000000000e-01;
-  a06=(a06*a20);
-  a06=(a23?a06:0);
-  a06=(a03+a06);
-  a06=casadi_fmin(a06,a02);
-  a06=casadi_fmax(a06,a00);
-  a07=(a06+a19);
-  a05=casadi_fmin(a05,a07);
-  a06=(a06-a19);
-  a05=casadi_fmax(a05,a06);
-  if (res[1]!=0) res[1][8]=a05;
-  a04=(a22?a04:0);
-  a05=2.0300000000000001e-01;
-  a05=(a05*a20);
-  a05=(a23?a05:0);
-  a03=(a03+a05);
-  a03=casadi_fmin(a03,a02);
-  a03=casadi_fmax(a03,a00);
-  a00=(a03+a19);
-  a04=casadi_fmin(a04,a00);
-  a03=(a03-a19);
-  a04=casadi_fmax(a04,a03);
-  if (res[1]!=0) res[1][9]=a04;
-  a04=arg[6]? arg[6][0] : 0;
-  a03=casadi_fabs(a04);
-  a19=arg[6]? arg[6][1] : 0;
-  a00=casadi_fabs(a19);
-  a03=(a03+a00);
-  a00=arg[6]? arg[6][2] : 0;
-  a02=casadi_fabs(a00);
-  a03=(a03+a02);
-  a02=arg[6]? arg[6][3] : 0;
-  a05=casadi_fabs(a02);
-  a03=(a03+a05);
-  a05=arg[6]? arg[6][4] : 0;
-  a20=casadi_fabs(a05);
-  a03=(a03+a20);
-  a20=arg[6]? arg[6][5] : 0;
-  a06=casadi_fabs(a20);
-  a03=(a03+a06);
-  a06=arg[6]? arg[6][6] : 0;
-  a07=casadi_fabs(a06);
-  a03=(a03+a07);
-  a07=arg[6]? arg[6][7] : 0;
-  a08=casadi_fabs(a07);
-  a03=(a03+a08);
-  a08=arg[6]? arg[6][8] : 0;
-  a09=casadi_fabs(a08);
-  a03=(a03+a09);
-  a09=arg[6]? arg[6][9] : 0;
-  a17=casadi_fabs(a09);
-  a03=(a03+a17);
-  a17=1.2012000274658203e+02;
-  a03=(a03<=a17);
-  a04=(a03?a04:0);
-  if (res[2]!=0) res[2][0]=a04;
-  a19=(a03?a19:0);
-  if (res[2]!=0) res[2][1]=a19;
-  a00=(a03?a00:0);
-  if (res[2]!=0) res[2][2]=a00;
-  a02=(a03?a02:0);
-  if (res[2]!=0) res[2][3]=a02;
-  a05=(a03?a05:0);
-  if (res[2]!=0) res[2][4]=a05;
-  a20=(a03?a20:0);
-  if (res[2]!=0) res[2][5]=a20;
-  a06=(a03?a06:0);
-  if (res[2]!=0) res[2][6]=a06;
-  a07=(a03?a07:0);
-  if (res[2]!=0) res[2][7]=a07;
-  a08=(a03?a08:0);
-  if (res[2]!=0) res[2][8]=a08;
-  a09=(a03?a09:0);
-  if (res[2]!=0) res[2][9]=a09;
-  if (res[3]!=0) res[3][0]=a28;
-  a28=arg[8]? arg[8][0] : 0;
-  a09=5.;
-  a09=(a28<=a09);
-  a14=(a14<=a28);
-  a09=(a09&&a14);
-  a28=(a09?a28:0);
-  a25=(a25?a28:0);
-  if (res[4]!=0) res[4][0]=a25;
-  a27=(a27&&a01);
-  a27=(a27&&a16);
-  a27=(a27&&a13);
-  a27=(a27&&a21);
-  a27=(a27&&a22);
-  a27=(a27&&a03);
-  a27=(a27&&a29);
-  a27=(a27&&a09);
-  a27=(a27&&a18);
-  a27=(a27&&a23);
-  a26=(a27?a26:0);
-  if (res[5]!=0) res[5][0]=a26;
-  if (res[6]!=0) res[6][0]=a27;
-  a27=(!a27);
-  a27=(a27?a12:0);
-  if (res[7]!=0) res[7][0]=a27;
+  if (res[1]!=0) res[1][8]=a06;
+  a05=(a37?a05:0);
+  a06=2.0300000000000001e-01;
+  a06=(a06*a00);
+  a06=(a38?a06:0);
+  a04=(a04+a06);
+  a04=casadi_fmin(a04,a03);
+  a04=casadi_fmax(a04,a18);
+  a18=(a04+a19);
+  a05=casadi_fmin(a05,a18);
+  a04=(a04-a19);
+  a05=casadi_fmax(a05,a04);
+  if (res[1]!=0) res[1][9]=a05;
+  a20=(a23?a20:0);
+  if (res[2]!=0) res[2][0]=a20;
+  a24=(a23?a24:0);
+  if (res[2]!=0) res[2][1]=a24;
+  a25=(a23?a25:0);
+  if (res[2]!=0) res[2][2]=a25;
+  a26=(a23?a26:0);
+  if (res[2]!=0) res[2][3]=a26;
+  a27=(a23?a27:0);
+  if (res[2]!=0) res[2][4]=a27;
+  a28=(a23?a28:0);
+  if (res[2]!=0) res[2][5]=a28;
+  a29=(a23?a29:0);
+  if (res[2]!=0) res[2][6]=a29;
+  a30=(a23?a30:0);
+  if (res[2]!=0) res[2][7]=a30;
+  a31=(a23?a31:0);
+  if (res[2]!=0) res[2][8]=a31;
+  a32=(a23?a32:0);
+  if (res[2]!=0) res[2][9]=a32;
+  if (res[3]!=0) res[3][0]=a43;
+  a43=arg[9]? arg[9][0] : 0;
+  a32=(a43<=a34);
+  a31=(a14<=a43);
+  a32=(a32&&a31);
+  a43=(a32?a43:0);
+  a40=(a40?a43:0);
+  a33=(a35?a33:0);
+  a40=(a40+a33);
+  a40=casadi_fmin(a40,a34);
+  a40=casadi_fmax(a40,a14);
+  if (res[4]!=0) res[4][0]=a40;
+  a42=(a42&&a01);
+  a42=(a42&&a16);
+  a42=(a42&&a13);
+  a42=(a42&&a21);
+  a42=(a42&&a35);
+  a42=(a42&&a37);
+  a42=(a42&&a23);
+  a42=(a42&&a36);
+  a42=(a42&&a32);
+  a42=(a42&&a02);
+  a42=(a42&&a38);
+  a41=(a42?a41:0);
+  if (res[5]!=0) res[5][0]=a41;
+  if (res[6]!=0) res[6][0]=a42;
+  a42=(!a42);
+  a42=(a42?a12:0);
+  if (res[7]!=0) res[7][0]=a42;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f38(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_checkout(void) {
@@ -7359,7 +9048,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_ahead_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_ahead_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_ahead_step_n_in(void) { return 11;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_ahead_step_n_in(void) { return 12;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_ahead_step_n_out(void) { return 8;}
 
@@ -7376,12 +9065,13 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_ahead_step_name_in(casadi
     case 2: return "u_offset_Nm";
     case 3: return "u_keep";
     case 4: return "u_tau_range_Nm";
-    case 5: return "u_theta_preview_rad";
-    case 6: return "u_omega_preview_rad_s";
-    case 7: return "u_Kp_Nm_rad";
-    case 8: return "u_Kd_Nms_rad";
-    case 9: return "u_theta_load_rad";
-    case 10: return "u_omega_load_rad_s";
+    case 5: return "u_damping_Nms_rad";
+    case 6: return "u_theta_preview_rad";
+    case 7: return "u_omega_preview_rad_s";
+    case 8: return "u_Kp_Nm_rad";
+    case 9: return "u_Kd_Nms_rad";
+    case 10: return "u_theta_load_rad";
+    case 11: return "u_omega_load_rad_s";
     default: return 0;
   }
 }
@@ -7407,12 +9097,13 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity
     case 2: return casadi_s0;
     case 3: return casadi_s0;
     case 4: return casadi_s0;
-    case 5: return casadi_s1;
+    case 5: return casadi_s0;
     case 6: return casadi_s1;
-    case 7: return casadi_s0;
+    case 7: return casadi_s1;
     case 8: return casadi_s0;
     case 9: return casadi_s0;
     case 10: return casadi_s0;
+    case 11: return casadi_s0;
     default: return 0;
   }
 }
@@ -7432,7 +9123,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 11;
+  if (sz_arg) *sz_arg = 12;
   if (sz_res) *sz_res = 8;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -7440,7 +9131,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work(casadi_int *sz_ar
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 11*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 12*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 8*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -7448,7 +9139,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_predictive_prepare:(Q,R,load_free)->(c_root_q,c_root_r,c_load_1_kgm2) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=sqrt(a0);
@@ -7469,7 +9160,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f39(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_checkout(void) {
@@ -7548,7 +9239,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_init:(root_q,root_r,load_1_kgm2)->(plan_0[10]) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7565,7 +9256,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f40(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_checkout(void) {
@@ -7640,7 +9331,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_predictive_k1_copy:(i0)->(o0) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -7648,7 +9339,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f41(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_checkout(void) {
@@ -7719,7 +9410,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k2_pivot:(i0,i1,i2,i3,i4,i5,i6)->(o0[3],o1,o2,o3,o4) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=0.;
   a1=arg[2]? arg[2][0] : 0;
@@ -7768,7 +9459,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f42(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_checkout(void) {
@@ -7859,7 +9550,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k3_keep:(i0,i1)->(o0,o1) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -7869,7 +9560,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f43(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_checkout(void) {
@@ -7944,7 +9635,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k4_shift:(i0,i1,i2,i3[3])->(o0,o1) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -7961,7 +9652,7 @@ static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f44(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_checkout(void) {
@@ -8040,7 +9731,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k5_rank_one:(i0,i1,i2)->(o0) */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -8052,7 +9743,7 @@ static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
+  return casadi_f45(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_checkout(void) {
@@ -8127,7 +9818,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k6_edge:(i0,i1[3])->(o0) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -8139,7 +9830,7 @@ static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
+  return casadi_f46(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_checkout(void) {
@@ -8212,7 +9903,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k7_begin:(i0)->(o0) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -8220,7 +9911,7 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
+  return casadi_f47(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_checkout(void) {
@@ -8291,7 +9982,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k8_own:(i0,i1,i2)->(o0) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -8303,7 +9994,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f48(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_checkout(void) {
@@ -8378,7 +10069,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k9_both:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -8395,7 +10086,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f49(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_checkout(void) {
@@ -8476,7 +10167,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k10_free_only:(i0,i1)->(o0) */
-static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -8488,7 +10179,7 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f42(arg, res, iw, w, mem);
+  return casadi_f50(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_checkout(void) {
@@ -8561,7 +10252,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k11_none:()->(o0) */
-static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8569,7 +10260,7 @@ static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f43(arg, res, iw, w, mem);
+  return casadi_f51(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_checkout(void) {
@@ -8638,7 +10329,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k12_refine:(i0,i1,i2,i3,i4)->(o0) */
-static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -8659,7 +10350,7 @@ static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f44(arg, res, iw, w, mem);
+  return casadi_f52(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_checkout(void) {
@@ -8738,7 +10429,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k13_good:()->(o0) */
-static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8746,7 +10437,7 @@ static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f45(arg, res, iw, w, mem);
+  return casadi_f53(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_checkout(void) {
@@ -8815,7 +10506,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k14_ready:()->(o0) */
-static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8823,7 +10514,7 @@ static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f46(arg, res, iw, w, mem);
+  return casadi_f54(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_checkout(void) {
@@ -8892,7 +10583,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k15_inside:(i0,i1,i2)->(o0,o1) */
-static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -8906,7 +10597,7 @@ static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f47(arg, res, iw, w, mem);
+  return casadi_f55(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_checkout(void) {
@@ -8983,7 +10674,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k16_whole:()->(o0) */
-static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8991,7 +10682,7 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f48(arg, res, iw, w, mem);
+  return casadi_f56(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_checkout(void) {
@@ -9060,7 +10751,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k17_reach:(i0,i1,i2,i3,i4,i5)->(o0,o1) */
-static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -9099,7 +10790,7 @@ static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f49(arg, res, iw, w, mem);
+  return casadi_f57(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_checkout(void) {
@@ -9182,7 +10873,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k18_advance:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -9212,7 +10903,7 @@ static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f50(arg, res, iw, w, mem);
+  return casadi_f58(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_checkout(void) {
@@ -9293,7 +10984,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k19_tie:(i0,i1,i2,i3)->(o0) */
-static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -9308,7 +10999,7 @@ static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f51(arg, res, iw, w, mem);
+  return casadi_f59(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_checkout(void) {
@@ -9385,7 +11076,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k20_promise:(i0,i1,i2,i3,i4,i5,i6,i7)->(o0,o1) */
-static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -9430,7 +11121,7 @@ static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f52(arg, res, iw, w, mem);
+  return casadi_f60(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_checkout(void) {
@@ -9517,7 +11208,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k21_finished:(i0)->(o0) */
-static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -9528,7 +11219,7 @@ static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f53(arg, res, iw, w, mem);
+  return casadi_f61(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_checkout(void) {
@@ -9599,7 +11290,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k22_done:()->(o0) */
-static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9607,7 +11298,7 @@ static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f54(arg, res, iw, w, mem);
+  return casadi_f62(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_checkout(void) {
@@ -9676,7 +11367,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k23_count:(i0)->(o0) */
-static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -9686,7 +11377,7 @@ static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f55(arg, res, iw, w, mem);
+  return casadi_f63(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_checkout(void) {
@@ -9757,7 +11448,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k24_lost:(i0)->(o0) */
-static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -9768,7 +11459,7 @@ static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f56(arg, res, iw, w, mem);
+  return casadi_f64(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_checkout(void) {
@@ -9839,7 +11530,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k25_residual:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[5]? arg[5][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -9880,7 +11571,7 @@ static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f57(arg, res, iw, w, mem);
+  return casadi_f65(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_checkout(void) {
@@ -9961,7 +11652,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k26_rough:(i0,i1,i2)->(o0) */
-static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   a1=arg[1]? arg[1][0] : 0;
@@ -9976,7 +11667,7 @@ static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f58(arg, res, iw, w, mem);
+  return casadi_f66(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_checkout(void) {
@@ -10051,7 +11742,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k27_verdict:(i0,i1,i2,i3)->(o0) */
-static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10066,7 +11757,7 @@ static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f59(arg, res, iw, w, mem);
+  return casadi_f67(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_checkout(void) {
@@ -10143,7 +11834,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k28_lose:(i0,i1,i2)->(o0) */
-static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10155,7 +11846,7 @@ static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f60(arg, res, iw, w, mem);
+  return casadi_f68(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_checkout(void) {
@@ -10230,7 +11921,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k29_let_go:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10247,7 +11938,7 @@ static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f61(arg, res, iw, w, mem);
+  return casadi_f69(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_checkout(void) {
@@ -10328,7 +12019,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k30_push:(i0,i1,i2,i3,i4)->(o0,o1,o2,o3,o4,o5) */
-static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -10349,7 +12040,7 @@ static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f62(arg, res, iw, w, mem);
+  return casadi_f70(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_checkout(void) {
@@ -10438,7 +12129,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k31_gain:(i0,i1,i2)->(o0) */
-static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10450,7 +12141,7 @@ static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f63(arg, res, iw, w, mem);
+  return casadi_f71(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_checkout(void) {
@@ -10525,7 +12216,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k32_first:(i0)->(o0) */
-static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -10533,7 +12224,7 @@ static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f64(arg, res, iw, w, mem);
+  return casadi_f72(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_checkout(void) {
@@ -10604,7 +12295,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k33_stays:(i0,i1,i2,i3)->(o0) */
-static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10619,7 +12310,7 @@ static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f65(arg, res, iw, w, mem);
+  return casadi_f73(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_checkout(void) {
@@ -10696,7 +12387,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k34_tie:(i0,i1,i2,i3)->(o0,o1) */
-static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10712,7 +12403,7 @@ static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f66(arg, res, iw, w, mem);
+  return casadi_f74(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_checkout(void) {
@@ -10791,7 +12482,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k35_whole:(i0,i1)->(o0) */
-static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10801,7 +12492,7 @@ static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f67(arg, res, iw, w, mem);
+  return casadi_f75(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_checkout(void) {
@@ -10874,7 +12565,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k36_weight:(i0,i1,i2)->(o0,o1) */
-static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -10886,7 +12577,7 @@ static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f68(arg, res, iw, w, mem);
+  return casadi_f76(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_checkout(void) {
@@ -10963,7 +12654,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k37_pop:(i0)->(o0) */
-static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -10973,7 +12664,7 @@ static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f69(arg, res, iw, w, mem);
+  return casadi_f77(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_checkout(void) {
@@ -11044,7 +12735,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k38_weight:(i0,i1)->(o0) */
-static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11054,7 +12745,7 @@ static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f70(arg, res, iw, w, mem);
+  return casadi_f78(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_checkout(void) {
@@ -11127,7 +12818,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k39_turned:(i0,i1,i2)->(o0) */
-static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -11141,7 +12832,7 @@ static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f71(arg, res, iw, w, mem);
+  return casadi_f79(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_checkout(void) {
@@ -11216,7 +12907,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k40_direction:(i0,i1)->(o0) */
-static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11232,7 +12923,7 @@ static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f72(arg, res, iw, w, mem);
+  return casadi_f80(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_checkout(void) {
@@ -11305,7 +12996,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k41_beyond:(i0,i1,i2,i3)->(o0) */
-static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11319,7 +13010,7 @@ static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f73(arg, res, iw, w, mem);
+  return casadi_f81(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_checkout(void) {
@@ -11396,7 +13087,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k42_torque:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -11413,7 +13104,7 @@ static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f74(arg, res, iw, w, mem);
+  return casadi_f82(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_checkout(void) {
@@ -11494,7 +13185,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k43_on:(i0)->(o0) */
-static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -11502,7 +13193,7 @@ static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f75(arg, res, iw, w, mem);
+  return casadi_f83(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_checkout(void) {
@@ -11573,7 +13264,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k44_all_ok:()->(o0) */
-static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -11581,7 +13272,7 @@ static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f76(arg, res, iw, w, mem);
+  return casadi_f84(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_checkout(void) {
@@ -11650,7 +13341,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad:(i0,i1)->(o0,o1) */
-static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=3.4999999403953552e-01;
@@ -11667,7 +13358,7 @@ static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f77(arg, res, iw, w, mem);
+  return casadi_f85(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_checkout(void) {
@@ -11741,13 +13432,13 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_wo
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad:(i0,i1)->(o0,o1) */
+static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
-  a1=25.;
+  a1=2.6764997839927673e-01;
   a1=(a0<=a1);
-  a2=-25.;
+  a2=-2.6764997839927673e-01;
   a2=(a2<=a0);
   a1=(a1&&a2);
   a0=(a1?a0:0);
@@ -11758,34 +13449,34 @@ static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f78(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f86(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -11793,7 +13484,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k46_guard_omeg
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -11801,7 +13492,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k46_guard_omeg
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -11809,7 +13500,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -11817,7 +13508,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -11825,7 +13516,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -11833,13 +13524,13 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad:(i0,i1)->(o0,o1) */
-static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm:(i0,i1)->(o0,o1) */
+static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
-  a1=3.3499999046325684e+00;
+  a1=1.2499999254941940e-02;
   a1=(a0<=a1);
-  a2=-9.4999998807907104e-01;
+  a2=0.;
   a2=(a2<=a0);
   a1=(a1&&a2);
   a0=(a1?a0:0);
@@ -11850,34 +13541,34 @@ static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f79(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f87(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -11885,7 +13576,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k47_guard_thet
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -11893,7 +13584,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k47_guard_thet
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -11901,7 +13592,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -11909,7 +13600,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -11917,7 +13608,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -11925,8 +13616,100 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad:(i0,i1)->(o0,o1) */
+static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1, a2;
+  a0=arg[0]? arg[0][0] : 0;
+  a1=2.9999999329447746e-02;
+  a1=(a0<=a1);
+  a2=0.;
+  a2=(a2<=a0);
+  a1=(a1&&a2);
+  a0=(a1?a0:0);
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  a0=(a0&&a1);
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f88(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "i0";
+    case 1: return "i1";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "o0";
+    case 1: return "o1";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s:(i0,i1)->(o0,o1) */
+static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=12.;
@@ -11942,34 +13725,34 @@ static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f80(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f89(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -11977,7 +13760,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k48_guard_omeg
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -11985,7 +13768,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k48_guard_omeg
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -11993,7 +13776,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12001,7 +13784,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12009,7 +13792,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12017,8 +13800,192 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad:(i0,i1)->(o0,o1) */
+static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1, a2;
+  a0=arg[0]? arg[0][0] : 0;
+  a1=3.3499999046325684e+00;
+  a1=(a0<=a1);
+  a2=-9.4999998807907104e-01;
+  a2=(a2<=a0);
+  a1=(a1&&a2);
+  a0=(a1?a0:0);
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  a0=(a0&&a1);
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f90(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "i0";
+    case 1: return "i1";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "o0";
+    case 1: return "o1";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s:(i0,i1)->(o0,o1) */
+static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1, a2;
+  a0=arg[0]? arg[0][0] : 0;
+  a1=12.;
+  a1=(a0<=a1);
+  a2=-12.;
+  a2=(a2<=a0);
+  a1=(a1&&a2);
+  a0=(a1?a0:0);
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  a0=(a0&&a1);
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f91(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_n_in(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "i0";
+    case 1: return "i1";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "o0";
+    case 1: return "o1";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm:(i0,i1)->(o0,o1) */
+static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -12034,34 +14001,34 @@ static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f81(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f92(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12069,7 +14036,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12077,7 +14044,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12085,7 +14052,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12093,7 +14060,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12101,7 +14068,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work(
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12109,8 +14076,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm:(i0,i1)->(o0,o1) */
+static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -12126,34 +14093,34 @@ static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f82(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f93(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12161,7 +14128,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k50_guard_u_in
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12169,7 +14136,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k50_guard_u_in
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12177,7 +14144,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12185,7 +14152,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12193,7 +14160,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_N
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12201,8 +14168,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_N
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm:(i0,i1)->(o0,o1) */
+static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -12218,34 +14185,34 @@ static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f83(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f94(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12253,7 +14220,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k51_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12261,7 +14228,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k51_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12269,7 +14236,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12277,7 +14244,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12285,7 +14252,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12293,8 +14260,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad:(i0[10],i1)->(o0[10],o1) */
+static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -12353,34 +14320,34 @@ static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f84(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f95(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12388,7 +14355,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k52_guard_play
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12396,7 +14363,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k52_guard_play
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -12404,7 +14371,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -12412,7 +14379,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12420,7 +14387,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_wor
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12428,8 +14395,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_wor
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2:(i0,i1)->(o0,o1) */
-static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2:(i0,i1)->(o0,o1) */
+static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.4666666030883789e+01;
@@ -12445,34 +14412,34 @@ static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f85(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f96(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12480,7 +14447,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k53_guard_d4_r
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12488,7 +14455,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k53_guard_d4_r
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12496,7 +14463,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12504,7 +14471,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12512,7 +14479,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_wo
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12520,8 +14487,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_wo
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm:(i0,i1)->(o0,o1) */
+static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -12537,34 +14504,34 @@ static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f86(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f97(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12572,7 +14539,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12580,7 +14547,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12588,7 +14555,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12596,7 +14563,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12604,7 +14571,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_wor
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12612,8 +14579,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_wor
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s:(i0,i1)->(o0,o1) */
-static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s:(i0,i1)->(o0,o1) */
+static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=10000.;
@@ -12629,34 +14596,34 @@ static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f87(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f98(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12664,7 +14631,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k55_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12672,7 +14639,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k55_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12680,7 +14647,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12688,7 +14655,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12696,7 +14663,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_N
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12704,8 +14671,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_N
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k56_guard_mode:(i0,i1)->(o0,o1) */
-static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k59_guard_mode:(i0,i1)->(o0,o1) */
+static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.;
@@ -12721,34 +14688,34 @@ static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f88(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_mode(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f99(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_mode_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k56_guard_mode_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k59_guard_mode_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k56_guard_mode_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k59_guard_mode_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k56_guard_mode_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k59_guard_mode_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_mode_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_mode_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_mode_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_mode_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k56_guard_mode_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k59_guard_mode_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k56_guard_mode_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k59_guard_mode_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12756,7 +14723,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k56_guard_mode
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k56_guard_mode_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k59_guard_mode_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12764,7 +14731,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k56_guard_mode
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_mode_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_mode_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12772,7 +14739,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_mode_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_mode_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -12780,7 +14747,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_mode_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12788,7 +14755,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work(ca
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_mode_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12796,8 +14763,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work_by
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm:(i0[10],i1)->(o0[10],o1) */
+static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -12856,34 +14823,34 @@ static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f89(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f100(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -12891,7 +14858,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -12899,7 +14866,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -12907,7 +14874,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -12915,7 +14882,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -12923,7 +14890,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_wor
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -12931,8 +14898,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_wor
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad:(i0[10],i1)->(o0[10],o1) */
+static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -12991,34 +14958,34 @@ static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f90(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f101(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -13026,7 +14993,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k58_guard_thet
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -13034,7 +15001,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k58_guard_thet
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -13042,7 +15009,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -13050,7 +15017,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -13058,7 +15025,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -13066,8 +15033,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s:(i0[10],i1)->(o0[10],o1) */
+static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -13126,34 +15093,34 @@ static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f91(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f102(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -13161,7 +15128,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k59_guard_omeg
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -13169,7 +15136,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k59_guard_omeg
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -13177,7 +15144,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s1;
     case 1: return casadi_s0;
@@ -13185,7 +15152,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -13193,7 +15160,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -13201,8 +15168,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad:(i0,i1)->(o0,o1) */
-static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad:(i0,i1)->(o0,o1) */
+static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -13218,34 +15185,34 @@ static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f92(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f103(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -13253,7 +15220,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_N
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -13261,7 +15228,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_N
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -13269,7 +15236,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -13277,7 +15244,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -13285,7 +15252,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_wo
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -13293,8 +15260,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_wo
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad:(i0,i1)->(o0,o1) */
-static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad:(i0,i1)->(o0,o1) */
+static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.;
@@ -13310,34 +15277,34 @@ static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f93(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f104(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -13345,7 +15312,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_N
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -13353,7 +15320,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_N
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -13361,7 +15328,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -13369,7 +15336,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guar
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -13377,7 +15344,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_w
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -13385,102 +15352,142 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_w
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k62_before:(i0[7],i1,i2[6],i3)->(o0[8],o1) */
-static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
-  a0=2.5000000000000001e-03;
-  a1=1.1161387631975867e+02;
-  a2=arg[1]? arg[1][0] : 0;
-  a3=9.3163119388320836e-01;
-  a4=arg[0]? arg[0][4] : 0;
-  a4=(a4-a2);
-  a3=(a3*a4);
-  a2=(a2+a3);
-  a1=(a1*a2);
-  a2=arg[2]? arg[2][0] : 0;
-  a1=(a1+a2);
-  a1=(a0*a1);
-  if (res[0]!=0) res[0][0]=a1;
-  a2=arg[0]? arg[0][3] : 0;
-  a3=arg[2]? arg[2][3] : 0;
-  a3=(a0*a3);
-  a4=arg[0]? arg[0][6] : 0;
-  a5=arg[3]? arg[3][0] : 0;
-  a5=(a4+a5);
-  a3=(a3*a5);
-  a2=(a2+a3);
-  if (res[0]!=0) res[0][1]=a2;
-  a3=20.;
-  a5=arg[0]? arg[0][2] : 0;
-  a5=(a5+a1);
-  a1=3.7707390648567120e-03;
-  a4=(a1*a4);
-  a5=(a5-a4);
-  a3=(a3*a5);
-  a3=tanh(a3);
-  if (res[0]!=0) res[0][2]=a3;
-  a4=1.;
-  a6=5.5510000000000004e-01;
-  a7=9.3759999999999994e+00;
-  a8=casadi_sq(a3);
-  a8=(a4-a8);
-  a7=(a7*a8);
-  a7=(a6+a7);
-  a1=(a1*a7);
-  a4=(a4+a1);
-  a1=(1./a4);
-  if (res[0]!=0) res[0][3]=a1;
-  a1=7.5414781297134239e-03;
-  a6=(a6*a5);
-  a7=4.6879999999999999e-01;
-  a7=(a7*a3);
-  a6=(a6+a7);
-  a1=(a1*a6);
-  a1=(a1/a4);
-  if (res[0]!=0) res[0][4]=a1;
-  a1=(a5-a1);
-  if (res[0]!=0) res[0][5]=a1;
-  a5=(a5+a1);
-  a0=(a0*a5);
-  a5=5.0000000000000001e-03;
-  a5=(a5*a2);
-  a0=(a0-a5);
-  if (res[0]!=0) res[0][6]=a0;
-  a5=arg[0]? arg[0][1] : 0;
-  a5=(a5+a0);
-  if (res[0]!=0) res[0][7]=a5;
-  if (res[1]!=0) res[1][0]=a5;
+/* esea_elbow_mpc_casadi_predictive_k65_before:(i0[8],i1,i2[8],i3)->(o0[10],o1) */
+static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  a00=2.5000000000000001e-03;
+  a01=1.1161387631975867e+02;
+  a02=arg[1]? arg[1][0] : 0;
+  a03=9.3163119388320836e-01;
+  a04=arg[0]? arg[0][5] : 0;
+  a04=(a04-a02);
+  a03=(a03*a04);
+  a02=(a02+a03);
+  a01=(a01*a02);
+  a02=arg[2]? arg[2][0] : 0;
+  a01=(a01+a02);
+  a01=(a00*a01);
+  if (res[0]!=0) res[0][0]=a01;
+  a02=arg[0]? arg[0][4] : 0;
+  a03=arg[2]? arg[2][3] : 0;
+  a03=(a00*a03);
+  a04=arg[0]? arg[0][7] : 0;
+  a05=arg[3]? arg[3][0] : 0;
+  a05=(a04+a05);
+  a03=(a03*a05);
+  a02=(a02+a03);
+  if (res[0]!=0) res[0][1]=a02;
+  a03=4.6879999999999999e-01;
+  a05=1.0000000000000001e-01;
+  a06=casadi_fabs(a04);
+  a05=(a05*a06);
+  a03=(a03+a05);
+  if (res[0]!=0) res[0][2]=a03;
+  a05=20.;
+  a06=arg[0]? arg[0][3] : 0;
+  a06=(a06+a01);
+  a01=3.7707390648567120e-03;
+  a07=(a01*a04);
+  a06=(a06-a07);
+  a07=(a05*a06);
+  a07=tanh(a07);
+  if (res[0]!=0) res[0][3]=a07;
+  a08=1.;
+  a09=5.5510000000000004e-01;
+  a10=5.0000000000000003e-02;
+  a10=(a03/a10);
+  a11=casadi_sq(a07);
+  a11=(a08-a11);
+  a10=(a10*a11);
+  a10=(a09+a10);
+  a01=(a01*a10);
+  a01=(a08+a01);
+  a10=(1./a01);
+  if (res[0]!=0) res[0][4]=a10;
+  a10=7.5414781297134239e-03;
+  a09=(a09*a06);
+  a03=(a03*a07);
+  a09=(a09+a03);
+  a10=(a10*a09);
+  a10=(a10/a01);
+  if (res[0]!=0) res[0][5]=a10;
+  a10=(a06-a10);
+  if (res[0]!=0) res[0][6]=a10;
+  a01=arg[0]? arg[0][2] : 0;
+  a06=(a06+a10);
+  a00=(a00*a06);
+  a06=5.0000000000000001e-03;
+  a06=(a06*a02);
+  a00=(a00-a06);
+  a01=(a01+a00);
+  if (res[0]!=0) res[0][7]=a01;
+  a00=7.9772035983545353e-01;
+  a06=arg[0]? arg[0][1] : 0;
+  a06=(a01-a06);
+  a00=(a00*a06);
+  a06=1.0113982008227324e-02;
+  a02=(a04+a05);
+  a02=casadi_fabs(a02);
+  a04=(a04-a05);
+  a04=casadi_fabs(a04);
+  a02=(a02-a04);
+  a06=(a06*a02);
+  a00=(a00+a06);
+  if (res[0]!=0) res[0][8]=a00;
+  a01=(a01-a00);
+  a06=10.;
+  a02=arg[2]? arg[2][7] : 0;
+  a06=(a06*a02);
+  a06=(a08-a06);
+  a04=3.9436512700266796e+01;
+  a04=(a04*a02);
+  a08=(a08+a04);
+  a06=(a06/a08);
+  a08=5.0000000000000000e-01;
+  a04=arg[2]? arg[2][6] : 0;
+  a04=(a08*a04);
+  a02=(a00+a04);
+  a02=casadi_fabs(a02);
+  a04=(a00-a04);
+  a04=casadi_fabs(a04);
+  a02=(a02-a04);
+  a08=(a08*a02);
+  a00=(a00-a08);
+  a06=(a06*a00);
+  a01=(a01+a06);
+  if (res[0]!=0) res[0][9]=a01;
+  if (res[1]!=0) res[1][0]=a01;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f94(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f105(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_before_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k62_before_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k65_before_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k62_before_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k65_before_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k62_before_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k65_before_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k62_before_n_in(void) { return 4;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k65_before_n_in(void) { return 4;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k62_before_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k65_before_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k62_before_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k65_before_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k62_before_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k65_before_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -13490,7 +15497,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k62_before_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k62_before_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k65_before_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -13498,25 +15505,25 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k62_before_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k62_before_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k65_before_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
-    case 2: return casadi_s5;
+    case 2: return casadi_s4;
     case 3: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k62_before_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k65_before_sparsity_out(casadi_int i) {
   switch (i) {
-    case 0: return casadi_s6;
+    case 0: return casadi_s1;
     case 1: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -13524,7 +15531,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -13532,20 +15539,22 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_before_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k63_after:(i0[7],i1,i2[6],i3,i4[8],i5,i6)->(o0[7],o1[6]) */
-static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k66_after:(i0[8],i1,i2[8],i3,i4[10],i5,i6)->(o0[8],o1[9]) */
+static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24, a25;
+  casadi_real a24, a25, a26, a27, a28;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
   a02=arg[4]? arg[4][1] : 0;
   a01=(a01*a02);
   a00=(a00+a01);
   if (res[0]!=0) res[0][0]=a00;
-  a00=arg[4]? arg[4][7] : 0;
+  a00=arg[4]? arg[4][9] : 0;
   if (res[0]!=0) res[0][1]=a00;
-  a01=arg[4]? arg[4][5] : 0;
+  a01=arg[4]? arg[4][7] : 0;
+  if (res[0]!=0) res[0][2]=a01;
+  a01=arg[4]? arg[4][6] : 0;
   a03=arg[4]? arg[4][0] : 0;
   a01=(a01+a03);
   a03=3.7707390648567120e-03;
@@ -13555,31 +15564,31 @@ static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a05=(a05*a00);
   a04=(a04+a05);
   a05=(a00*a04);
-  a06=arg[0]? arg[0][5] : 0;
+  a06=arg[0]? arg[0][6] : 0;
   a07=1.;
   a08=2.5800000000000001e-01;
   a09=7.3199999999999998e-01;
   a10=200.;
-  a11=arg[4]? arg[4][6] : 0;
-  a10=(a10*a11);
+  a11=arg[0]? arg[0][1] : 0;
+  a12=(a00-a11);
+  a10=(a10*a12);
   a10=casadi_sq(a10);
-  a12=1.0000000000000000e-08;
-  a10=(a10+a12);
-  a13=3.8500000000000001e-01;
-  a14=pow(a10,a13);
-  a09=(a09*a14);
-  a15=1.2999999999999999e-02;
-  a09=(a09+a15);
+  a13=1.0000000000000000e-08;
+  a10=(a10+a13);
+  a14=3.8500000000000001e-01;
+  a15=pow(a10,a14);
+  a09=(a09*a15);
+  a16=1.2999999999999999e-02;
+  a09=(a09+a16);
   a08=(a08*a09);
   a09=5.3899999999999999e+01;
-  a15=arg[0]? arg[0][1] : 0;
   a16=5.0000000000000000e-01;
-  a17=(a16*a11);
-  a15=(a15+a17);
-  a17=casadi_sq(a15);
-  a17=(a17+a12);
-  a12=1.3850000000000000e+00;
-  a18=pow(a17,a12);
+  a17=(a16*a12);
+  a11=(a11+a17);
+  a17=casadi_sq(a11);
+  a17=(a17+a13);
+  a13=1.3850000000000000e+00;
+  a18=pow(a17,a13);
   a19=(a09*a18);
   a20=2.8799999999999999e-02;
   a19=(a19+a20);
@@ -13595,14 +15604,14 @@ static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a23=5.1600000000000001e+01;
   a24=(a23*a20);
   a24=(a24/a21);
-  a25=(a11*a24);
+  a25=(a12*a24);
   a22=(a22+a25);
   a05=(a05+a22);
   a25=arg[5]? arg[5][0] : 0;
   a05=(a05+a25);
   a03=(a03*a05);
   a01=(a01-a03);
-  if (res[0]!=0) res[0][2]=a01;
+  if (res[0]!=0) res[0][3]=a01;
   a01=2.5000000000000001e-03;
   a03=arg[2]? arg[2][3] : 0;
   a01=(a01*a03);
@@ -13610,114 +15619,157 @@ static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a03=(a05+a03);
   a03=(a01*a03);
   a02=(a02+a03);
-  if (res[0]!=0) res[0][3]=a02;
+  if (res[0]!=0) res[0][4]=a02;
   a02=arg[1]? arg[1][0] : 0;
   a03=8.6645195041811807e-01;
-  a25=arg[0]? arg[0][4] : 0;
+  a25=arg[0]? arg[0][5] : 0;
   a25=(a25-a02);
   a03=(a03*a25);
   a02=(a02+a03);
-  if (res[0]!=0) res[0][4]=a02;
-  if (res[0]!=0) res[0][5]=a22;
-  if (res[0]!=0) res[0][6]=a05;
+  if (res[0]!=0) res[0][5]=a02;
+  if (res[0]!=0) res[0][6]=a22;
+  if (res[0]!=0) res[0][7]=a05;
   if (res[1]!=0) res[1][0]=a01;
-  a01=arg[4]? arg[4][3] : 0;
+  a01=arg[4]? arg[4][4] : 0;
   a05=4.1862745098039215e-03;
   a22=7.5414781297134239e-03;
-  a02=4.6879999999999999e-01;
-  a03=9.3759999999999994e+00;
-  a25=arg[4]? arg[4][4] : 0;
-  a03=(a03*a25);
-  a25=arg[4]? arg[4][2] : 0;
-  a03=(a03*a25);
-  a02=(a02+a03);
-  a22=(a22*a02);
-  a02=20.;
-  a25=casadi_sq(a25);
-  a25=(a07-a25);
-  a02=(a02*a25);
-  a22=(a22*a02);
-  a05=(a05+a22);
-  a01=(a01*a05);
-  a07=(a07-a01);
-  if (res[1]!=0) res[1][1]=a07;
+  a02=arg[4]? arg[4][2] : 0;
+  a03=arg[4]? arg[4][5] : 0;
+  a25=5.0000000000000003e-02;
+  a25=(a02/a25);
+  a25=(a03*a25);
+  a26=arg[4]? arg[4][3] : 0;
+  a25=(a25*a26);
+  a02=(a02+a25);
+  a02=(a22*a02);
+  a25=20.;
+  a27=casadi_sq(a26);
+  a27=(a07-a27);
+  a28=(a25*a27);
+  a02=(a02*a28);
+  a05=(a05+a02);
+  a05=(a01*a05);
+  a05=(a07-a05);
+  if (res[1]!=0) res[1][1]=a05;
+  a22=(a22*a26);
+  a26=7.5414781297134234e-02;
+  a26=(a26*a03);
+  a26=(a26*a27);
+  a22=(a22-a26);
+  a01=(a01*a22);
+  a22=arg[0]? arg[0][7] : 0;
+  a26=0.;
+  a26=(a22<a26);
+  a27=-1.0000000000000001e-01;
+  a27=(a26?a27:0);
+  a26=(!a26);
+  a03=1.0000000000000001e-01;
+  a26=(a26?a03:0);
+  a27=(a27+a26);
+  a01=(a01*a27);
+  a01=(-a01);
+  if (res[1]!=0) res[1][2]=a01;
+  a22=casadi_fabs(a22);
+  a22=(a22<a25);
+  a25=2.0227964016454648e-02;
+  a22=(a22?a25:0);
+  if (res[1]!=0) res[1][3]=a22;
+  a22=-1.;
+  a25=arg[4]? arg[4][8] : 0;
+  a25=casadi_fabs(a25);
+  a01=arg[2]? arg[2][6] : 0;
+  a01=(a16*a01);
+  a25=(a25<a01);
+  a25=(!a25);
+  a01=10.;
+  a27=arg[2]? arg[2][7] : 0;
+  a01=(a01*a27);
+  a01=(a07-a01);
+  a26=3.9436512700266796e+01;
+  a26=(a26*a27);
+  a07=(a07+a26);
+  a01=(a01/a07);
+  a25=(a25?a01:0);
+  a22=(a22+a25);
+  if (res[1]!=0) res[1][4]=a22;
   a21=(1./a21);
-  if (res[1]!=0) res[1][2]=a21;
+  if (res[1]!=0) res[1][5]=a21;
   a21=casadi_sq(a21);
-  a23=(a23*a11);
-  a07=3.3333333333333331e-01;
-  a07=(a07*a08);
-  a16=(a16+a07);
-  a07=casadi_sq(a20);
-  a07=(a16-a07);
-  a23=(a23*a07);
+  a23=(a23*a12);
+  a22=3.3333333333333331e-01;
+  a22=(a22*a08);
+  a16=(a16+a22);
+  a22=casadi_sq(a20);
+  a22=(a16-a22);
+  a23=(a23*a22);
   a16=(a08*a16);
   a20=(a20+a16);
   a06=(a06*a20);
   a23=(a23-a06);
   a21=(a21*a23);
-  a23=1.8885600000000000e-01;
-  a23=(a23/a19);
-  a23=(a21*a23);
-  a13=(a13*a14);
-  a13=(a13/a10);
-  a23=(a23*a13);
-  a13=80000.;
-  a13=(a13*a11);
-  a23=(a23*a13);
-  a24=(a24+a23);
-  a23=-5.0000000000000000e-01;
   a08=(a08/a19);
   a09=(a09*a08);
+  a09=(a21*a09);
+  a13=(a13*a18);
+  a13=(a13/a17);
+  a09=(a09*a13);
+  a11=(2.*a11);
+  a09=(a09*a11);
+  a11=1.8885600000000000e-01;
+  a11=(a11/a19);
+  a21=(a21*a11);
+  a14=(a14*a15);
+  a14=(a14/a10);
+  a21=(a21*a14);
+  a14=80000.;
+  a14=(a14*a12);
+  a21=(a21*a14);
+  a24=(a24+a21);
+  a21=-5.0000000000000000e-01;
   a21=(a21*a09);
-  a12=(a12*a18);
-  a12=(a12/a17);
-  a21=(a21*a12);
-  a15=(2.*a15);
-  a21=(a21*a15);
-  a23=(a23*a21);
-  a24=(a24+a23);
-  if (res[1]!=0) res[1][3]=a24;
-  a21=(-a21);
-  if (res[1]!=0) res[1][4]=a21;
-  a21=478.;
-  a21=(a21*a00);
-  a00=(a00*a21);
+  a24=(a24+a21);
+  a09=(a09+a24);
+  a09=(-a09);
+  if (res[1]!=0) res[1][6]=a09;
+  if (res[1]!=0) res[1][7]=a24;
+  a24=478.;
+  a24=(a24*a00);
+  a00=(a00*a24);
   a04=(a04+a00);
   a00=arg[6]? arg[6][0] : 0;
   a04=(a04+a00);
-  if (res[1]!=0) res[1][5]=a04;
+  if (res[1]!=0) res[1][8]=a04;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f95(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_after(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f106(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_after_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k63_after_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k66_after_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k63_after_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k66_after_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k63_after_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k66_after_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k63_after_n_in(void) { return 7;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k66_after_n_in(void) { return 7;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k63_after_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k66_after_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k63_after_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k66_after_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k63_after_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k66_after_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -13730,7 +15782,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k63_after_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k63_after_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k66_after_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -13738,20 +15790,20 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k63_after_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k63_after_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k66_after_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
-    case 2: return casadi_s5;
+    case 2: return casadi_s4;
     case 3: return casadi_s0;
-    case 4: return casadi_s6;
+    case 4: return casadi_s1;
     case 5: return casadi_s0;
     case 6: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k63_after_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k66_after_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s5;
@@ -13759,7 +15811,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k63_afte
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_after_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 7;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -13767,7 +15819,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_work(casadi_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_after_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 7*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -13775,97 +15827,113 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_after_work_bytes(c
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k64_column:(i0[7],i1[6],i2)->(o0[7],o1) */
-static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
+/* esea_elbow_mpc_casadi_predictive_k67_column:(i0[8],i1[9],i2)->(o0[8],o1) */
+static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
-  a02=arg[0]? arg[0][3] : 0;
+  a02=arg[0]? arg[0][4] : 0;
   a03=arg[1]? arg[1][0] : 0;
-  a04=arg[0]? arg[0][6] : 0;
+  a04=arg[0]? arg[0][7] : 0;
   a05=(a03*a04);
   a02=(a02+a05);
   a01=(a01*a02);
   a00=(a00+a01);
   if (res[0]!=0) res[0][0]=a00;
-  a00=arg[0]? arg[0][1] : 0;
+  a00=arg[0]? arg[0][2] : 0;
   a01=2.5000000000000001e-03;
-  a05=arg[0]? arg[0][2] : 0;
+  a05=arg[0]? arg[0][3] : 0;
   a06=2.5995742212427386e-01;
-  a07=arg[0]? arg[0][4] : 0;
+  a07=arg[0]? arg[0][5] : 0;
   a06=(a06*a07);
   a05=(a05+a06);
   a08=-3.7707390648567120e-03;
-  a04=(a08*a04);
-  a05=(a05+a04);
-  a04=(a01*a05);
+  a09=(a08*a04);
+  a05=(a05+a09);
+  a09=(a01*a05);
+  a00=(a00+a09);
   a09=arg[1]? arg[1][1] : 0;
   a09=(a09*a05);
+  a05=arg[1]? arg[1][2] : 0;
+  a05=(a05*a04);
+  a09=(a09+a05);
   a01=(a01*a09);
-  a04=(a04+a01);
+  a00=(a00+a01);
   a01=-5.0000000000000001e-03;
   a01=(a01*a02);
-  a04=(a04+a01);
-  a01=(a00+a04);
-  if (res[0]!=0) res[0][1]=a01;
-  a09=(a09+a06);
-  a06=arg[1]? arg[1][5] : 0;
-  a06=(a06*a01);
-  a05=arg[2]? arg[2][0] : 0;
-  a06=(a06-a05);
-  a05=arg[1]? arg[1][2] : 0;
-  a10=arg[0]? arg[0][5] : 0;
-  a05=(a05*a10);
+  a00=(a00+a01);
+  a01=arg[1]? arg[1][4] : 0;
+  a05=7.9772035983545353e-01;
+  a05=(a05*a00);
+  a10=-7.9772035983545353e-01;
+  a11=arg[0]? arg[0][1] : 0;
+  a10=(a10*a11);
+  a05=(a05+a10);
   a10=arg[1]? arg[1][3] : 0;
   a10=(a10*a04);
   a05=(a05+a10);
-  a10=arg[1]? arg[1][4] : 0;
-  a10=(a10*a00);
-  a05=(a05+a10);
-  a06=(a06+a05);
+  a01=(a01*a05);
+  a01=(a00+a01);
+  if (res[0]!=0) res[0][1]=a01;
+  if (res[0]!=0) res[0][2]=a00;
+  a09=(a09+a06);
+  a06=arg[1]? arg[1][8] : 0;
+  a06=(a06*a01);
+  a00=arg[2]? arg[2][0] : 0;
+  a06=(a06-a00);
+  a00=arg[1]? arg[1][5] : 0;
+  a05=arg[0]? arg[0][6] : 0;
+  a00=(a00*a05);
+  a05=arg[1]? arg[1][6] : 0;
+  a05=(a05*a11);
+  a00=(a00+a05);
+  a05=arg[1]? arg[1][7] : 0;
+  a05=(a05*a01);
+  a00=(a00+a05);
+  a06=(a06+a00);
   a08=(a08*a06);
   a09=(a09+a08);
-  if (res[0]!=0) res[0][2]=a09;
+  if (res[0]!=0) res[0][3]=a09;
   a03=(a03*a06);
   a02=(a02+a03);
-  if (res[0]!=0) res[0][3]=a02;
+  if (res[0]!=0) res[0][4]=a02;
   a02=8.6645195041811807e-01;
   a02=(a02*a07);
-  if (res[0]!=0) res[0][4]=a02;
-  if (res[0]!=0) res[0][5]=a05;
-  if (res[0]!=0) res[0][6]=a06;
+  if (res[0]!=0) res[0][5]=a02;
+  if (res[0]!=0) res[0][6]=a00;
+  if (res[0]!=0) res[0][7]=a06;
   if (res[1]!=0) res[1][0]=a01;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f96(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f107(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_column_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k64_column_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k67_column_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k64_column_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k67_column_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k64_column_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k67_column_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k64_column_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k67_column_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k64_column_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k67_column_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k64_column_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k67_column_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k64_column_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k67_column_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -13874,7 +15942,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k64_column_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k64_column_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k67_column_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -13882,7 +15950,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k64_column_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k64_column_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k67_column_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s5;
@@ -13891,7 +15959,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k64_colu
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k64_column_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k67_column_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
@@ -13899,7 +15967,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k64_colu
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -13907,7 +15975,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -13915,101 +15983,117 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_column_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k65_newest:(i0[7],i1[6],i2)->(o0[7],o1) */
-static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
+/* esea_elbow_mpc_casadi_predictive_k68_newest:(i0[8],i1[9],i2)->(o0[8],o1) */
+static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
-  a02=arg[0]? arg[0][3] : 0;
+  a02=arg[0]? arg[0][4] : 0;
   a03=arg[1]? arg[1][0] : 0;
-  a04=arg[0]? arg[0][6] : 0;
+  a04=arg[0]? arg[0][7] : 0;
   a05=(a03*a04);
   a02=(a02+a05);
   a01=(a01*a02);
   a00=(a00+a01);
   if (res[0]!=0) res[0][0]=a00;
-  a00=arg[0]? arg[0][1] : 0;
+  a00=arg[0]? arg[0][2] : 0;
   a01=2.5000000000000001e-03;
-  a05=arg[0]? arg[0][2] : 0;
+  a05=arg[0]? arg[0][3] : 0;
   a06=4.2160761088480088e-03;
   a07=2.5995742212427386e-01;
-  a08=arg[0]? arg[0][4] : 0;
+  a08=arg[0]? arg[0][5] : 0;
   a07=(a07*a08);
   a06=(a06+a07);
   a05=(a05+a06);
   a07=-3.7707390648567120e-03;
-  a04=(a07*a04);
-  a05=(a05+a04);
-  a04=(a01*a05);
+  a09=(a07*a04);
+  a05=(a05+a09);
+  a09=(a01*a05);
+  a00=(a00+a09);
   a09=arg[1]? arg[1][1] : 0;
   a09=(a09*a05);
+  a05=arg[1]? arg[1][2] : 0;
+  a05=(a05*a04);
+  a09=(a09+a05);
   a01=(a01*a09);
-  a04=(a04+a01);
+  a00=(a00+a01);
   a01=-5.0000000000000001e-03;
   a01=(a01*a02);
-  a04=(a04+a01);
-  a01=(a00+a04);
-  if (res[0]!=0) res[0][1]=a01;
-  a09=(a09+a06);
-  a06=arg[1]? arg[1][5] : 0;
-  a06=(a06*a01);
-  a05=arg[2]? arg[2][0] : 0;
-  a06=(a06-a05);
-  a05=arg[1]? arg[1][2] : 0;
-  a10=arg[0]? arg[0][5] : 0;
-  a05=(a05*a10);
+  a00=(a00+a01);
+  a01=arg[1]? arg[1][4] : 0;
+  a05=7.9772035983545353e-01;
+  a05=(a05*a00);
+  a10=-7.9772035983545353e-01;
+  a11=arg[0]? arg[0][1] : 0;
+  a10=(a10*a11);
+  a05=(a05+a10);
   a10=arg[1]? arg[1][3] : 0;
   a10=(a10*a04);
   a05=(a05+a10);
-  a10=arg[1]? arg[1][4] : 0;
-  a10=(a10*a00);
-  a05=(a05+a10);
-  a06=(a06+a05);
+  a01=(a01*a05);
+  a01=(a00+a01);
+  if (res[0]!=0) res[0][1]=a01;
+  if (res[0]!=0) res[0][2]=a00;
+  a09=(a09+a06);
+  a06=arg[1]? arg[1][8] : 0;
+  a06=(a06*a01);
+  a00=arg[2]? arg[2][0] : 0;
+  a06=(a06-a00);
+  a00=arg[1]? arg[1][5] : 0;
+  a05=arg[0]? arg[0][6] : 0;
+  a00=(a00*a05);
+  a05=arg[1]? arg[1][6] : 0;
+  a05=(a05*a11);
+  a00=(a00+a05);
+  a05=arg[1]? arg[1][7] : 0;
+  a05=(a05*a01);
+  a00=(a00+a05);
+  a06=(a06+a00);
   a07=(a07*a06);
   a09=(a09+a07);
-  if (res[0]!=0) res[0][2]=a09;
+  if (res[0]!=0) res[0][3]=a09;
   a03=(a03*a06);
   a02=(a02+a03);
-  if (res[0]!=0) res[0][3]=a02;
+  if (res[0]!=0) res[0][4]=a02;
   a02=2.9514117079016071e-02;
   a03=8.6645195041811807e-01;
   a03=(a03*a08);
   a02=(a02+a03);
-  if (res[0]!=0) res[0][4]=a02;
-  if (res[0]!=0) res[0][5]=a05;
-  if (res[0]!=0) res[0][6]=a06;
+  if (res[0]!=0) res[0][5]=a02;
+  if (res[0]!=0) res[0][6]=a00;
+  if (res[0]!=0) res[0][7]=a06;
   if (res[1]!=0) res[1][0]=a01;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f97(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_newest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f108(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_newest_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k65_newest_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k68_newest_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k65_newest_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k68_newest_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k65_newest_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k68_newest_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k65_newest_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k68_newest_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k65_newest_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k68_newest_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k65_newest_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k68_newest_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k65_newest_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k68_newest_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14018,7 +16102,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k65_newest_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k65_newest_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k68_newest_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -14026,7 +16110,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k65_newest_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k65_newest_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k68_newest_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s5;
@@ -14035,7 +16119,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k65_newe
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k65_newest_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k68_newest_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
@@ -14043,7 +16127,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k65_newe
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_newest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -14051,7 +16135,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_newest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14059,12 +16143,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_newest_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k66_effort_0:(i0[7],i1,i2[6],i3[3])->(o0,o1) */
-static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k69_effort_0:(i0[8],i1,i2[8],i3[3])->(o0,o1) */
+static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][2] : 0;
   a1=arg[1]? arg[1][0] : 0;
-  a2=arg[0]? arg[0][4] : 0;
+  a2=arg[0]? arg[0][5] : 0;
   a1=(a1-a2);
   a1=(a0*a1);
   if (res[0]!=0) res[0][0]=a1;
@@ -14073,34 +16157,34 @@ static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f98(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_effort_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f109(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_effort_0_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k66_effort_0_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k69_effort_0_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k66_effort_0_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k69_effort_0_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k66_effort_0_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k69_effort_0_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k66_effort_0_n_in(void) { return 4;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k69_effort_0_n_in(void) { return 4;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k66_effort_0_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k69_effort_0_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k66_effort_0_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k69_effort_0_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k66_effort_0_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k69_effort_0_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14110,7 +16194,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k66_effort_0_n
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k66_effort_0_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k69_effort_0_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -14118,17 +16202,17 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k66_effort_0_n
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k66_effort_0_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k69_effort_0_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
-    case 2: return casadi_s5;
+    case 2: return casadi_s4;
     case 3: return casadi_s2;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k66_effort_0_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k69_effort_0_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -14136,7 +16220,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k66_effo
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_effort_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -14144,7 +16228,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_work(casa
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_effort_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14152,44 +16236,44 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_effort_0_work_byte
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k67_effort_0_column:(i0[7],i1)->(o0) */
-static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k70_effort_0_column:(i0[8],i1)->(o0) */
+static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
-  a1=arg[0]? arg[0][4] : 0;
+  a1=arg[0]? arg[0][5] : 0;
   a0=(a0*a1);
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f99(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_effort_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f110(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k67_effort_0_column_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k70_effort_0_column_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k67_effort_0_column_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k70_effort_0_column_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k67_effort_0_column_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k70_effort_0_column_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k67_effort_0_column_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k70_effort_0_column_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14197,14 +16281,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k67_effort_0_c
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
@@ -14212,14 +16296,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k67_effo
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14227,7 +16311,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_wo
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14235,8 +16319,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_wo
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k68_effort_0_own:(i0[7],i1,i2[6])->(o0) */
-static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k71_effort_0_own:(i0[8],i1,i2[8])->(o0) */
+static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[2]? arg[2][2] : 0;
@@ -14245,34 +16329,34 @@ static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f100(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_effort_0_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f111(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k68_effort_0_own_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k71_effort_0_own_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k68_effort_0_own_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k71_effort_0_own_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k68_effort_0_own_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k71_effort_0_own_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k68_effort_0_own_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k71_effort_0_own_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14281,30 +16365,30 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k68_effort_0_o
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
-    case 2: return casadi_s5;
+    case 2: return casadi_s4;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14312,7 +16396,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work(
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14320,70 +16404,70 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k69_reference:(i0)->(o0) */
-static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k72_reference:(i0)->(o0) */
+static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f101(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_reference(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f112(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_reference_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k69_reference_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k72_reference_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k69_reference_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k72_reference_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k69_reference_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k72_reference_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k69_reference_n_in(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k72_reference_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k69_reference_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k72_reference_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k69_reference_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k72_reference_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k69_reference_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k72_reference_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k69_reference_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k72_reference_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k69_reference_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k72_reference_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k69_reference_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k72_reference_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_reference_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14391,7 +16475,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_work(cas
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_reference_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14399,11 +16483,11 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_reference_work_byt
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k70_error_0:(i0[7],i1,i2[6],i3[3])->(o0,o1[3]) */
-static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k73_error_0:(i0[8],i1,i2[8],i3[3])->(o0,o1[3]) */
+static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[2]? arg[2][1] : 0;
-  a1=arg[0]? arg[0][6] : 0;
+  a1=arg[0]? arg[0][7] : 0;
   a2=arg[3]? arg[3][0] : 0;
   a1=(a1-a2);
   a2=arg[2]? arg[2][4] : 0;
@@ -14413,7 +16497,7 @@ static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* i
   a3=(a2*a3);
   a1=(a1+a3);
   a3=arg[2]? arg[2][5] : 0;
-  a4=arg[0]? arg[0][3] : 0;
+  a4=arg[0]? arg[0][4] : 0;
   a5=arg[3]? arg[3][2] : 0;
   a4=(a4-a5);
   a4=(a3*a4);
@@ -14428,34 +16512,34 @@ static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f102(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_error_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f113(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_error_0_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k70_error_0_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k73_error_0_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k70_error_0_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k73_error_0_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k70_error_0_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k73_error_0_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k70_error_0_n_in(void) { return 4;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k73_error_0_n_in(void) { return 4;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k70_error_0_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k73_error_0_n_out(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k70_error_0_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k73_error_0_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k70_error_0_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k73_error_0_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14465,7 +16549,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k70_error_0_na
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k70_error_0_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k73_error_0_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -14473,17 +16557,17 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k70_error_0_na
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k70_error_0_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k73_error_0_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
-    case 2: return casadi_s5;
+    case 2: return casadi_s4;
     case 3: return casadi_s2;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k70_error_0_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k73_error_0_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s2;
@@ -14491,7 +16575,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k70_erro
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_error_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -14499,7 +16583,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_work(casad
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_error_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14507,52 +16591,52 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_error_0_work_bytes
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k71_error_0_column:(i0[7],i1[3])->(o0) */
-static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k74_error_0_column:(i0[8],i1[3])->(o0) */
+static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
   a0=(a0*a1);
   a1=arg[1]? arg[1][1] : 0;
-  a2=arg[0]? arg[0][3] : 0;
+  a2=arg[0]? arg[0][4] : 0;
   a1=(a1*a2);
   a0=(a0+a1);
   a1=arg[1]? arg[1][2] : 0;
-  a2=arg[0]? arg[0][6] : 0;
+  a2=arg[0]? arg[0][7] : 0;
   a1=(a1*a2);
   a0=(a0+a1);
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f103(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_error_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f114(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_error_0_column_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k71_error_0_column_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k74_error_0_column_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k71_error_0_column_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k74_error_0_column_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k71_error_0_column_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k74_error_0_column_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k71_error_0_column_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k74_error_0_column_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k71_error_0_column_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k74_error_0_column_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k71_error_0_column_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k74_error_0_column_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k71_error_0_column_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k74_error_0_column_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14560,14 +16644,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k71_error_0_co
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k71_error_0_column_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k74_error_0_column_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k71_error_0_column_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k74_error_0_column_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s2;
@@ -14575,14 +16659,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k71_erro
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k71_error_0_column_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k74_error_0_column_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_error_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14590,7 +16674,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_wor
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_error_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14598,70 +16682,70 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_error_0_column_wor
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k72_begin:(i0)->(o0) */
-static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k75_begin:(i0)->(o0) */
+static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f104(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f115(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_begin_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k72_begin_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k75_begin_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k72_begin_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k75_begin_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k72_begin_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k75_begin_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k72_begin_n_in(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k75_begin_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k72_begin_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k75_begin_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k72_begin_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k75_begin_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k72_begin_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k75_begin_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k72_begin_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k75_begin_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k72_begin_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k75_begin_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k72_begin_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k75_begin_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_begin_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14669,7 +16753,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_work(casadi_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_begin_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14677,8 +16761,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_begin_work_bytes(c
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k73_at_plan:(i0,i1,i2)->(o0) */
-static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k76_at_plan:(i0,i1,i2)->(o0) */
+static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -14689,34 +16773,34 @@ static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f105(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_at_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f116(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_at_plan_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k73_at_plan_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k76_at_plan_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k73_at_plan_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k76_at_plan_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k73_at_plan_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k76_at_plan_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k73_at_plan_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k76_at_plan_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k73_at_plan_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k76_at_plan_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k73_at_plan_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k76_at_plan_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k73_at_plan_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k76_at_plan_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14725,14 +16809,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k73_at_plan_na
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k73_at_plan_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k76_at_plan_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k73_at_plan_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k76_at_plan_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -14741,14 +16825,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k73_at_p
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k73_at_plan_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k76_at_plan_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_at_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14756,7 +16840,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_work(casad
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_at_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14764,70 +16848,70 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_at_plan_work_bytes
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k74_end:(i0)->(o0) */
-static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k77_end:(i0)->(o0) */
+static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f106(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_end(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f117(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_end_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k74_end_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k77_end_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k74_end_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k77_end_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k74_end_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k77_end_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k74_end_n_in(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k77_end_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k74_end_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k77_end_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k74_end_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k77_end_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k74_end_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k77_end_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k74_end_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k77_end_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k74_end_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k77_end_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k74_end_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k77_end_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_end_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14835,7 +16919,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_work(casadi_in
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_end_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14843,68 +16927,68 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_end_work_bytes(cas
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k75_none:()->(o0) */
-static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k78_none:()->(o0) */
+static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f107(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f118(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_none_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k75_none_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k78_none_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k75_none_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k78_none_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k75_none_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k78_none_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k75_none_n_in(void) { return 0;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k78_none_n_in(void) { return 0;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k75_none_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k78_none_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k75_none_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k78_none_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k75_none_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k78_none_name_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k75_none_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k78_none_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k75_none_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k78_none_sparsity_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k75_none_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k78_none_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_none_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14912,7 +16996,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_work(casadi_i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_none_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -14920,8 +17004,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_none_work_bytes(ca
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k76_gradient:(i0,i1,i2)->(o0) */
-static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k79_gradient:(i0,i1,i2)->(o0) */
+static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -14932,34 +17016,34 @@ static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f108(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_gradient(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f119(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_gradient_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k76_gradient_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k79_gradient_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k76_gradient_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k79_gradient_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k76_gradient_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k79_gradient_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k76_gradient_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k79_gradient_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k76_gradient_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k79_gradient_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k76_gradient_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k79_gradient_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k76_gradient_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k79_gradient_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -14968,14 +17052,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k76_gradient_n
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k76_gradient_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k79_gradient_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k76_gradient_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k79_gradient_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -14984,14 +17068,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k76_grad
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k76_gradient_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k79_gradient_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_gradient_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -14999,7 +17083,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_work(casa
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_gradient_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15007,8 +17091,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_gradient_work_byte
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k77_gram:(i0,i1,i2)->(o0) */
-static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k80_gram:(i0,i1,i2)->(o0) */
+static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -15019,34 +17103,34 @@ static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f109(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_gram(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f120(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_gram_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k77_gram_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k80_gram_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k77_gram_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k80_gram_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k77_gram_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k80_gram_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k77_gram_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k80_gram_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k77_gram_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k80_gram_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k77_gram_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k80_gram_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k77_gram_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k80_gram_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -15055,14 +17139,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k77_gram_name_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k77_gram_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k80_gram_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k77_gram_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k80_gram_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15071,14 +17155,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k77_gram
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k77_gram_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k80_gram_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_gram_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -15086,7 +17170,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_work(casadi_i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_gram_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15094,68 +17178,68 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_gram_work_bytes(ca
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k78_good:()->(o0) */
-static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k81_good:()->(o0) */
+static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f110(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f121(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_good_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k78_good_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k81_good_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k78_good_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k81_good_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k78_good_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k81_good_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k78_good_n_in(void) { return 0;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k81_good_n_in(void) { return 0;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k78_good_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k81_good_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k78_good_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k81_good_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k78_good_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k81_good_name_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k78_good_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k81_good_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k78_good_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k81_good_sparsity_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k78_good_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k81_good_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_good_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -15163,7 +17247,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_work(casadi_i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_good_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15171,8 +17255,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_good_work_bytes(ca
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k79_plan_ok:(i0,i1)->(o0) */
-static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k82_plan_ok:(i0,i1)->(o0) */
+static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -15186,34 +17270,34 @@ static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f111(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_plan_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f122(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_plan_ok_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k79_plan_ok_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k82_plan_ok_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k79_plan_ok_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k82_plan_ok_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k79_plan_ok_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k82_plan_ok_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k79_plan_ok_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k82_plan_ok_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k79_plan_ok_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k82_plan_ok_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k79_plan_ok_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k82_plan_ok_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k79_plan_ok_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k82_plan_ok_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -15221,14 +17305,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k79_plan_ok_na
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k79_plan_ok_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k82_plan_ok_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k79_plan_ok_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k82_plan_ok_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15236,14 +17320,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k79_plan
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k79_plan_ok_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k82_plan_ok_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_plan_ok_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -15251,7 +17335,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work(casad
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_plan_ok_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15259,8 +17343,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work_bytes
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k80_plan_used:(i0,i1)->(o0) */
-static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k83_plan_used:(i0,i1)->(o0) */
+static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -15269,34 +17353,34 @@ static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f112(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_plan_used(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f123(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_plan_used_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k80_plan_used_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k83_plan_used_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k80_plan_used_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k83_plan_used_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k80_plan_used_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k83_plan_used_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k80_plan_used_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k83_plan_used_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k80_plan_used_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k83_plan_used_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k80_plan_used_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k83_plan_used_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k80_plan_used_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k83_plan_used_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -15304,14 +17388,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k80_plan_used_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k80_plan_used_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k83_plan_used_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k80_plan_used_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k83_plan_used_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15319,14 +17403,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k80_plan
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k80_plan_used_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k83_plan_used_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_plan_used_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -15334,7 +17418,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_work(cas
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_plan_used_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15342,8 +17426,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_plan_used_work_byt
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k81_shift_plan:(i0,i1)->(o0) */
-static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k84_shift_plan:(i0,i1)->(o0) */
+static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.5000000000000000e-01;
@@ -15355,34 +17439,34 @@ static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f113(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_shift_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f124(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_shift_plan_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k81_shift_plan_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k84_shift_plan_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k81_shift_plan_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k84_shift_plan_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k81_shift_plan_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k84_shift_plan_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k81_shift_plan_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k84_shift_plan_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k81_shift_plan_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k84_shift_plan_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k81_shift_plan_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k84_shift_plan_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k81_shift_plan_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k84_shift_plan_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -15390,14 +17474,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k81_shift_plan
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k81_shift_plan_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k84_shift_plan_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k81_shift_plan_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k84_shift_plan_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15405,14 +17489,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k81_shif
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k81_shift_plan_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k84_shift_plan_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_shift_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -15420,7 +17504,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work(ca
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_shift_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15428,68 +17512,68 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work_by
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low:()->(o0) */
-static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low:()->(o0) */
+static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=-1.;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f114(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f125(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_n_in(void) { return 0;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_n_in(void) { return 0;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_name_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_sparsity_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -15497,7 +17581,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work(c
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15505,68 +17589,68 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work_b
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high:()->(o0) */
-static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high:()->(o0) */
+static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f115(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f126(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_n_in(void) { return 0;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_n_in(void) { return 0;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_name_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_sparsity_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -15574,7 +17658,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work(
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15582,42 +17666,42 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k84_deflection:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12)->(o0) */
-static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k87_deflection:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15)->(o0) */
+static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f116(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_deflection(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f127(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_deflection_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k84_deflection_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k87_deflection_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k84_deflection_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k87_deflection_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k84_deflection_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k87_deflection_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k84_deflection_n_in(void) { return 13;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k87_deflection_n_in(void) { return 16;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k84_deflection_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k87_deflection_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k84_deflection_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k87_deflection_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k84_deflection_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k87_deflection_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -15632,18 +17716,21 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k84_deflection
     case 10: return "i10";
     case 11: return "i11";
     case 12: return "i12";
+    case 13: return "i13";
+    case 14: return "i14";
+    case 15: return "i15";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k84_deflection_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k87_deflection_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k84_deflection_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k87_deflection_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15658,35 +17745,38 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k84_defl
     case 10: return casadi_s0;
     case 11: return casadi_s0;
     case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k84_deflection_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k87_deflection_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 13;
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_deflection_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 16;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_deflection_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 13*sizeof(const casadi_real*);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_deflection_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 16*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k85_nest:(i0,i1,i2,i3,i4,i5)->(o0,o1,o2) */
-static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k88_nest:(i0,i1,i2,i3,i4,i5)->(o0,o1,o2) */
+static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -15708,34 +17798,34 @@ static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f117(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_nest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f128(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_nest_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k85_nest_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k88_nest_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k85_nest_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k88_nest_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k85_nest_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k88_nest_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k85_nest_n_in(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k88_nest_n_in(void) { return 6;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k85_nest_n_out(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k88_nest_n_out(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k85_nest_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k88_nest_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k85_nest_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k88_nest_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -15747,7 +17837,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k85_nest_name_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k85_nest_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k88_nest_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -15756,7 +17846,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k85_nest_name_
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k85_nest_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k88_nest_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15768,7 +17858,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k85_nest
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k85_nest_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k88_nest_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15777,7 +17867,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k85_nest
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_nest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 6;
   if (sz_res) *sz_res = 3;
   if (sz_iw) *sz_iw = 0;
@@ -15785,7 +17875,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_work(casadi_i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_nest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 6*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 3*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15793,8 +17883,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_nest_work_bytes(ca
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k86_bottom:()->(o0,o1,o2) */
-static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k89_bottom:()->(o0,o1,o2) */
+static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -15805,40 +17895,40 @@ static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f118(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_bottom(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f129(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_bottom_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k86_bottom_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k89_bottom_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k86_bottom_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k89_bottom_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k86_bottom_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k89_bottom_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k86_bottom_n_in(void) { return 0;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k89_bottom_n_in(void) { return 0;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k86_bottom_n_out(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k89_bottom_n_out(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k86_bottom_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k89_bottom_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k86_bottom_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k89_bottom_name_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k86_bottom_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k89_bottom_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -15847,13 +17937,13 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k86_bottom_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k86_bottom_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k89_bottom_sparsity_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k86_bottom_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k89_bottom_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15862,7 +17952,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k86_bott
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_bottom_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0;
   if (sz_res) *sz_res = 3;
   if (sz_iw) *sz_iw = 0;
@@ -15870,7 +17960,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_bottom_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 3*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15878,8 +17968,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_bottom_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k87_loose:(i0,i1,i2)->(o0,o1,o2,o3) */
-static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k90_loose:(i0,i1,i2)->(o0,o1,o2,o3) */
+static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -15895,34 +17985,34 @@ static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f119(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_loose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f130(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_loose_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k87_loose_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k90_loose_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k87_loose_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k90_loose_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k87_loose_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k90_loose_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k87_loose_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k90_loose_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k87_loose_n_out(void) { return 4;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k90_loose_n_out(void) { return 4;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k87_loose_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k90_loose_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k87_loose_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k90_loose_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -15931,7 +18021,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k87_loose_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k87_loose_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k90_loose_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -15941,7 +18031,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k87_loose_name
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k87_loose_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k90_loose_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15950,7 +18040,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k87_loos
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k87_loose_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k90_loose_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -15960,7 +18050,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k87_loos
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_loose_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 4;
   if (sz_iw) *sz_iw = 0;
@@ -15968,7 +18058,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_work(casadi_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_loose_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 4*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -15976,22 +18066,24 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_loose_work_bytes(c
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k88_start:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13)->(o0[7]) */
-static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k91_start:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15,i16)->(o0[8]) */
+static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
-  a0=arg[3]? arg[3][0] : 0;
+  a0=arg[6]? arg[6][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
   a0=arg[1]? arg[1][0] : 0;
   if (res[0]!=0) res[0][1]=a0;
-  a1=arg[4]? arg[4][0] : 0;
-  a2=arg[2]? arg[2][0] : 0;
-  a2=(a1+a2);
-  if (res[0]!=0) res[0][2]=a2;
-  if (res[0]!=0) res[0][3]=a1;
+  a1=arg[2]? arg[2][0] : 0;
+  a1=(a0+a1);
+  if (res[0]!=0) res[0][2]=a1;
   a1=arg[5]? arg[5][0] : 0;
-  if (res[0]!=0) res[0][4]=a1;
+  if (res[0]!=0) res[0][3]=a1;
   a1=arg[7]? arg[7][0] : 0;
+  if (res[0]!=0) res[0][4]=a1;
+  a1=arg[8]? arg[8][0] : 0;
   if (res[0]!=0) res[0][5]=a1;
+  a1=arg[10]? arg[10][0] : 0;
+  if (res[0]!=0) res[0][6]=a1;
   a2=9.3900000000000006e+00;
   a3=239.;
   a3=(a3*a0);
@@ -16001,305 +18093,38 @@ static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* i
   a0=(a0+a1);
   a1=arg[0]? arg[0][0] : 0;
   a0=(a0+a1);
-  if (res[0]!=0) res[0][6]=a0;
+  if (res[0]!=0) res[0][7]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f120(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_start(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f131(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_start_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k88_start_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k91_start_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k88_start_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k91_start_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k88_start_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k91_start_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k88_start_n_in(void) { return 14;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k91_start_n_in(void) { return 17;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k88_start_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k91_start_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k88_start_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k91_start_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k88_start_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "i0";
-    case 1: return "i1";
-    case 2: return "i2";
-    case 3: return "i3";
-    case 4: return "i4";
-    case 5: return "i5";
-    case 6: return "i6";
-    case 7: return "i7";
-    case 8: return "i8";
-    case 9: return "i9";
-    case 10: return "i10";
-    case 11: return "i11";
-    case 12: return "i12";
-    case 13: return "i13";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k88_start_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "o0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k88_start_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    case 1: return casadi_s0;
-    case 2: return casadi_s0;
-    case 3: return casadi_s0;
-    case 4: return casadi_s0;
-    case 5: return casadi_s0;
-    case 6: return casadi_s0;
-    case 7: return casadi_s0;
-    case 8: return casadi_s0;
-    case 9: return casadi_s0;
-    case 10: return casadi_s0;
-    case 11: return casadi_s0;
-    case 12: return casadi_s0;
-    case 13: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k88_start_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s4;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 14;
-  if (sz_res) *sz_res = 1;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_start_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 14*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 1*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_predictive_k89_parameter:(i0)->(o0) */
-static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=arg[0]? arg[0][0] : 0;
-  if (res[0]!=0) res[0][0]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f121(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k89_parameter_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k89_parameter_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k89_parameter_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k89_parameter_n_in(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k89_parameter_n_out(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k89_parameter_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k89_parameter_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "i0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k89_parameter_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "o0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k89_parameter_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k89_parameter_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1;
-  if (sz_res) *sz_res = 1;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_parameter_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 1*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_predictive_k90_in_force:(i0)->(o0) */
-static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0;
-  a0=arg[0]? arg[0][0] : 0;
-  if (res[0]!=0) res[0][0]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f122(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k90_in_force_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k90_in_force_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k90_in_force_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k90_in_force_n_in(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k90_in_force_n_out(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k90_in_force_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k90_in_force_name_in(casadi_int i) {
-  switch (i) {
-    case 0: return "i0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k90_in_force_name_out(casadi_int i) {
-  switch (i) {
-    case 0: return "o0";
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k90_in_force_sparsity_in(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k90_in_force_sparsity_out(casadi_int i) {
-  switch (i) {
-    case 0: return casadi_s0;
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1;
-  if (sz_res) *sz_res = 1;
-  if (sz_iw) *sz_iw = 0;
-  if (sz_w) *sz_w = 0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_in_force_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 1*sizeof(casadi_real*);
-  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
-  if (sz_w) *sz_w = 0*sizeof(casadi_real);
-  return 0;
-}
-
-/* esea_elbow_mpc_casadi_predictive_k91_forecast:(i0,i1[6],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14)->(o0) */
-static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0, a1, a2;
-  a0=arg[10]? arg[10][0] : 0;
-  a1=arg[11]? arg[11][0] : 0;
-  a2=arg[0]? arg[0][0] : 0;
-  a1=(a1*a2);
-  a0=(a0+a1);
-  if (res[0]!=0) res[0][0]=a0;
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f123(arg, res, iw, w, mem);
-}
-
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_checkout(void) {
-  return 0;
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k91_forecast_release(int mem) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k91_forecast_incref(void) {
-}
-
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k91_forecast_decref(void) {
-}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k91_forecast_n_in(void) { return 15;}
-
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k91_forecast_n_out(void) { return 1;}
-
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k91_forecast_default_in(casadi_int i) {
-  switch (i) {
-    default: return 0;
-  }
-}
-
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k91_forecast_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k91_start_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -16316,21 +18141,23 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k91_forecast_n
     case 12: return "i12";
     case 13: return "i13";
     case 14: return "i14";
+    case 15: return "i15";
+    case 16: return "i16";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k91_forecast_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k91_start_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k91_forecast_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k91_start_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
-    case 1: return casadi_s5;
+    case 1: return casadi_s0;
     case 2: return casadi_s0;
     case 3: return casadi_s0;
     case 4: return casadi_s0;
@@ -16344,129 +18171,446 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k91_fore
     case 12: return casadi_s0;
     case 13: return casadi_s0;
     case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k91_forecast_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k91_start_sparsity_out(casadi_int i) {
   switch (i) {
-    case 0: return casadi_s0;
+    case 0: return casadi_s4;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 15;
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_start_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 17;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 15*sizeof(const casadi_real*);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_start_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 17*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k92_before:(i0[7],i1,i2[6],i3)->(o0[8],o1) */
-static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
-  casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
-  a0=1.5000000000000000e-03;
-  a1=1.1161387631975867e+02;
-  a2=arg[1]? arg[1][0] : 0;
-  a3=9.5820228128273377e-01;
-  a4=arg[0]? arg[0][4] : 0;
-  a4=(a4-a2);
-  a3=(a3*a4);
-  a2=(a2+a3);
-  a1=(a1*a2);
-  a2=arg[2]? arg[2][0] : 0;
-  a1=(a1+a2);
-  a1=(a0*a1);
-  if (res[0]!=0) res[0][0]=a1;
-  a2=arg[0]? arg[0][3] : 0;
-  a3=arg[2]? arg[2][3] : 0;
-  a3=(a0*a3);
-  a4=arg[0]? arg[0][6] : 0;
-  a5=arg[3]? arg[3][0] : 0;
-  a5=(a4+a5);
-  a3=(a3*a5);
-  a2=(a2+a3);
-  if (res[0]!=0) res[0][1]=a2;
-  a3=20.;
-  a5=arg[0]? arg[0][2] : 0;
-  a5=(a5+a1);
-  a1=2.2624434389140269e-03;
-  a4=(a1*a4);
-  a5=(a5-a4);
-  a3=(a3*a5);
-  a3=tanh(a3);
-  if (res[0]!=0) res[0][2]=a3;
-  a4=1.;
-  a6=5.5510000000000004e-01;
-  a7=9.3759999999999994e+00;
-  a8=casadi_sq(a3);
-  a8=(a4-a8);
-  a7=(a7*a8);
-  a7=(a6+a7);
-  a1=(a1*a7);
-  a4=(a4+a1);
-  a1=(1./a4);
-  if (res[0]!=0) res[0][3]=a1;
-  a1=4.5248868778280538e-03;
-  a6=(a6*a5);
-  a7=4.6879999999999999e-01;
-  a7=(a7*a3);
-  a6=(a6+a7);
-  a1=(a1*a6);
-  a1=(a1/a4);
-  if (res[0]!=0) res[0][4]=a1;
-  a1=(a5-a1);
-  if (res[0]!=0) res[0][5]=a1;
-  a5=(a5+a1);
-  a0=(a0*a5);
-  a5=3.0000000000000001e-03;
-  a5=(a5*a2);
-  a0=(a0-a5);
-  if (res[0]!=0) res[0][6]=a0;
-  a5=arg[0]? arg[0][1] : 0;
-  a5=(a5+a0);
-  if (res[0]!=0) res[0][7]=a5;
-  if (res[1]!=0) res[1][0]=a5;
+/* esea_elbow_mpc_casadi_predictive_k92_parameter:(i0)->(o0) */
+static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f124(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_parameter(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f132(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_parameter_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k92_before_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k92_parameter_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k92_before_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k92_parameter_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k92_before_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k92_parameter_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k92_before_n_in(void) { return 4;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k92_parameter_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k92_before_n_out(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k92_parameter_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k92_before_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k92_parameter_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k92_before_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k92_parameter_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "i0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k92_parameter_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "o0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k92_parameter_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k92_parameter_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_parameter_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1;
+  if (sz_res) *sz_res = 1;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_parameter_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 1*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_predictive_k93_in_force:(i0)->(o0) */
+static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_in_force(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f133(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_in_force_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k93_in_force_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k93_in_force_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k93_in_force_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k93_in_force_n_in(void) { return 1;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k93_in_force_n_out(void) { return 1;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k93_in_force_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k93_in_force_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "i0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k93_in_force_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "o0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k93_in_force_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k93_in_force_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_in_force_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1;
+  if (sz_res) *sz_res = 1;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_in_force_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 1*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_predictive_k94_forecast:(i0,i1[8],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15,i16,i17)->(o0) */
+static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1, a2;
+  a0=arg[13]? arg[13][0] : 0;
+  a1=arg[14]? arg[14][0] : 0;
+  a2=arg[0]? arg[0][0] : 0;
+  a1=(a1*a2);
+  a0=(a0+a1);
+  if (res[0]!=0) res[0][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f134(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_forecast_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k94_forecast_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k94_forecast_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k94_forecast_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k94_forecast_n_in(void) { return 18;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k94_forecast_n_out(void) { return 1;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k94_forecast_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k94_forecast_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "i0";
+    case 1: return "i1";
+    case 2: return "i2";
+    case 3: return "i3";
+    case 4: return "i4";
+    case 5: return "i5";
+    case 6: return "i6";
+    case 7: return "i7";
+    case 8: return "i8";
+    case 9: return "i9";
+    case 10: return "i10";
+    case 11: return "i11";
+    case 12: return "i12";
+    case 13: return "i13";
+    case 14: return "i14";
+    case 15: return "i15";
+    case 16: return "i16";
+    case 17: return "i17";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k94_forecast_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "o0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k94_forecast_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s4;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k94_forecast_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 18;
+  if (sz_res) *sz_res = 1;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 18*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 1*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_predictive_k95_before:(i0[8],i1,i2[8],i3)->(o0[10],o1) */
+static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  a00=1.5000000000000000e-03;
+  a01=1.1161387631975867e+02;
+  a02=arg[1]? arg[1][0] : 0;
+  a03=9.5820228128273377e-01;
+  a04=arg[0]? arg[0][5] : 0;
+  a04=(a04-a02);
+  a03=(a03*a04);
+  a02=(a02+a03);
+  a01=(a01*a02);
+  a02=arg[2]? arg[2][0] : 0;
+  a01=(a01+a02);
+  a01=(a00*a01);
+  if (res[0]!=0) res[0][0]=a01;
+  a02=arg[0]? arg[0][4] : 0;
+  a03=arg[2]? arg[2][3] : 0;
+  a03=(a00*a03);
+  a04=arg[0]? arg[0][7] : 0;
+  a05=arg[3]? arg[3][0] : 0;
+  a05=(a04+a05);
+  a03=(a03*a05);
+  a02=(a02+a03);
+  if (res[0]!=0) res[0][1]=a02;
+  a03=4.6879999999999999e-01;
+  a05=1.0000000000000001e-01;
+  a06=casadi_fabs(a04);
+  a05=(a05*a06);
+  a03=(a03+a05);
+  if (res[0]!=0) res[0][2]=a03;
+  a05=20.;
+  a06=arg[0]? arg[0][3] : 0;
+  a06=(a06+a01);
+  a01=2.2624434389140269e-03;
+  a07=(a01*a04);
+  a06=(a06-a07);
+  a07=(a05*a06);
+  a07=tanh(a07);
+  if (res[0]!=0) res[0][3]=a07;
+  a08=1.;
+  a09=5.5510000000000004e-01;
+  a10=5.0000000000000003e-02;
+  a10=(a03/a10);
+  a11=casadi_sq(a07);
+  a11=(a08-a11);
+  a10=(a10*a11);
+  a10=(a09+a10);
+  a01=(a01*a10);
+  a01=(a08+a01);
+  a10=(1./a01);
+  if (res[0]!=0) res[0][4]=a10;
+  a10=4.5248868778280538e-03;
+  a09=(a09*a06);
+  a03=(a03*a07);
+  a09=(a09+a03);
+  a10=(a10*a09);
+  a10=(a10/a01);
+  if (res[0]!=0) res[0][5]=a10;
+  a10=(a06-a10);
+  if (res[0]!=0) res[0][6]=a10;
+  a01=arg[0]? arg[0][2] : 0;
+  a06=(a06+a10);
+  a00=(a00*a06);
+  a06=3.0000000000000001e-03;
+  a06=(a06*a02);
+  a00=(a00-a06);
+  a01=(a01+a00);
+  if (res[0]!=0) res[0][7]=a01;
+  a00=7.9772035983545353e-01;
+  a06=arg[0]? arg[0][1] : 0;
+  a06=(a01-a06);
+  a00=(a00*a06);
+  a06=1.0113982008227324e-02;
+  a02=(a04+a05);
+  a02=casadi_fabs(a02);
+  a04=(a04-a05);
+  a04=casadi_fabs(a04);
+  a02=(a02-a04);
+  a06=(a06*a02);
+  a00=(a00+a06);
+  if (res[0]!=0) res[0][8]=a00;
+  a01=(a01-a00);
+  a06=10.;
+  a02=arg[2]? arg[2][7] : 0;
+  a06=(a06*a02);
+  a06=(a08-a06);
+  a04=3.9436512700266796e+01;
+  a04=(a04*a02);
+  a08=(a08+a04);
+  a06=(a06/a08);
+  a08=5.0000000000000000e-01;
+  a04=arg[2]? arg[2][6] : 0;
+  a04=(a08*a04);
+  a02=(a00+a04);
+  a02=casadi_fabs(a02);
+  a04=(a00-a04);
+  a04=casadi_fabs(a04);
+  a02=(a02-a04);
+  a08=(a08*a02);
+  a00=(a00-a08);
+  a06=(a06*a00);
+  a01=(a01+a06);
+  if (res[0]!=0) res[0][9]=a01;
+  if (res[1]!=0) res[1][0]=a01;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f135(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_before_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k95_before_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k95_before_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k95_before_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k95_before_n_in(void) { return 4;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k95_before_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k95_before_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k95_before_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -16476,7 +18620,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k92_before_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k92_before_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k95_before_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -16484,25 +18628,25 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k92_before_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k92_before_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k95_before_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
-    case 2: return casadi_s5;
+    case 2: return casadi_s4;
     case 3: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k92_before_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k95_before_sparsity_out(casadi_int i) {
   switch (i) {
-    case 0: return casadi_s6;
+    case 0: return casadi_s1;
     case 1: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4;
   if (sz_res) *sz_res = 2;
   if (sz_iw) *sz_iw = 0;
@@ -16510,7 +18654,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 4*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 2*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -16518,8 +18662,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_before_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k93_onward:(i0[7],i1,i2[6],i3,i4[8],i5)->(o0[7]) */
-static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k96_onward:(i0[8],i1,i2[8],i3,i4[10],i5)->(o0[8]) */
+static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12;
   a00=arg[0]? arg[0][0] : 0;
@@ -16528,9 +18672,11 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
   a01=(a01*a02);
   a00=(a00+a01);
   if (res[0]!=0) res[0][0]=a00;
-  a00=arg[4]? arg[4][7] : 0;
+  a00=arg[4]? arg[4][9] : 0;
   if (res[0]!=0) res[0][1]=a00;
-  a01=arg[4]? arg[4][5] : 0;
+  a01=arg[4]? arg[4][7] : 0;
+  if (res[0]!=0) res[0][2]=a01;
+  a01=arg[4]? arg[4][6] : 0;
   a03=arg[4]? arg[4][0] : 0;
   a01=(a01+a03);
   a03=2.2624434389140269e-03;
@@ -16539,103 +18685,103 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
   a05=(a05*a00);
   a05=(a05*a00);
   a04=(a04+a05);
-  a00=(a00*a04);
-  a04=arg[0]? arg[0][5] : 0;
-  a05=1.;
-  a06=1.5480000000000002e-01;
-  a07=7.3199999999999998e-01;
-  a08=3.3333333333333331e+02;
-  a09=arg[4]? arg[4][6] : 0;
+  a04=(a00*a04);
+  a05=arg[0]? arg[0][6] : 0;
+  a06=1.;
+  a07=1.5480000000000002e-01;
+  a08=7.3199999999999998e-01;
+  a09=3.3333333333333331e+02;
+  a10=arg[0]? arg[0][1] : 0;
+  a00=(a00-a10);
+  a09=(a09*a00);
+  a09=casadi_sq(a09);
+  a11=1.0000000000000000e-08;
+  a09=(a09+a11);
+  a12=3.8500000000000001e-01;
+  a09=pow(a09,a12);
   a08=(a08*a09);
-  a08=casadi_sq(a08);
-  a10=1.0000000000000000e-08;
-  a08=(a08+a10);
-  a11=3.8500000000000001e-01;
-  a08=pow(a08,a11);
+  a09=1.2999999999999999e-02;
+  a08=(a08+a09);
   a07=(a07*a08);
-  a08=1.2999999999999999e-02;
-  a07=(a07+a08);
-  a06=(a06*a07);
-  a07=5.3899999999999999e+01;
-  a08=arg[0]? arg[0][1] : 0;
-  a11=5.0000000000000000e-01;
-  a12=(a11*a09);
-  a08=(a08+a12);
-  a08=casadi_sq(a08);
+  a08=5.3899999999999999e+01;
+  a09=5.0000000000000000e-01;
+  a12=(a09*a00);
+  a10=(a10+a12);
+  a10=casadi_sq(a10);
+  a10=(a10+a11);
+  a11=1.3850000000000000e+00;
+  a10=pow(a10,a11);
+  a08=(a08*a10);
+  a10=2.8799999999999999e-02;
   a08=(a08+a10);
-  a10=1.3850000000000000e+00;
-  a08=pow(a08,a10);
-  a07=(a07*a08);
-  a08=2.8799999999999999e-02;
-  a07=(a07+a08);
-  a06=(a06/a07);
-  a07=1.6666666666666666e-01;
-  a07=(a07*a06);
-  a11=(a11+a07);
-  a11=(a06*a11);
-  a11=(a05+a11);
-  a06=(a06*a11);
-  a05=(a05+a06);
-  a04=(a04/a05);
-  a06=5.1600000000000001e+01;
-  a06=(a06*a11);
-  a06=(a06/a05);
-  a09=(a09*a06);
-  a04=(a04+a09);
-  a00=(a00+a04);
-  a09=arg[5]? arg[5][0] : 0;
-  a00=(a00+a09);
-  a03=(a03*a00);
+  a07=(a07/a08);
+  a08=1.6666666666666666e-01;
+  a08=(a08*a07);
+  a09=(a09+a08);
+  a09=(a07*a09);
+  a09=(a06+a09);
+  a07=(a07*a09);
+  a06=(a06+a07);
+  a05=(a05/a06);
+  a07=5.1600000000000001e+01;
+  a07=(a07*a09);
+  a07=(a07/a06);
+  a00=(a00*a07);
+  a05=(a05+a00);
+  a04=(a04+a05);
+  a00=arg[5]? arg[5][0] : 0;
+  a04=(a04+a00);
+  a03=(a03*a04);
   a01=(a01-a03);
-  if (res[0]!=0) res[0][2]=a01;
+  if (res[0]!=0) res[0][3]=a01;
   a01=1.5000000000000000e-03;
   a03=arg[2]? arg[2][3] : 0;
   a01=(a01*a03);
   a03=arg[3]? arg[3][0] : 0;
-  a03=(a00+a03);
-  a01=(a01*a03);
-  a02=(a02+a01);
-  if (res[0]!=0) res[0][3]=a02;
-  a02=arg[1]? arg[1][0] : 0;
-  a01=9.1758581296306763e-01;
-  a03=arg[0]? arg[0][4] : 0;
-  a03=(a03-a02);
+  a03=(a04+a03);
   a01=(a01*a03);
   a02=(a02+a01);
   if (res[0]!=0) res[0][4]=a02;
-  if (res[0]!=0) res[0][5]=a04;
-  if (res[0]!=0) res[0][6]=a00;
+  a02=arg[1]? arg[1][0] : 0;
+  a01=9.1758581296306763e-01;
+  a03=arg[0]? arg[0][5] : 0;
+  a03=(a03-a02);
+  a01=(a01*a03);
+  a02=(a02+a01);
+  if (res[0]!=0) res[0][5]=a02;
+  if (res[0]!=0) res[0][6]=a05;
+  if (res[0]!=0) res[0][7]=a04;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f125(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_onward(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f136(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_onward_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k93_onward_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k96_onward_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k93_onward_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k96_onward_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k93_onward_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k96_onward_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k93_onward_n_in(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k96_onward_n_in(void) { return 6;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k93_onward_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k96_onward_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k93_onward_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k96_onward_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k93_onward_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k96_onward_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -16647,33 +18793,33 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k93_onward_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k93_onward_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k96_onward_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k93_onward_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k96_onward_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     case 1: return casadi_s0;
-    case 2: return casadi_s5;
+    case 2: return casadi_s4;
     case 3: return casadi_s0;
-    case 4: return casadi_s6;
+    case 4: return casadi_s1;
     case 5: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k93_onward_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k96_onward_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s4;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_onward_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 6;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -16681,7 +18827,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_onward_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 6*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -16689,8 +18835,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_onward_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k94_input:(i0)->(o0) */
-static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k97_input:(i0)->(o0) */
+static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -16699,62 +18845,62 @@ static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f126(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_input(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f137(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_input_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k94_input_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k97_input_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k94_input_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k97_input_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k94_input_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k97_input_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k94_input_n_in(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k97_input_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k94_input_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k97_input_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k94_input_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k97_input_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k94_input_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k97_input_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k94_input_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k97_input_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k94_input_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k97_input_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k94_input_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k97_input_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_input_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -16762,7 +18908,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_work(casadi_
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_input_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -16770,11 +18916,11 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_input_work_bytes(c
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k95_forecast:(i0,i1[6],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14)->(o0) */
-static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k98_forecast:(i0,i1[8],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15,i16,i17)->(o0) */
+static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
-  a0=arg[10]? arg[10][0] : 0;
-  a1=arg[11]? arg[11][0] : 0;
+  a0=arg[13]? arg[13][0] : 0;
+  a1=arg[14]? arg[14][0] : 0;
   a2=arg[0]? arg[0][0] : 0;
   a1=(a1*a2);
   a0=(a0+a1);
@@ -16782,34 +18928,34 @@ static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f127(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f138(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_forecast_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k95_forecast_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k98_forecast_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k95_forecast_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k98_forecast_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k95_forecast_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k98_forecast_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k95_forecast_n_in(void) { return 15;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k98_forecast_n_in(void) { return 18;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k95_forecast_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k98_forecast_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k95_forecast_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k98_forecast_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k95_forecast_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k98_forecast_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -16826,21 +18972,24 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k95_forecast_n
     case 12: return "i12";
     case 13: return "i13";
     case 14: return "i14";
+    case 15: return "i15";
+    case 16: return "i16";
+    case 17: return "i17";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k95_forecast_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k98_forecast_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k95_forecast_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k98_forecast_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
-    case 1: return casadi_s5;
+    case 1: return casadi_s4;
     case 2: return casadi_s0;
     case 3: return casadi_s0;
     case 4: return casadi_s0;
@@ -16854,35 +19003,38 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k95_fore
     case 12: return casadi_s0;
     case 13: return casadi_s0;
     case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k95_forecast_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k98_forecast_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 15;
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 18;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 15*sizeof(const casadi_real*);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 18*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k96_usable:(i0,i1)->(o0) */
-static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k99_usable:(i0,i1)->(o0) */
+static int casadi_f139(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -16891,34 +19043,34 @@ static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f128(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_usable(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f139(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_usable_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k96_usable_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k99_usable_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k96_usable_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k99_usable_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k96_usable_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k99_usable_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k96_usable_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k99_usable_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k96_usable_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k99_usable_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k96_usable_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k99_usable_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k96_usable_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k99_usable_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -16926,14 +19078,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k96_usable_nam
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k96_usable_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k99_usable_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k96_usable_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k99_usable_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -16941,14 +19093,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k96_usab
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k96_usable_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k99_usable_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_usable_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -16956,7 +19108,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_work(casadi
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_usable_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -16964,8 +19116,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_usable_work_bytes(
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k97_plan_fine:(i0,i1)->(o0) */
-static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k100_plan_fine:(i0,i1)->(o0) */
+static int casadi_f140(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -16979,34 +19131,34 @@ static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f129(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_fine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f140(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_fine_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k97_plan_fine_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k100_plan_fine_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k97_plan_fine_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k100_plan_fine_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k97_plan_fine_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k100_plan_fine_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k97_plan_fine_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_fine_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k97_plan_fine_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_fine_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k97_plan_fine_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k100_plan_fine_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k97_plan_fine_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k100_plan_fine_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -17014,14 +19166,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k97_plan_fine_
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k97_plan_fine_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k100_plan_fine_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k97_plan_fine_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_fine_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -17029,14 +19181,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k97_plan
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k97_plan_fine_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_fine_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_fine_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -17044,7 +19196,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work(cas
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_fine_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -17052,70 +19204,70 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work_byt
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k98_acts:(i0)->(o0) */
-static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k101_acts:(i0)->(o0) */
+static int casadi_f141(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f130(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_acts(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f141(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_acts_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k98_acts_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k101_acts_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k98_acts_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k101_acts_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k98_acts_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k101_acts_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k98_acts_n_in(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k101_acts_n_in(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k98_acts_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k101_acts_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k98_acts_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k101_acts_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k98_acts_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k101_acts_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k98_acts_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k101_acts_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k98_acts_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k101_acts_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k98_acts_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k101_acts_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_acts_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -17123,7 +19275,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_work(casadi_i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_acts_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 1*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -17131,8 +19283,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_acts_work_bytes(ca
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k99_enabled:(i0,i1)->(o0) */
-static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k102_enabled:(i0,i1)->(o0) */
+static int casadi_f142(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.0000000000000000e-01;
@@ -17143,34 +19295,34 @@ static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f131(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_enabled(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f142(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_enabled_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k99_enabled_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k102_enabled_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k99_enabled_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k102_enabled_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k99_enabled_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k102_enabled_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k99_enabled_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k102_enabled_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k99_enabled_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k102_enabled_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k99_enabled_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k102_enabled_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k99_enabled_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k102_enabled_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -17178,14 +19330,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k99_enabled_na
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k99_enabled_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k102_enabled_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k99_enabled_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k102_enabled_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -17193,14 +19345,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k99_enab
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k99_enabled_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k102_enabled_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_enabled_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -17208,7 +19360,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_work(casad
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_enabled_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -17216,8 +19368,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_enabled_work_bytes
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k100_plan_next:(i0,i1)->(o0) */
-static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k103_plan_next:(i0,i1)->(o0) */
+static int casadi_f143(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -17230,34 +19382,34 @@ static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f132(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k103_plan_next(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f143(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k103_plan_next_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k100_plan_next_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k103_plan_next_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k100_plan_next_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k103_plan_next_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k100_plan_next_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k103_plan_next_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_next_n_in(void) { return 2;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k103_plan_next_n_in(void) { return 2;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_next_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k103_plan_next_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k100_plan_next_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k103_plan_next_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k100_plan_next_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k103_plan_next_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -17265,14 +19417,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k100_plan_next
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k100_plan_next_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k103_plan_next_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_next_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k103_plan_next_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -17280,14 +19432,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k100_pla
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_next_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k103_plan_next_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k103_plan_next_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -17295,7 +19447,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_work(ca
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k103_plan_next_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 2*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -17303,8 +19455,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_next_work_by
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k101_command:(i0,i1,i2)->(o0,o1,o2) */
-static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k104_command:(i0,i1,i2)->(o0,o1,o2) */
+static int casadi_f144(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -17326,34 +19478,34 @@ static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f133(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k104_command(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f144(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k104_command_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k101_command_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k104_command_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k101_command_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k104_command_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k101_command_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k104_command_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k101_command_n_in(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k104_command_n_in(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k101_command_n_out(void) { return 3;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k104_command_n_out(void) { return 3;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k101_command_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k104_command_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k101_command_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k104_command_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -17362,7 +19514,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k101_command_n
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k101_command_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k104_command_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     case 1: return "o1";
@@ -17371,7 +19523,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k101_command_n
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k101_command_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k104_command_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -17380,7 +19532,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k101_com
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k101_command_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k104_command_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -17389,7 +19541,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k101_com
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k104_command_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3;
   if (sz_res) *sz_res = 3;
   if (sz_iw) *sz_iw = 0;
@@ -17397,7 +19549,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_work(casa
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k104_command_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 3*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 3*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -17405,8 +19557,8 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_command_work_byte
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_predictive_k102_report:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_predictive_k105_report:(i0,i1,i2,i3,i4,i5)->(o0) */
+static int casadi_f145(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=(!a0);
@@ -17440,34 +19592,34 @@ static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* i
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f134(arg, res, iw, w, mem);
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k105_report(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f145(arg, res, iw, w, mem);
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_checkout(void) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k105_report_checkout(void) {
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k102_report_release(int mem) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k105_report_release(int mem) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k102_report_incref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k105_report_incref(void) {
 }
 
-CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k102_report_decref(void) {
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_predictive_k105_report_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k102_report_n_in(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k105_report_n_in(void) { return 6;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k102_report_n_out(void) { return 1;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_predictive_k105_report_n_out(void) { return 1;}
 
-CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k102_report_default_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_predictive_k105_report_default_in(casadi_int i) {
   switch (i) {
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k102_report_name_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k105_report_name_in(casadi_int i) {
   switch (i) {
     case 0: return "i0";
     case 1: return "i1";
@@ -17479,14 +19631,14 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k102_report_na
   }
 }
 
-CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k102_report_name_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_predictive_k105_report_name_out(casadi_int i) {
   switch (i) {
     case 0: return "o0";
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k102_report_sparsity_in(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k105_report_sparsity_in(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     case 1: return casadi_s0;
@@ -17498,14 +19650,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k102_rep
   }
 }
 
-CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k102_report_sparsity_out(casadi_int i) {
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_predictive_k105_report_sparsity_out(casadi_int i) {
   switch (i) {
     case 0: return casadi_s0;
     default: return 0;
   }
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k105_report_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 6;
   if (sz_res) *sz_res = 1;
   if (sz_iw) *sz_iw = 0;
@@ -17513,7 +19665,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_work(casad
   return 0;
 }
 
-CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k105_report_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 6*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 1*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
@@ -17522,7 +19674,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_report_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_redundancy_init:()->(zero_rad_0,zeroed_0) */
-static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f146(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17531,7 +19683,7 @@ static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f135(arg, res, iw, w, mem);
+  return casadi_f146(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_checkout(void) {
@@ -17602,7 +19754,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm,u_moves_rad_s2)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_room_Nm,y_status) */
-static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f147(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20;
   a00=5.0000000000000000e-01;
@@ -17739,7 +19891,7 @@ static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f136(arg, res, iw, w, mem);
+  return casadi_f147(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_checkout(void) {
@@ -17838,7 +19990,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_stamp_init:()->(beats_0) */
-static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f148(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17846,7 +19998,7 @@ static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f137(arg, res, iw, w, mem);
+  return casadi_f148(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_checkout(void) {
@@ -17915,7 +20067,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_stamp_step:(s_beats,u_u_command_Nm,u_request_ok)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f149(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -17962,7 +20114,7 @@ static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f138(arg, res, iw, w, mem);
+  return casadi_f149(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step_checkout(void) {

@@ -338,9 +338,99 @@ const casadi_int* esea_elbow_mpc_casadi_reference_step_sparsity_out(casadi_int i
 int esea_elbow_mpc_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 #define esea_elbow_mpc_casadi_reference_step_SZ_ARG 14
-#define esea_elbow_mpc_casadi_reference_step_SZ_RES 15
+#define esea_elbow_mpc_casadi_reference_step_SZ_RES 17
 #define esea_elbow_mpc_casadi_reference_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_reference_step_SZ_W 0
+int esea_elbow_mpc_casadi_passivity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_passivity_prepare_checkout(void);
+void esea_elbow_mpc_casadi_passivity_prepare_release(int mem);
+void esea_elbow_mpc_casadi_passivity_prepare_incref(void);
+void esea_elbow_mpc_casadi_passivity_prepare_decref(void);
+casadi_int esea_elbow_mpc_casadi_passivity_prepare_n_in(void);
+casadi_int esea_elbow_mpc_casadi_passivity_prepare_n_out(void);
+casadi_real esea_elbow_mpc_casadi_passivity_prepare_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_passivity_prepare_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_passivity_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_passivity_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_passivity_prepare_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_passivity_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_passivity_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_passivity_prepare_SZ_ARG 2
+#define esea_elbow_mpc_casadi_passivity_prepare_SZ_RES 2
+#define esea_elbow_mpc_casadi_passivity_prepare_SZ_IW 0
+#define esea_elbow_mpc_casadi_passivity_prepare_SZ_W 0
+int esea_elbow_mpc_casadi_passivity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_passivity_init_checkout(void);
+void esea_elbow_mpc_casadi_passivity_init_release(int mem);
+void esea_elbow_mpc_casadi_passivity_init_incref(void);
+void esea_elbow_mpc_casadi_passivity_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_passivity_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_passivity_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_passivity_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_passivity_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_passivity_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_passivity_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_passivity_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_passivity_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_passivity_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_passivity_init_SZ_ARG 2
+#define esea_elbow_mpc_casadi_passivity_init_SZ_RES 11
+#define esea_elbow_mpc_casadi_passivity_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_passivity_init_SZ_W 0
+int esea_elbow_mpc_casadi_passivity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_passivity_step_checkout(void);
+void esea_elbow_mpc_casadi_passivity_step_release(int mem);
+void esea_elbow_mpc_casadi_passivity_step_incref(void);
+void esea_elbow_mpc_casadi_passivity_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_passivity_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_passivity_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_passivity_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_passivity_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_passivity_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_passivity_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_passivity_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_passivity_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_passivity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_passivity_step_SZ_ARG 24
+#define esea_elbow_mpc_casadi_passivity_step_SZ_RES 18
+#define esea_elbow_mpc_casadi_passivity_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_passivity_step_SZ_W 0
+int esea_elbow_mpc_casadi_cable_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_cable_init_checkout(void);
+void esea_elbow_mpc_casadi_cable_init_release(int mem);
+void esea_elbow_mpc_casadi_cable_init_incref(void);
+void esea_elbow_mpc_casadi_cable_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_cable_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_cable_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_cable_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_cable_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_cable_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_cable_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_cable_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_cable_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_cable_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_cable_init_SZ_ARG 0
+#define esea_elbow_mpc_casadi_cable_init_SZ_RES 9
+#define esea_elbow_mpc_casadi_cable_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_cable_init_SZ_W 0
+int esea_elbow_mpc_casadi_cable_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_cable_step_checkout(void);
+void esea_elbow_mpc_casadi_cable_step_release(int mem);
+void esea_elbow_mpc_casadi_cable_step_incref(void);
+void esea_elbow_mpc_casadi_cable_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_cable_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_cable_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_cable_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_cable_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_cable_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_cable_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_cable_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_cable_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_cable_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_cable_step_SZ_ARG 14
+#define esea_elbow_mpc_casadi_cable_step_SZ_RES 13
+#define esea_elbow_mpc_casadi_cable_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_cable_step_SZ_W 0
 int esea_elbow_mpc_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_limits_prepare_checkout(void);
 void esea_elbow_mpc_casadi_limits_prepare_release(int mem);
@@ -539,6 +629,60 @@ int esea_elbow_mpc_casadi_human_eso_step_work_bytes(casadi_int *sz_arg, casadi_i
 #define esea_elbow_mpc_casadi_human_eso_step_SZ_RES 11
 #define esea_elbow_mpc_casadi_human_eso_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_human_eso_step_SZ_W 0
+int esea_elbow_mpc_casadi_drive_by_gear_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_drive_by_gear_prepare_checkout(void);
+void esea_elbow_mpc_casadi_drive_by_gear_prepare_release(int mem);
+void esea_elbow_mpc_casadi_drive_by_gear_prepare_incref(void);
+void esea_elbow_mpc_casadi_drive_by_gear_prepare_decref(void);
+casadi_int esea_elbow_mpc_casadi_drive_by_gear_prepare_n_in(void);
+casadi_int esea_elbow_mpc_casadi_drive_by_gear_prepare_n_out(void);
+casadi_real esea_elbow_mpc_casadi_drive_by_gear_prepare_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_drive_by_gear_prepare_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_drive_by_gear_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_prepare_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_drive_by_gear_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_drive_by_gear_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_drive_by_gear_prepare_SZ_ARG 1
+#define esea_elbow_mpc_casadi_drive_by_gear_prepare_SZ_RES 2
+#define esea_elbow_mpc_casadi_drive_by_gear_prepare_SZ_IW 0
+#define esea_elbow_mpc_casadi_drive_by_gear_prepare_SZ_W 0
+int esea_elbow_mpc_casadi_drive_by_gear_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_drive_by_gear_init_checkout(void);
+void esea_elbow_mpc_casadi_drive_by_gear_init_release(int mem);
+void esea_elbow_mpc_casadi_drive_by_gear_init_incref(void);
+void esea_elbow_mpc_casadi_drive_by_gear_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_drive_by_gear_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_drive_by_gear_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_drive_by_gear_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_drive_by_gear_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_drive_by_gear_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_drive_by_gear_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_drive_by_gear_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_drive_by_gear_init_SZ_ARG 2
+#define esea_elbow_mpc_casadi_drive_by_gear_init_SZ_RES 6
+#define esea_elbow_mpc_casadi_drive_by_gear_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_drive_by_gear_init_SZ_W 0
+int esea_elbow_mpc_casadi_drive_by_gear_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_drive_by_gear_step_checkout(void);
+void esea_elbow_mpc_casadi_drive_by_gear_step_release(int mem);
+void esea_elbow_mpc_casadi_drive_by_gear_step_incref(void);
+void esea_elbow_mpc_casadi_drive_by_gear_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_drive_by_gear_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_drive_by_gear_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_drive_by_gear_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_drive_by_gear_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_drive_by_gear_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_drive_by_gear_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_drive_by_gear_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_drive_by_gear_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_drive_by_gear_step_SZ_ARG 11
+#define esea_elbow_mpc_casadi_drive_by_gear_step_SZ_RES 8
+#define esea_elbow_mpc_casadi_drive_by_gear_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_drive_by_gear_step_SZ_W 0
 int esea_elbow_mpc_casadi_ahead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_ahead_init_checkout(void);
 void esea_elbow_mpc_casadi_ahead_init_release(int mem);
@@ -571,7 +715,7 @@ const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity_in(casadi_int i);
 const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_ahead_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_ahead_step_SZ_ARG 11
+#define esea_elbow_mpc_casadi_ahead_step_SZ_ARG 12
 #define esea_elbow_mpc_casadi_ahead_step_SZ_RES 8
 #define esea_elbow_mpc_casadi_ahead_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_ahead_step_SZ_W 0
@@ -1421,1032 +1565,1086 @@ int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_work_bytes(casadi_int *
 #define esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_SZ_RES 2
 #define esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_SZ_IW 0
 #define esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_incref(void);
-void esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k46_guard_omega_rad_s_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_incref(void);
-void esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k47_guard_theta_l_rad_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_incref(void);
-void esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k48_guard_omega_l_rad_s_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_incref(void);
-void esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k49_guard_u_a_Nm_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_incref(void);
-void esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k50_guard_u_in_force_Nm_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_incref(void);
-void esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k51_guard_tau_rate_Nm_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_incref(void);
-void esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k52_guard_play_rad_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_incref(void);
-void esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k53_guard_d4_rad_s2_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_incref(void);
-void esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_h_Nm_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_incref(void);
-void esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k55_guard_tau_h_rate_Nm_s_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k56_guard_mode(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k56_guard_mode_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k56_guard_mode_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k56_guard_mode_incref(void);
-void esea_elbow_mpc_casadi_predictive_k56_guard_mode_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_mode_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_mode_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k56_guard_mode_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k56_guard_mode_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k56_guard_mode_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_mode_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_mode_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k56_guard_mode_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k56_guard_mode_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k56_guard_mode_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k56_guard_mode_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k56_guard_mode_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_incref(void);
-void esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_d_Nm_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_incref(void);
-void esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k58_guard_theta_d_rad_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_incref(void);
-void esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k59_guard_omega_d_rad_s_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_incref(void);
-void esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k60_guard_Kp_Nm_rad_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_incref(void);
-void esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k61_guard_Kd_Nms_rad_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k62_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k62_before_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k62_before_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k62_before_incref(void);
-void esea_elbow_mpc_casadi_predictive_k62_before_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k62_before_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k62_before_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k62_before_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k62_before_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k62_before_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k62_before_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k62_before_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k62_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k62_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k62_before_SZ_ARG 4
-#define esea_elbow_mpc_casadi_predictive_k62_before_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k62_before_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k62_before_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k63_after(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k63_after_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k63_after_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k63_after_incref(void);
-void esea_elbow_mpc_casadi_predictive_k63_after_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k63_after_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k63_after_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k63_after_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k63_after_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k63_after_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k63_after_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k63_after_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k63_after_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k63_after_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k63_after_SZ_ARG 7
-#define esea_elbow_mpc_casadi_predictive_k63_after_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k63_after_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k63_after_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k64_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k64_column_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k64_column_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k64_column_incref(void);
-void esea_elbow_mpc_casadi_predictive_k64_column_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k64_column_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k64_column_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k64_column_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k64_column_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k64_column_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k64_column_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k64_column_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k64_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k64_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k64_column_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k64_column_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k64_column_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k64_column_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k65_newest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k65_newest_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k65_newest_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k65_newest_incref(void);
-void esea_elbow_mpc_casadi_predictive_k65_newest_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k65_newest_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k65_newest_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k65_newest_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k65_newest_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k65_newest_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k65_newest_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k65_newest_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k65_newest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k65_newest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k65_newest_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k65_newest_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k65_newest_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k65_newest_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k66_effort_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k66_effort_0_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k66_effort_0_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k66_effort_0_incref(void);
-void esea_elbow_mpc_casadi_predictive_k66_effort_0_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k66_effort_0_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k66_effort_0_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k66_effort_0_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k66_effort_0_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k66_effort_0_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k66_effort_0_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k66_effort_0_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k66_effort_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k66_effort_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k66_effort_0_SZ_ARG 4
-#define esea_elbow_mpc_casadi_predictive_k66_effort_0_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k66_effort_0_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k66_effort_0_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k67_effort_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k67_effort_0_column_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k67_effort_0_column_incref(void);
-void esea_elbow_mpc_casadi_predictive_k67_effort_0_column_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k67_effort_0_column_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k67_effort_0_column_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k67_effort_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k67_effort_0_column_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k67_effort_0_column_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k67_effort_0_column_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k67_effort_0_column_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k68_effort_0_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k68_effort_0_own_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k68_effort_0_own_incref(void);
-void esea_elbow_mpc_casadi_predictive_k68_effort_0_own_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k68_effort_0_own_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k68_effort_0_own_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k68_effort_0_own_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k68_effort_0_own_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k68_effort_0_own_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k68_effort_0_own_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k68_effort_0_own_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k69_reference(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k69_reference_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k69_reference_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k69_reference_incref(void);
-void esea_elbow_mpc_casadi_predictive_k69_reference_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k69_reference_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k69_reference_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k69_reference_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k69_reference_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k69_reference_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k69_reference_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k69_reference_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k69_reference_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k69_reference_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k69_reference_SZ_ARG 1
-#define esea_elbow_mpc_casadi_predictive_k69_reference_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k69_reference_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k69_reference_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k70_error_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k70_error_0_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k70_error_0_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k70_error_0_incref(void);
-void esea_elbow_mpc_casadi_predictive_k70_error_0_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k70_error_0_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k70_error_0_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k70_error_0_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k70_error_0_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k70_error_0_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k70_error_0_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k70_error_0_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k70_error_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k70_error_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k70_error_0_SZ_ARG 4
-#define esea_elbow_mpc_casadi_predictive_k70_error_0_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k70_error_0_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k70_error_0_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k71_error_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k71_error_0_column_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k71_error_0_column_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k71_error_0_column_incref(void);
-void esea_elbow_mpc_casadi_predictive_k71_error_0_column_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k71_error_0_column_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k71_error_0_column_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k71_error_0_column_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k71_error_0_column_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k71_error_0_column_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k71_error_0_column_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k71_error_0_column_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k71_error_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k71_error_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k71_error_0_column_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k71_error_0_column_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k71_error_0_column_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k71_error_0_column_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k72_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k72_begin_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k72_begin_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k72_begin_incref(void);
-void esea_elbow_mpc_casadi_predictive_k72_begin_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k72_begin_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k72_begin_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k72_begin_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k72_begin_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k72_begin_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k72_begin_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k72_begin_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k72_begin_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k72_begin_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k72_begin_SZ_ARG 1
-#define esea_elbow_mpc_casadi_predictive_k72_begin_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k72_begin_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k72_begin_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k73_at_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k73_at_plan_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k73_at_plan_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k73_at_plan_incref(void);
-void esea_elbow_mpc_casadi_predictive_k73_at_plan_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k73_at_plan_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k73_at_plan_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k73_at_plan_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k73_at_plan_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k73_at_plan_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k73_at_plan_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k73_at_plan_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k73_at_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k73_at_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k73_at_plan_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k73_at_plan_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k73_at_plan_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k73_at_plan_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k74_end(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k74_end_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k74_end_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k74_end_incref(void);
-void esea_elbow_mpc_casadi_predictive_k74_end_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k74_end_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k74_end_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k74_end_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k74_end_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k74_end_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k74_end_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k74_end_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k74_end_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k74_end_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k74_end_SZ_ARG 1
-#define esea_elbow_mpc_casadi_predictive_k74_end_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k74_end_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k74_end_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k75_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k75_none_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k75_none_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k75_none_incref(void);
-void esea_elbow_mpc_casadi_predictive_k75_none_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k75_none_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k75_none_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k75_none_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k75_none_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k75_none_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k75_none_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k75_none_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k75_none_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k75_none_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k75_none_SZ_ARG 0
-#define esea_elbow_mpc_casadi_predictive_k75_none_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k75_none_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k75_none_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k76_gradient(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k76_gradient_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k76_gradient_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k76_gradient_incref(void);
-void esea_elbow_mpc_casadi_predictive_k76_gradient_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k76_gradient_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k76_gradient_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k76_gradient_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k76_gradient_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k76_gradient_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k76_gradient_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k76_gradient_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k76_gradient_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k76_gradient_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k76_gradient_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k76_gradient_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k76_gradient_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k76_gradient_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k77_gram(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k77_gram_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k77_gram_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k77_gram_incref(void);
-void esea_elbow_mpc_casadi_predictive_k77_gram_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k77_gram_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k77_gram_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k77_gram_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k77_gram_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k77_gram_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k77_gram_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k77_gram_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k77_gram_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k77_gram_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k77_gram_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k77_gram_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k77_gram_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k77_gram_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k78_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k78_good_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k78_good_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k78_good_incref(void);
-void esea_elbow_mpc_casadi_predictive_k78_good_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k78_good_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k78_good_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k78_good_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k78_good_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k78_good_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k78_good_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k78_good_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k78_good_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k78_good_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k78_good_SZ_ARG 0
-#define esea_elbow_mpc_casadi_predictive_k78_good_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k78_good_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k78_good_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k79_plan_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k79_plan_ok_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k79_plan_ok_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k79_plan_ok_incref(void);
-void esea_elbow_mpc_casadi_predictive_k79_plan_ok_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k79_plan_ok_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k79_plan_ok_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k79_plan_ok_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k79_plan_ok_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k79_plan_ok_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k79_plan_ok_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k79_plan_ok_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k79_plan_ok_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k79_plan_ok_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k79_plan_ok_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k79_plan_ok_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k79_plan_ok_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k80_plan_used(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k80_plan_used_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k80_plan_used_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k80_plan_used_incref(void);
-void esea_elbow_mpc_casadi_predictive_k80_plan_used_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k80_plan_used_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k80_plan_used_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k80_plan_used_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k80_plan_used_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k80_plan_used_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k80_plan_used_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k80_plan_used_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k80_plan_used_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k80_plan_used_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k80_plan_used_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k80_plan_used_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k80_plan_used_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k80_plan_used_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k81_shift_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k81_shift_plan_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k81_shift_plan_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k81_shift_plan_incref(void);
-void esea_elbow_mpc_casadi_predictive_k81_shift_plan_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k81_shift_plan_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k81_shift_plan_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k81_shift_plan_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k81_shift_plan_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k81_shift_plan_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k81_shift_plan_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k81_shift_plan_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k81_shift_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k81_shift_plan_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k81_shift_plan_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k81_shift_plan_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k81_shift_plan_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_incref(void);
-void esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_SZ_ARG 0
-#define esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k82_fill_qp_low_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_incref(void);
-void esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_SZ_ARG 0
-#define esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k83_fill_qp_high_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k84_deflection(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k84_deflection_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k84_deflection_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k84_deflection_incref(void);
-void esea_elbow_mpc_casadi_predictive_k84_deflection_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k84_deflection_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k84_deflection_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k84_deflection_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k84_deflection_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k84_deflection_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k84_deflection_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k84_deflection_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k84_deflection_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k84_deflection_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k84_deflection_SZ_ARG 13
-#define esea_elbow_mpc_casadi_predictive_k84_deflection_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k84_deflection_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k84_deflection_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k85_nest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k85_nest_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k85_nest_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k85_nest_incref(void);
-void esea_elbow_mpc_casadi_predictive_k85_nest_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k85_nest_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k85_nest_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k85_nest_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k85_nest_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k85_nest_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k85_nest_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k85_nest_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k85_nest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k85_nest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k85_nest_SZ_ARG 6
-#define esea_elbow_mpc_casadi_predictive_k85_nest_SZ_RES 3
-#define esea_elbow_mpc_casadi_predictive_k85_nest_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k85_nest_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k86_bottom(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k86_bottom_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k86_bottom_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k86_bottom_incref(void);
-void esea_elbow_mpc_casadi_predictive_k86_bottom_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k86_bottom_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k86_bottom_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k86_bottom_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k86_bottom_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k86_bottom_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k86_bottom_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k86_bottom_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k86_bottom_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k86_bottom_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k86_bottom_SZ_ARG 0
-#define esea_elbow_mpc_casadi_predictive_k86_bottom_SZ_RES 3
-#define esea_elbow_mpc_casadi_predictive_k86_bottom_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k86_bottom_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k87_loose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k87_loose_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k87_loose_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k87_loose_incref(void);
-void esea_elbow_mpc_casadi_predictive_k87_loose_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k87_loose_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k87_loose_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k87_loose_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k87_loose_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k87_loose_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k87_loose_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k87_loose_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k87_loose_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k87_loose_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k87_loose_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k87_loose_SZ_RES 4
-#define esea_elbow_mpc_casadi_predictive_k87_loose_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k87_loose_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k88_start(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k88_start_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k88_start_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k88_start_incref(void);
-void esea_elbow_mpc_casadi_predictive_k88_start_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k88_start_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k88_start_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k88_start_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k88_start_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k88_start_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k88_start_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k88_start_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k88_start_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k88_start_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k88_start_SZ_ARG 14
-#define esea_elbow_mpc_casadi_predictive_k88_start_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k88_start_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k88_start_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k89_parameter(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k89_parameter_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k89_parameter_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k89_parameter_incref(void);
-void esea_elbow_mpc_casadi_predictive_k89_parameter_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k89_parameter_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k89_parameter_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k89_parameter_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k89_parameter_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k89_parameter_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k89_parameter_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k89_parameter_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k89_parameter_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k89_parameter_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k89_parameter_SZ_ARG 1
-#define esea_elbow_mpc_casadi_predictive_k89_parameter_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k89_parameter_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k89_parameter_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k90_in_force(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k90_in_force_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k90_in_force_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k90_in_force_incref(void);
-void esea_elbow_mpc_casadi_predictive_k90_in_force_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k90_in_force_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k90_in_force_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k90_in_force_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k90_in_force_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k90_in_force_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k90_in_force_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k90_in_force_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k90_in_force_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k90_in_force_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k90_in_force_SZ_ARG 1
-#define esea_elbow_mpc_casadi_predictive_k90_in_force_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k90_in_force_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k90_in_force_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k91_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k91_forecast_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k91_forecast_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k91_forecast_incref(void);
-void esea_elbow_mpc_casadi_predictive_k91_forecast_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k91_forecast_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k91_forecast_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k91_forecast_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k91_forecast_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k91_forecast_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k91_forecast_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k91_forecast_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k91_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k91_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k91_forecast_SZ_ARG 15
-#define esea_elbow_mpc_casadi_predictive_k91_forecast_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k91_forecast_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k91_forecast_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k92_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k92_before_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k92_before_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k92_before_incref(void);
-void esea_elbow_mpc_casadi_predictive_k92_before_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k92_before_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k92_before_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k92_before_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k92_before_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k92_before_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k92_before_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k92_before_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k92_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k92_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k92_before_SZ_ARG 4
-#define esea_elbow_mpc_casadi_predictive_k92_before_SZ_RES 2
-#define esea_elbow_mpc_casadi_predictive_k92_before_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k92_before_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k93_onward(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k93_onward_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k93_onward_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k93_onward_incref(void);
-void esea_elbow_mpc_casadi_predictive_k93_onward_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k93_onward_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k93_onward_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k93_onward_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k93_onward_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k93_onward_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k93_onward_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k93_onward_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k93_onward_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k93_onward_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k93_onward_SZ_ARG 6
-#define esea_elbow_mpc_casadi_predictive_k93_onward_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k93_onward_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k93_onward_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k94_input(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k94_input_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k94_input_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k94_input_incref(void);
-void esea_elbow_mpc_casadi_predictive_k94_input_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k94_input_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k94_input_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k94_input_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k94_input_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k94_input_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k94_input_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k94_input_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k94_input_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k94_input_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k94_input_SZ_ARG 1
-#define esea_elbow_mpc_casadi_predictive_k94_input_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k94_input_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k94_input_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k95_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k95_forecast_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k95_forecast_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k95_forecast_incref(void);
-void esea_elbow_mpc_casadi_predictive_k95_forecast_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k95_forecast_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k95_forecast_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k95_forecast_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k95_forecast_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k95_forecast_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k95_forecast_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k95_forecast_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k95_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k95_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k95_forecast_SZ_ARG 15
-#define esea_elbow_mpc_casadi_predictive_k95_forecast_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k95_forecast_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k95_forecast_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k96_usable(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k96_usable_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k96_usable_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k96_usable_incref(void);
-void esea_elbow_mpc_casadi_predictive_k96_usable_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k96_usable_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k96_usable_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k96_usable_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k96_usable_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k96_usable_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k96_usable_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k96_usable_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k96_usable_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k96_usable_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k96_usable_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k96_usable_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k96_usable_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k96_usable_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k97_plan_fine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k97_plan_fine_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k97_plan_fine_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k97_plan_fine_incref(void);
-void esea_elbow_mpc_casadi_predictive_k97_plan_fine_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k97_plan_fine_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k97_plan_fine_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k97_plan_fine_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k97_plan_fine_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k97_plan_fine_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k97_plan_fine_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k97_plan_fine_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k97_plan_fine_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k97_plan_fine_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k97_plan_fine_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k97_plan_fine_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k97_plan_fine_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k98_acts(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k98_acts_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k98_acts_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k98_acts_incref(void);
-void esea_elbow_mpc_casadi_predictive_k98_acts_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k98_acts_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k98_acts_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k98_acts_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k98_acts_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k98_acts_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k98_acts_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k98_acts_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k98_acts_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k98_acts_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k98_acts_SZ_ARG 1
-#define esea_elbow_mpc_casadi_predictive_k98_acts_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k98_acts_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k98_acts_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k99_enabled(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k99_enabled_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k99_enabled_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k99_enabled_incref(void);
-void esea_elbow_mpc_casadi_predictive_k99_enabled_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k99_enabled_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k99_enabled_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k99_enabled_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k99_enabled_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k99_enabled_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k99_enabled_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k99_enabled_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k99_enabled_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k99_enabled_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k99_enabled_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k99_enabled_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k99_enabled_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k99_enabled_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k100_plan_next(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k100_plan_next_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k100_plan_next_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k100_plan_next_incref(void);
-void esea_elbow_mpc_casadi_predictive_k100_plan_next_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_next_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_next_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k100_plan_next_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k100_plan_next_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k100_plan_next_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_next_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_next_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k100_plan_next_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k100_plan_next_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k100_plan_next_SZ_ARG 2
-#define esea_elbow_mpc_casadi_predictive_k100_plan_next_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k100_plan_next_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k100_plan_next_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k101_command(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k101_command_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k101_command_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k101_command_incref(void);
-void esea_elbow_mpc_casadi_predictive_k101_command_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k101_command_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k101_command_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k101_command_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k101_command_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k101_command_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k101_command_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k101_command_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k101_command_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k101_command_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k101_command_SZ_ARG 3
-#define esea_elbow_mpc_casadi_predictive_k101_command_SZ_RES 3
-#define esea_elbow_mpc_casadi_predictive_k101_command_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k101_command_SZ_W 0
-int esea_elbow_mpc_casadi_predictive_k102_report(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
-int esea_elbow_mpc_casadi_predictive_k102_report_checkout(void);
-void esea_elbow_mpc_casadi_predictive_k102_report_release(int mem);
-void esea_elbow_mpc_casadi_predictive_k102_report_incref(void);
-void esea_elbow_mpc_casadi_predictive_k102_report_decref(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k102_report_n_in(void);
-casadi_int esea_elbow_mpc_casadi_predictive_k102_report_n_out(void);
-casadi_real esea_elbow_mpc_casadi_predictive_k102_report_default_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k102_report_name_in(casadi_int i);
-const char* esea_elbow_mpc_casadi_predictive_k102_report_name_out(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k102_report_sparsity_in(casadi_int i);
-const casadi_int* esea_elbow_mpc_casadi_predictive_k102_report_sparsity_out(casadi_int i);
-int esea_elbow_mpc_casadi_predictive_k102_report_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-int esea_elbow_mpc_casadi_predictive_k102_report_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_predictive_k102_report_SZ_ARG 6
-#define esea_elbow_mpc_casadi_predictive_k102_report_SZ_RES 1
-#define esea_elbow_mpc_casadi_predictive_k102_report_SZ_IW 0
-#define esea_elbow_mpc_casadi_predictive_k102_report_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_incref(void);
+void esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_incref(void);
+void esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_incref(void);
+void esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_incref(void);
+void esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_incref(void);
+void esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_incref(void);
+void esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_incref(void);
+void esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_incref(void);
+void esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_incref(void);
+void esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_incref(void);
+void esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_incref(void);
+void esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_incref(void);
+void esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_incref(void);
+void esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k59_guard_mode(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k59_guard_mode_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k59_guard_mode_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k59_guard_mode_incref(void);
+void esea_elbow_mpc_casadi_predictive_k59_guard_mode_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_mode_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k59_guard_mode_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k59_guard_mode_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k59_guard_mode_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k59_guard_mode_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_mode_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k59_guard_mode_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k59_guard_mode_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k59_guard_mode_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k59_guard_mode_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k59_guard_mode_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k59_guard_mode_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k59_guard_mode_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_incref(void);
+void esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_incref(void);
+void esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_incref(void);
+void esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_incref(void);
+void esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_incref(void);
+void esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k65_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k65_before_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k65_before_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k65_before_incref(void);
+void esea_elbow_mpc_casadi_predictive_k65_before_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k65_before_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k65_before_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k65_before_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k65_before_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k65_before_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k65_before_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k65_before_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k65_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k65_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k65_before_SZ_ARG 4
+#define esea_elbow_mpc_casadi_predictive_k65_before_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k65_before_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k65_before_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k66_after(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k66_after_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k66_after_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k66_after_incref(void);
+void esea_elbow_mpc_casadi_predictive_k66_after_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k66_after_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k66_after_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k66_after_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k66_after_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k66_after_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k66_after_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k66_after_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k66_after_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k66_after_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k66_after_SZ_ARG 7
+#define esea_elbow_mpc_casadi_predictive_k66_after_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k66_after_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k66_after_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k67_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k67_column_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k67_column_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k67_column_incref(void);
+void esea_elbow_mpc_casadi_predictive_k67_column_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k67_column_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k67_column_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k67_column_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k67_column_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k67_column_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k67_column_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k67_column_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k67_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k67_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k67_column_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k67_column_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k67_column_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k67_column_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k68_newest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k68_newest_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k68_newest_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k68_newest_incref(void);
+void esea_elbow_mpc_casadi_predictive_k68_newest_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k68_newest_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k68_newest_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k68_newest_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k68_newest_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k68_newest_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k68_newest_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k68_newest_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k68_newest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k68_newest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k68_newest_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k68_newest_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k68_newest_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k68_newest_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k69_effort_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k69_effort_0_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k69_effort_0_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k69_effort_0_incref(void);
+void esea_elbow_mpc_casadi_predictive_k69_effort_0_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k69_effort_0_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k69_effort_0_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k69_effort_0_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k69_effort_0_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k69_effort_0_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k69_effort_0_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k69_effort_0_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k69_effort_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k69_effort_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k69_effort_0_SZ_ARG 4
+#define esea_elbow_mpc_casadi_predictive_k69_effort_0_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k69_effort_0_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k69_effort_0_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k70_effort_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k70_effort_0_column_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k70_effort_0_column_incref(void);
+void esea_elbow_mpc_casadi_predictive_k70_effort_0_column_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k70_effort_0_column_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k70_effort_0_column_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k70_effort_0_column_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k70_effort_0_column_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k70_effort_0_column_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k70_effort_0_column_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k71_effort_0_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k71_effort_0_own_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k71_effort_0_own_incref(void);
+void esea_elbow_mpc_casadi_predictive_k71_effort_0_own_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k71_effort_0_own_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k71_effort_0_own_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k71_effort_0_own_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k71_effort_0_own_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k71_effort_0_own_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k71_effort_0_own_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k72_reference(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k72_reference_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k72_reference_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k72_reference_incref(void);
+void esea_elbow_mpc_casadi_predictive_k72_reference_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k72_reference_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k72_reference_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k72_reference_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k72_reference_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k72_reference_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k72_reference_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k72_reference_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k72_reference_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k72_reference_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k72_reference_SZ_ARG 1
+#define esea_elbow_mpc_casadi_predictive_k72_reference_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k72_reference_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k72_reference_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k73_error_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k73_error_0_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k73_error_0_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k73_error_0_incref(void);
+void esea_elbow_mpc_casadi_predictive_k73_error_0_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k73_error_0_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k73_error_0_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k73_error_0_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k73_error_0_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k73_error_0_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k73_error_0_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k73_error_0_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k73_error_0_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k73_error_0_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k73_error_0_SZ_ARG 4
+#define esea_elbow_mpc_casadi_predictive_k73_error_0_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k73_error_0_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k73_error_0_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k74_error_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k74_error_0_column_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k74_error_0_column_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k74_error_0_column_incref(void);
+void esea_elbow_mpc_casadi_predictive_k74_error_0_column_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k74_error_0_column_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k74_error_0_column_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k74_error_0_column_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k74_error_0_column_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k74_error_0_column_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k74_error_0_column_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k74_error_0_column_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k74_error_0_column_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k74_error_0_column_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k74_error_0_column_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k74_error_0_column_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k74_error_0_column_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k74_error_0_column_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k75_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k75_begin_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k75_begin_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k75_begin_incref(void);
+void esea_elbow_mpc_casadi_predictive_k75_begin_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k75_begin_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k75_begin_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k75_begin_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k75_begin_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k75_begin_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k75_begin_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k75_begin_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k75_begin_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k75_begin_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k75_begin_SZ_ARG 1
+#define esea_elbow_mpc_casadi_predictive_k75_begin_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k75_begin_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k75_begin_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k76_at_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k76_at_plan_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k76_at_plan_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k76_at_plan_incref(void);
+void esea_elbow_mpc_casadi_predictive_k76_at_plan_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k76_at_plan_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k76_at_plan_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k76_at_plan_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k76_at_plan_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k76_at_plan_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k76_at_plan_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k76_at_plan_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k76_at_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k76_at_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k76_at_plan_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k76_at_plan_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k76_at_plan_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k76_at_plan_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k77_end(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k77_end_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k77_end_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k77_end_incref(void);
+void esea_elbow_mpc_casadi_predictive_k77_end_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k77_end_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k77_end_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k77_end_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k77_end_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k77_end_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k77_end_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k77_end_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k77_end_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k77_end_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k77_end_SZ_ARG 1
+#define esea_elbow_mpc_casadi_predictive_k77_end_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k77_end_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k77_end_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k78_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k78_none_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k78_none_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k78_none_incref(void);
+void esea_elbow_mpc_casadi_predictive_k78_none_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k78_none_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k78_none_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k78_none_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k78_none_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k78_none_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k78_none_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k78_none_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k78_none_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k78_none_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k78_none_SZ_ARG 0
+#define esea_elbow_mpc_casadi_predictive_k78_none_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k78_none_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k78_none_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k79_gradient(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k79_gradient_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k79_gradient_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k79_gradient_incref(void);
+void esea_elbow_mpc_casadi_predictive_k79_gradient_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k79_gradient_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k79_gradient_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k79_gradient_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k79_gradient_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k79_gradient_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k79_gradient_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k79_gradient_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k79_gradient_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k79_gradient_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k79_gradient_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k79_gradient_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k79_gradient_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k79_gradient_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k80_gram(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k80_gram_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k80_gram_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k80_gram_incref(void);
+void esea_elbow_mpc_casadi_predictive_k80_gram_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k80_gram_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k80_gram_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k80_gram_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k80_gram_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k80_gram_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k80_gram_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k80_gram_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k80_gram_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k80_gram_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k80_gram_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k80_gram_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k80_gram_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k80_gram_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k81_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k81_good_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k81_good_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k81_good_incref(void);
+void esea_elbow_mpc_casadi_predictive_k81_good_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k81_good_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k81_good_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k81_good_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k81_good_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k81_good_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k81_good_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k81_good_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k81_good_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k81_good_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k81_good_SZ_ARG 0
+#define esea_elbow_mpc_casadi_predictive_k81_good_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k81_good_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k81_good_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k82_plan_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k82_plan_ok_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k82_plan_ok_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k82_plan_ok_incref(void);
+void esea_elbow_mpc_casadi_predictive_k82_plan_ok_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k82_plan_ok_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k82_plan_ok_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k82_plan_ok_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k82_plan_ok_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k82_plan_ok_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k82_plan_ok_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k82_plan_ok_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k82_plan_ok_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k82_plan_ok_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k82_plan_ok_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k82_plan_ok_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k82_plan_ok_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k82_plan_ok_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k83_plan_used(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k83_plan_used_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k83_plan_used_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k83_plan_used_incref(void);
+void esea_elbow_mpc_casadi_predictive_k83_plan_used_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k83_plan_used_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k83_plan_used_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k83_plan_used_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k83_plan_used_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k83_plan_used_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k83_plan_used_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k83_plan_used_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k83_plan_used_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k83_plan_used_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k83_plan_used_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k83_plan_used_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k83_plan_used_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k83_plan_used_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k84_shift_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k84_shift_plan_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k84_shift_plan_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k84_shift_plan_incref(void);
+void esea_elbow_mpc_casadi_predictive_k84_shift_plan_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k84_shift_plan_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k84_shift_plan_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k84_shift_plan_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k84_shift_plan_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k84_shift_plan_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k84_shift_plan_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k84_shift_plan_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k84_shift_plan_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k84_shift_plan_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k84_shift_plan_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k84_shift_plan_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k84_shift_plan_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k84_shift_plan_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_incref(void);
+void esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_SZ_ARG 0
+#define esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_incref(void);
+void esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_SZ_ARG 0
+#define esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k87_deflection(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k87_deflection_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k87_deflection_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k87_deflection_incref(void);
+void esea_elbow_mpc_casadi_predictive_k87_deflection_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k87_deflection_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k87_deflection_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k87_deflection_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k87_deflection_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k87_deflection_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k87_deflection_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k87_deflection_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k87_deflection_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k87_deflection_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k87_deflection_SZ_ARG 16
+#define esea_elbow_mpc_casadi_predictive_k87_deflection_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k87_deflection_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k87_deflection_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k88_nest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k88_nest_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k88_nest_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k88_nest_incref(void);
+void esea_elbow_mpc_casadi_predictive_k88_nest_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k88_nest_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k88_nest_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k88_nest_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k88_nest_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k88_nest_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k88_nest_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k88_nest_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k88_nest_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k88_nest_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k88_nest_SZ_ARG 6
+#define esea_elbow_mpc_casadi_predictive_k88_nest_SZ_RES 3
+#define esea_elbow_mpc_casadi_predictive_k88_nest_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k88_nest_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k89_bottom(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k89_bottom_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k89_bottom_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k89_bottom_incref(void);
+void esea_elbow_mpc_casadi_predictive_k89_bottom_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k89_bottom_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k89_bottom_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k89_bottom_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k89_bottom_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k89_bottom_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k89_bottom_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k89_bottom_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k89_bottom_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k89_bottom_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k89_bottom_SZ_ARG 0
+#define esea_elbow_mpc_casadi_predictive_k89_bottom_SZ_RES 3
+#define esea_elbow_mpc_casadi_predictive_k89_bottom_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k89_bottom_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k90_loose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k90_loose_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k90_loose_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k90_loose_incref(void);
+void esea_elbow_mpc_casadi_predictive_k90_loose_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k90_loose_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k90_loose_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k90_loose_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k90_loose_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k90_loose_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k90_loose_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k90_loose_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k90_loose_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k90_loose_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k90_loose_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k90_loose_SZ_RES 4
+#define esea_elbow_mpc_casadi_predictive_k90_loose_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k90_loose_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k91_start(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k91_start_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k91_start_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k91_start_incref(void);
+void esea_elbow_mpc_casadi_predictive_k91_start_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k91_start_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k91_start_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k91_start_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k91_start_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k91_start_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k91_start_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k91_start_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k91_start_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k91_start_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k91_start_SZ_ARG 17
+#define esea_elbow_mpc_casadi_predictive_k91_start_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k91_start_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k91_start_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k92_parameter(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k92_parameter_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k92_parameter_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k92_parameter_incref(void);
+void esea_elbow_mpc_casadi_predictive_k92_parameter_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k92_parameter_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k92_parameter_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k92_parameter_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k92_parameter_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k92_parameter_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k92_parameter_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k92_parameter_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k92_parameter_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k92_parameter_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k92_parameter_SZ_ARG 1
+#define esea_elbow_mpc_casadi_predictive_k92_parameter_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k92_parameter_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k92_parameter_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k93_in_force(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k93_in_force_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k93_in_force_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k93_in_force_incref(void);
+void esea_elbow_mpc_casadi_predictive_k93_in_force_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k93_in_force_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k93_in_force_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k93_in_force_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k93_in_force_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k93_in_force_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k93_in_force_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k93_in_force_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k93_in_force_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k93_in_force_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k93_in_force_SZ_ARG 1
+#define esea_elbow_mpc_casadi_predictive_k93_in_force_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k93_in_force_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k93_in_force_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k94_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k94_forecast_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k94_forecast_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k94_forecast_incref(void);
+void esea_elbow_mpc_casadi_predictive_k94_forecast_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k94_forecast_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k94_forecast_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k94_forecast_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k94_forecast_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k94_forecast_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k94_forecast_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k94_forecast_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k94_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k94_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k94_forecast_SZ_ARG 18
+#define esea_elbow_mpc_casadi_predictive_k94_forecast_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k94_forecast_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k94_forecast_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k95_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k95_before_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k95_before_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k95_before_incref(void);
+void esea_elbow_mpc_casadi_predictive_k95_before_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k95_before_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k95_before_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k95_before_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k95_before_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k95_before_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k95_before_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k95_before_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k95_before_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k95_before_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k95_before_SZ_ARG 4
+#define esea_elbow_mpc_casadi_predictive_k95_before_SZ_RES 2
+#define esea_elbow_mpc_casadi_predictive_k95_before_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k95_before_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k96_onward(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k96_onward_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k96_onward_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k96_onward_incref(void);
+void esea_elbow_mpc_casadi_predictive_k96_onward_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k96_onward_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k96_onward_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k96_onward_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k96_onward_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k96_onward_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k96_onward_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k96_onward_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k96_onward_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k96_onward_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k96_onward_SZ_ARG 6
+#define esea_elbow_mpc_casadi_predictive_k96_onward_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k96_onward_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k96_onward_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k97_input(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k97_input_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k97_input_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k97_input_incref(void);
+void esea_elbow_mpc_casadi_predictive_k97_input_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k97_input_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k97_input_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k97_input_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k97_input_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k97_input_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k97_input_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k97_input_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k97_input_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k97_input_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k97_input_SZ_ARG 1
+#define esea_elbow_mpc_casadi_predictive_k97_input_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k97_input_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k97_input_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k98_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k98_forecast_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k98_forecast_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k98_forecast_incref(void);
+void esea_elbow_mpc_casadi_predictive_k98_forecast_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k98_forecast_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k98_forecast_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k98_forecast_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k98_forecast_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k98_forecast_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k98_forecast_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k98_forecast_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k98_forecast_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k98_forecast_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k98_forecast_SZ_ARG 18
+#define esea_elbow_mpc_casadi_predictive_k98_forecast_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k98_forecast_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k98_forecast_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k99_usable(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k99_usable_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k99_usable_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k99_usable_incref(void);
+void esea_elbow_mpc_casadi_predictive_k99_usable_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k99_usable_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k99_usable_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k99_usable_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k99_usable_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k99_usable_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k99_usable_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k99_usable_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k99_usable_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k99_usable_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k99_usable_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k99_usable_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k99_usable_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k99_usable_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k100_plan_fine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k100_plan_fine_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k100_plan_fine_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k100_plan_fine_incref(void);
+void esea_elbow_mpc_casadi_predictive_k100_plan_fine_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_fine_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k100_plan_fine_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k100_plan_fine_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k100_plan_fine_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k100_plan_fine_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_fine_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k100_plan_fine_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k100_plan_fine_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k100_plan_fine_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k100_plan_fine_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k100_plan_fine_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k100_plan_fine_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k100_plan_fine_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k101_acts(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k101_acts_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k101_acts_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k101_acts_incref(void);
+void esea_elbow_mpc_casadi_predictive_k101_acts_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k101_acts_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k101_acts_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k101_acts_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k101_acts_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k101_acts_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k101_acts_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k101_acts_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k101_acts_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k101_acts_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k101_acts_SZ_ARG 1
+#define esea_elbow_mpc_casadi_predictive_k101_acts_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k101_acts_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k101_acts_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k102_enabled(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k102_enabled_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k102_enabled_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k102_enabled_incref(void);
+void esea_elbow_mpc_casadi_predictive_k102_enabled_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k102_enabled_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k102_enabled_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k102_enabled_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k102_enabled_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k102_enabled_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k102_enabled_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k102_enabled_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k102_enabled_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k102_enabled_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k102_enabled_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k102_enabled_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k102_enabled_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k102_enabled_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k103_plan_next(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k103_plan_next_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k103_plan_next_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k103_plan_next_incref(void);
+void esea_elbow_mpc_casadi_predictive_k103_plan_next_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k103_plan_next_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k103_plan_next_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k103_plan_next_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k103_plan_next_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k103_plan_next_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k103_plan_next_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k103_plan_next_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k103_plan_next_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k103_plan_next_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k103_plan_next_SZ_ARG 2
+#define esea_elbow_mpc_casadi_predictive_k103_plan_next_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k103_plan_next_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k103_plan_next_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k104_command(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k104_command_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k104_command_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k104_command_incref(void);
+void esea_elbow_mpc_casadi_predictive_k104_command_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k104_command_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k104_command_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k104_command_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k104_command_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k104_command_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k104_command_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k104_command_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k104_command_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k104_command_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k104_command_SZ_ARG 3
+#define esea_elbow_mpc_casadi_predictive_k104_command_SZ_RES 3
+#define esea_elbow_mpc_casadi_predictive_k104_command_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k104_command_SZ_W 0
+int esea_elbow_mpc_casadi_predictive_k105_report(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_predictive_k105_report_checkout(void);
+void esea_elbow_mpc_casadi_predictive_k105_report_release(int mem);
+void esea_elbow_mpc_casadi_predictive_k105_report_incref(void);
+void esea_elbow_mpc_casadi_predictive_k105_report_decref(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k105_report_n_in(void);
+casadi_int esea_elbow_mpc_casadi_predictive_k105_report_n_out(void);
+casadi_real esea_elbow_mpc_casadi_predictive_k105_report_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k105_report_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_predictive_k105_report_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k105_report_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_predictive_k105_report_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_predictive_k105_report_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_predictive_k105_report_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_predictive_k105_report_SZ_ARG 6
+#define esea_elbow_mpc_casadi_predictive_k105_report_SZ_RES 1
+#define esea_elbow_mpc_casadi_predictive_k105_report_SZ_IW 0
+#define esea_elbow_mpc_casadi_predictive_k105_report_SZ_W 0
 int esea_elbow_mpc_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_redundancy_init_checkout(void);
 void esea_elbow_mpc_casadi_redundancy_init_release(int mem);

@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 64, 136, 136, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 41, 52, 52, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 15, 152, 152, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 41, 52, 52, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -270,6 +270,20 @@ typedef enum ESEA_ELBOW_DRIVE_REFERENCE_STATUS
    ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENTERED=8, /* a law took over in this step, from where the torque was | */
    ESEA_ELBOW_DRIVE_REFERENCE_STATUS_ENUM_END=9, /*  | */
 } ESEA_ELBOW_DRIVE_REFERENCE_STATUS;
+#endif
+
+/** @brief what is known of this step */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_PASSIVITY_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_PASSIVITY_STATUS
+typedef enum ESEA_ELBOW_DRIVE_PASSIVITY_STATUS
+{
+   ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; the command is 0 | */
+   ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; all is counted afresh | */
+   ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_DAMPED=4, /* damping is added to what is wanted | */
+   ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_COMMAND_CLOSED=8, /* the command was cut: the drive holds as much as it may give | */
+   ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_FAST=16, /* the drive is faster than the bound reckons with | */
+   ESEA_ELBOW_DRIVE_PASSIVITY_STATUS_ENUM_END=17, /*  | */
+} ESEA_ELBOW_DRIVE_PASSIVITY_STATUS;
 #endif
 
 /** @brief what is known of it */

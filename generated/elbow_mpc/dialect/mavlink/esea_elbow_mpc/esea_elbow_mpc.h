@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 100, 112, 112, 0, 0, 0}, {42603, 75, 124, 124, 0, 0, 0}, {42604, 212, 44, 44, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 190, 136, 136, 0, 0, 0}, {42603, 75, 124, 124, 0, 0, 0}, {42604, 212, 44, 44, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -272,6 +272,32 @@ typedef enum ESEA_ELBOW_MPC_REFERENCE_STATUS
 } ESEA_ELBOW_MPC_REFERENCE_STATUS;
 #endif
 
+/** @brief what is known of this step */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_PASSIVITY_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_PASSIVITY_STATUS
+typedef enum ESEA_ELBOW_MPC_PASSIVITY_STATUS
+{
+   ESEA_ELBOW_MPC_PASSIVITY_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; the command is 0 | */
+   ESEA_ELBOW_MPC_PASSIVITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; all is counted afresh | */
+   ESEA_ELBOW_MPC_PASSIVITY_STATUS_DAMPED=4, /* damping is added to what is wanted | */
+   ESEA_ELBOW_MPC_PASSIVITY_STATUS_COMMAND_CLOSED=8, /* the command was cut: the drive holds as much as it may give | */
+   ESEA_ELBOW_MPC_PASSIVITY_STATUS_FAST=16, /* the drive is faster than the bound reckons with | */
+   ESEA_ELBOW_MPC_PASSIVITY_STATUS_ENUM_END=17, /*  | */
+} ESEA_ELBOW_MPC_PASSIVITY_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_CABLE_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_CABLE_STATUS
+typedef enum ESEA_ELBOW_MPC_CABLE_STATUS
+{
+   ESEA_ELBOW_MPC_CABLE_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range | */
+   ESEA_ELBOW_MPC_CABLE_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the gap is learnt afresh | */
+   ESEA_ELBOW_MPC_CABLE_STATUS_NOT_COMPARED=4, /* an encoder cannot be used: a cable in the middle of its gap | */
+   ESEA_ELBOW_MPC_CABLE_STATUS_ENUM_END=5, /*  | */
+} ESEA_ELBOW_MPC_CABLE_STATUS;
+#endif
+
 /** @brief which limits act, and what holds the latch */
 #ifndef HAVE_ENUM_ESEA_ELBOW_MPC_LIMITS_STATUS
 #define HAVE_ENUM_ESEA_ELBOW_MPC_LIMITS_STATUS
@@ -339,6 +365,18 @@ typedef enum ESEA_ELBOW_MPC_HUMAN_STATUS
    ESEA_ELBOW_MPC_HUMAN_STATUS_ANGLE_CLIPPED=32, /* the angle was predicted past its range, without a valid sample; it rests there | */
    ESEA_ELBOW_MPC_HUMAN_STATUS_ENUM_END=33, /*  | */
 } ESEA_ELBOW_MPC_HUMAN_STATUS;
+#endif
+
+/** @brief what is known of this estimate */
+#ifndef HAVE_ENUM_ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS
+typedef enum ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS
+{
+   ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; d4 is held | */
+   ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the observer was started afresh | */
+   ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS_CLIPPED=4, /* the estimate was clipped at its range | */
+   ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS_ENUM_END=5, /*  | */
+} ESEA_ELBOW_MPC_DRIVE_BY_GEAR_STATUS;
 #endif
 
 /** @brief what is known of it */

@@ -21,6 +21,9 @@ typedef struct __mavlink_esea_sense_out_t {
  float energy_J; /*<  energy given to the limb within the window; [J], range 0 to 269.306396*/
  float fault; /*<  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15*/
  float mode_held; /*<  mode that holds in this step; [dimensionless], range 0 to 2*/
+ float damping_Nms_rad; /*<  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972*/
+ float given_J; /*<  energy given beyond the wanted torque's; [J], range 0 to 120.119995*/
+ float held_J; /*<  that, and what drive and command may still give; [J], range 0 to 172.595291*/
  uint32_t encoder_motor_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_load_status; /*<  what is known of this sample; bits below*/
  uint32_t joint_status; /*<  what is known of this sample; bits below*/
@@ -30,20 +33,23 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t load_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_gear_status; /*<  what is known of this sample; bits below*/
  uint32_t reference_status; /*<  what is known of this set torque; bits below*/
+ uint32_t passivity_status; /*<  what is known of this step; bits below*/
+ uint32_t cable_status; /*<  what is known of this sample; bits below*/
  uint32_t limits_status; /*<  which limits act, and what holds the latch; bits below*/
  uint32_t drive_status; /*<  what is known of this estimate; bits below*/
  uint32_t gear_status; /*<  what is known of this estimate; bits below*/
  uint32_t human_status; /*<  what is known of this estimate; bits below*/
+ uint32_t drive_by_gear_status; /*<  what is known of this estimate; bits below*/
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 112
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 112
-#define MAVLINK_MSG_ID_42602_LEN 112
-#define MAVLINK_MSG_ID_42602_MIN_LEN 112
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 136
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 136
+#define MAVLINK_MSG_ID_42602_LEN 136
+#define MAVLINK_MSG_ID_42602_MIN_LEN 136
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 100
-#define MAVLINK_MSG_ID_42602_CRC 100
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 190
+#define MAVLINK_MSG_ID_42602_CRC 190
 
 
 
@@ -51,7 +57,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    28, \
+    34, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -66,26 +72,32 @@ typedef struct __mavlink_esea_sense_out_t {
          { "energy_J", NULL, MAVLINK_TYPE_FLOAT, 0, 44, offsetof(mavlink_esea_sense_out_t, energy_J) }, \
          { "fault", NULL, MAVLINK_TYPE_FLOAT, 0, 48, offsetof(mavlink_esea_sense_out_t, fault) }, \
          { "mode_held", NULL, MAVLINK_TYPE_FLOAT, 0, 52, offsetof(mavlink_esea_sense_out_t, mode_held) }, \
-         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 56, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
-         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 60, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
-         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 64, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
-         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
-         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
-         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "damping_Nms_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 56, offsetof(mavlink_esea_sense_out_t, damping_Nms_rad) }, \
+         { "given_J", NULL, MAVLINK_TYPE_FLOAT, 0, 60, offsetof(mavlink_esea_sense_out_t, given_J) }, \
+         { "held_J", NULL, MAVLINK_TYPE_FLOAT, 0, 64, offsetof(mavlink_esea_sense_out_t, held_J) }, \
+         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
+         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
+         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
+         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
+         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
+         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
+         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
+         { "cable_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, cable_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "drive_by_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, drive_by_gear_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    28, \
+    34, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -100,20 +112,26 @@ typedef struct __mavlink_esea_sense_out_t {
          { "energy_J", NULL, MAVLINK_TYPE_FLOAT, 0, 44, offsetof(mavlink_esea_sense_out_t, energy_J) }, \
          { "fault", NULL, MAVLINK_TYPE_FLOAT, 0, 48, offsetof(mavlink_esea_sense_out_t, fault) }, \
          { "mode_held", NULL, MAVLINK_TYPE_FLOAT, 0, 52, offsetof(mavlink_esea_sense_out_t, mode_held) }, \
-         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 56, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
-         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 60, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
-         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 64, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
-         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
-         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
-         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "damping_Nms_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 56, offsetof(mavlink_esea_sense_out_t, damping_Nms_rad) }, \
+         { "given_J", NULL, MAVLINK_TYPE_FLOAT, 0, 60, offsetof(mavlink_esea_sense_out_t, given_J) }, \
+         { "held_J", NULL, MAVLINK_TYPE_FLOAT, 0, 64, offsetof(mavlink_esea_sense_out_t, held_J) }, \
+         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
+         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
+         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
+         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
+         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
+         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
+         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
+         { "cable_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, cable_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "drive_by_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, drive_by_gear_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -138,6 +156,9 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -147,15 +168,18 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param passivity_status  what is known of this step; bits below
+ * @param cable_status  what is known of this sample; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
+ * @param drive_by_gear_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -173,20 +197,26 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_float(buf, 44, energy_J);
     _mav_put_float(buf, 48, fault);
     _mav_put_float(buf, 52, mode_held);
-    _mav_put_uint32_t(buf, 56, encoder_motor_status);
-    _mav_put_uint32_t(buf, 60, encoder_load_status);
-    _mav_put_uint32_t(buf, 64, joint_status);
-    _mav_put_uint32_t(buf, 68, velocity_status);
-    _mav_put_uint32_t(buf, 72, sensor_status);
-    _mav_put_uint32_t(buf, 76, motor_rate_status);
-    _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, encoder_gear_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, limits_status);
-    _mav_put_uint32_t(buf, 96, drive_status);
-    _mav_put_uint32_t(buf, 100, gear_status);
-    _mav_put_uint32_t(buf, 104, human_status);
-    _mav_put_uint32_t(buf, 108, step_ticks);
+    _mav_put_float(buf, 56, damping_Nms_rad);
+    _mav_put_float(buf, 60, given_J);
+    _mav_put_float(buf, 64, held_J);
+    _mav_put_uint32_t(buf, 68, encoder_motor_status);
+    _mav_put_uint32_t(buf, 72, encoder_load_status);
+    _mav_put_uint32_t(buf, 76, joint_status);
+    _mav_put_uint32_t(buf, 80, velocity_status);
+    _mav_put_uint32_t(buf, 84, sensor_status);
+    _mav_put_uint32_t(buf, 88, motor_rate_status);
+    _mav_put_uint32_t(buf, 92, load_rate_status);
+    _mav_put_uint32_t(buf, 96, encoder_gear_status);
+    _mav_put_uint32_t(buf, 100, reference_status);
+    _mav_put_uint32_t(buf, 104, passivity_status);
+    _mav_put_uint32_t(buf, 108, cable_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -205,6 +235,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.energy_J = energy_J;
     packet.fault = fault;
     packet.mode_held = mode_held;
+    packet.damping_Nms_rad = damping_Nms_rad;
+    packet.given_J = given_J;
+    packet.held_J = held_J;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -214,10 +247,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.passivity_status = passivity_status;
+    packet.cable_status = cable_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
     packet.human_status = human_status;
+    packet.drive_by_gear_status = drive_by_gear_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -248,6 +284,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -257,15 +296,18 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param passivity_status  what is known of this step; bits below
+ * @param cable_status  what is known of this sample; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
+ * @param drive_by_gear_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -283,20 +325,26 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_float(buf, 44, energy_J);
     _mav_put_float(buf, 48, fault);
     _mav_put_float(buf, 52, mode_held);
-    _mav_put_uint32_t(buf, 56, encoder_motor_status);
-    _mav_put_uint32_t(buf, 60, encoder_load_status);
-    _mav_put_uint32_t(buf, 64, joint_status);
-    _mav_put_uint32_t(buf, 68, velocity_status);
-    _mav_put_uint32_t(buf, 72, sensor_status);
-    _mav_put_uint32_t(buf, 76, motor_rate_status);
-    _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, encoder_gear_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, limits_status);
-    _mav_put_uint32_t(buf, 96, drive_status);
-    _mav_put_uint32_t(buf, 100, gear_status);
-    _mav_put_uint32_t(buf, 104, human_status);
-    _mav_put_uint32_t(buf, 108, step_ticks);
+    _mav_put_float(buf, 56, damping_Nms_rad);
+    _mav_put_float(buf, 60, given_J);
+    _mav_put_float(buf, 64, held_J);
+    _mav_put_uint32_t(buf, 68, encoder_motor_status);
+    _mav_put_uint32_t(buf, 72, encoder_load_status);
+    _mav_put_uint32_t(buf, 76, joint_status);
+    _mav_put_uint32_t(buf, 80, velocity_status);
+    _mav_put_uint32_t(buf, 84, sensor_status);
+    _mav_put_uint32_t(buf, 88, motor_rate_status);
+    _mav_put_uint32_t(buf, 92, load_rate_status);
+    _mav_put_uint32_t(buf, 96, encoder_gear_status);
+    _mav_put_uint32_t(buf, 100, reference_status);
+    _mav_put_uint32_t(buf, 104, passivity_status);
+    _mav_put_uint32_t(buf, 108, cable_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -315,6 +363,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.energy_J = energy_J;
     packet.fault = fault;
     packet.mode_held = mode_held;
+    packet.damping_Nms_rad = damping_Nms_rad;
+    packet.given_J = given_J;
+    packet.held_J = held_J;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -324,10 +375,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.passivity_status = passivity_status;
+    packet.cable_status = cable_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
     packet.human_status = human_status;
+    packet.drive_by_gear_status = drive_by_gear_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -361,6 +415,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -370,16 +427,19 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param passivity_status  what is known of this step; bits below
+ * @param cable_status  what is known of this sample; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
+ * @param drive_by_gear_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,float damping_Nms_rad,float given_J,float held_J,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t passivity_status,uint32_t cable_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t drive_by_gear_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -397,20 +457,26 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_float(buf, 44, energy_J);
     _mav_put_float(buf, 48, fault);
     _mav_put_float(buf, 52, mode_held);
-    _mav_put_uint32_t(buf, 56, encoder_motor_status);
-    _mav_put_uint32_t(buf, 60, encoder_load_status);
-    _mav_put_uint32_t(buf, 64, joint_status);
-    _mav_put_uint32_t(buf, 68, velocity_status);
-    _mav_put_uint32_t(buf, 72, sensor_status);
-    _mav_put_uint32_t(buf, 76, motor_rate_status);
-    _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, encoder_gear_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, limits_status);
-    _mav_put_uint32_t(buf, 96, drive_status);
-    _mav_put_uint32_t(buf, 100, gear_status);
-    _mav_put_uint32_t(buf, 104, human_status);
-    _mav_put_uint32_t(buf, 108, step_ticks);
+    _mav_put_float(buf, 56, damping_Nms_rad);
+    _mav_put_float(buf, 60, given_J);
+    _mav_put_float(buf, 64, held_J);
+    _mav_put_uint32_t(buf, 68, encoder_motor_status);
+    _mav_put_uint32_t(buf, 72, encoder_load_status);
+    _mav_put_uint32_t(buf, 76, joint_status);
+    _mav_put_uint32_t(buf, 80, velocity_status);
+    _mav_put_uint32_t(buf, 84, sensor_status);
+    _mav_put_uint32_t(buf, 88, motor_rate_status);
+    _mav_put_uint32_t(buf, 92, load_rate_status);
+    _mav_put_uint32_t(buf, 96, encoder_gear_status);
+    _mav_put_uint32_t(buf, 100, reference_status);
+    _mav_put_uint32_t(buf, 104, passivity_status);
+    _mav_put_uint32_t(buf, 108, cable_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -429,6 +495,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.energy_J = energy_J;
     packet.fault = fault;
     packet.mode_held = mode_held;
+    packet.damping_Nms_rad = damping_Nms_rad;
+    packet.given_J = given_J;
+    packet.held_J = held_J;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -438,10 +507,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.passivity_status = passivity_status;
+    packet.cable_status = cable_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
     packet.human_status = human_status;
+    packet.drive_by_gear_status = drive_by_gear_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -461,7 +533,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -475,7 +547,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -489,7 +561,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -510,6 +582,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -519,15 +594,18 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
  * @param reference_status  what is known of this set torque; bits below
+ * @param passivity_status  what is known of this step; bits below
+ * @param cable_status  what is known of this sample; bits below
  * @param limits_status  which limits act, and what holds the latch; bits below
  * @param drive_status  what is known of this estimate; bits below
  * @param gear_status  what is known of this estimate; bits below
  * @param human_status  what is known of this estimate; bits below
+ * @param drive_by_gear_status  what is known of this estimate; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -545,20 +623,26 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_float(buf, 44, energy_J);
     _mav_put_float(buf, 48, fault);
     _mav_put_float(buf, 52, mode_held);
-    _mav_put_uint32_t(buf, 56, encoder_motor_status);
-    _mav_put_uint32_t(buf, 60, encoder_load_status);
-    _mav_put_uint32_t(buf, 64, joint_status);
-    _mav_put_uint32_t(buf, 68, velocity_status);
-    _mav_put_uint32_t(buf, 72, sensor_status);
-    _mav_put_uint32_t(buf, 76, motor_rate_status);
-    _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, encoder_gear_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, limits_status);
-    _mav_put_uint32_t(buf, 96, drive_status);
-    _mav_put_uint32_t(buf, 100, gear_status);
-    _mav_put_uint32_t(buf, 104, human_status);
-    _mav_put_uint32_t(buf, 108, step_ticks);
+    _mav_put_float(buf, 56, damping_Nms_rad);
+    _mav_put_float(buf, 60, given_J);
+    _mav_put_float(buf, 64, held_J);
+    _mav_put_uint32_t(buf, 68, encoder_motor_status);
+    _mav_put_uint32_t(buf, 72, encoder_load_status);
+    _mav_put_uint32_t(buf, 76, joint_status);
+    _mav_put_uint32_t(buf, 80, velocity_status);
+    _mav_put_uint32_t(buf, 84, sensor_status);
+    _mav_put_uint32_t(buf, 88, motor_rate_status);
+    _mav_put_uint32_t(buf, 92, load_rate_status);
+    _mav_put_uint32_t(buf, 96, encoder_gear_status);
+    _mav_put_uint32_t(buf, 100, reference_status);
+    _mav_put_uint32_t(buf, 104, passivity_status);
+    _mav_put_uint32_t(buf, 108, cable_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -577,6 +661,9 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.energy_J = energy_J;
     packet.fault = fault;
     packet.mode_held = mode_held;
+    packet.damping_Nms_rad = damping_Nms_rad;
+    packet.given_J = given_J;
+    packet.held_J = held_J;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -586,10 +673,13 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
     packet.reference_status = reference_status;
+    packet.passivity_status = passivity_status;
+    packet.cable_status = cable_status;
     packet.limits_status = limits_status;
     packet.drive_status = drive_status;
     packet.gear_status = gear_status;
     packet.human_status = human_status;
+    packet.drive_by_gear_status = drive_by_gear_status;
     packet.step_ticks = step_ticks;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)&packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
@@ -604,7 +694,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -618,7 +708,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -636,20 +726,26 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_float(buf, 44, energy_J);
     _mav_put_float(buf, 48, fault);
     _mav_put_float(buf, 52, mode_held);
-    _mav_put_uint32_t(buf, 56, encoder_motor_status);
-    _mav_put_uint32_t(buf, 60, encoder_load_status);
-    _mav_put_uint32_t(buf, 64, joint_status);
-    _mav_put_uint32_t(buf, 68, velocity_status);
-    _mav_put_uint32_t(buf, 72, sensor_status);
-    _mav_put_uint32_t(buf, 76, motor_rate_status);
-    _mav_put_uint32_t(buf, 80, load_rate_status);
-    _mav_put_uint32_t(buf, 84, encoder_gear_status);
-    _mav_put_uint32_t(buf, 88, reference_status);
-    _mav_put_uint32_t(buf, 92, limits_status);
-    _mav_put_uint32_t(buf, 96, drive_status);
-    _mav_put_uint32_t(buf, 100, gear_status);
-    _mav_put_uint32_t(buf, 104, human_status);
-    _mav_put_uint32_t(buf, 108, step_ticks);
+    _mav_put_float(buf, 56, damping_Nms_rad);
+    _mav_put_float(buf, 60, given_J);
+    _mav_put_float(buf, 64, held_J);
+    _mav_put_uint32_t(buf, 68, encoder_motor_status);
+    _mav_put_uint32_t(buf, 72, encoder_load_status);
+    _mav_put_uint32_t(buf, 76, joint_status);
+    _mav_put_uint32_t(buf, 80, velocity_status);
+    _mav_put_uint32_t(buf, 84, sensor_status);
+    _mav_put_uint32_t(buf, 88, motor_rate_status);
+    _mav_put_uint32_t(buf, 92, load_rate_status);
+    _mav_put_uint32_t(buf, 96, encoder_gear_status);
+    _mav_put_uint32_t(buf, 100, reference_status);
+    _mav_put_uint32_t(buf, 104, passivity_status);
+    _mav_put_uint32_t(buf, 108, cable_status);
+    _mav_put_uint32_t(buf, 112, limits_status);
+    _mav_put_uint32_t(buf, 116, drive_status);
+    _mav_put_uint32_t(buf, 120, gear_status);
+    _mav_put_uint32_t(buf, 124, human_status);
+    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 132, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -668,6 +764,9 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->energy_J = energy_J;
     packet->fault = fault;
     packet->mode_held = mode_held;
+    packet->damping_Nms_rad = damping_Nms_rad;
+    packet->given_J = given_J;
+    packet->held_J = held_J;
     packet->encoder_motor_status = encoder_motor_status;
     packet->encoder_load_status = encoder_load_status;
     packet->joint_status = joint_status;
@@ -677,10 +776,13 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->load_rate_status = load_rate_status;
     packet->encoder_gear_status = encoder_gear_status;
     packet->reference_status = reference_status;
+    packet->passivity_status = passivity_status;
+    packet->cable_status = cable_status;
     packet->limits_status = limits_status;
     packet->drive_status = drive_status;
     packet->gear_status = gear_status;
     packet->human_status = human_status;
+    packet->drive_by_gear_status = drive_by_gear_status;
     packet->step_ticks = step_ticks;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
@@ -834,13 +936,43 @@ static inline float mavlink_msg_esea_sense_out_get_mode_held(const mavlink_messa
 }
 
 /**
+ * @brief Get field damping_Nms_rad from esea_sense_out message
+ *
+ * @return  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ */
+static inline float mavlink_msg_esea_sense_out_get_damping_Nms_rad(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  56);
+}
+
+/**
+ * @brief Get field given_J from esea_sense_out message
+ *
+ * @return  energy given beyond the wanted torque's; [J], range 0 to 120.119995
+ */
+static inline float mavlink_msg_esea_sense_out_get_given_J(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  60);
+}
+
+/**
+ * @brief Get field held_J from esea_sense_out message
+ *
+ * @return  that, and what drive and command may still give; [J], range 0 to 172.595291
+ */
+static inline float mavlink_msg_esea_sense_out_get_held_J(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  64);
+}
+
+/**
  * @brief Get field encoder_motor_status from esea_sense_out message
  *
  * @return  what is known of this sample; bits below
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_motor_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  56);
+    return _MAV_RETURN_uint32_t(msg,  68);
 }
 
 /**
@@ -850,7 +982,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_motor_status(const
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_load_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  60);
+    return _MAV_RETURN_uint32_t(msg,  72);
 }
 
 /**
@@ -860,7 +992,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_load_status(const 
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_joint_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  64);
+    return _MAV_RETURN_uint32_t(msg,  76);
 }
 
 /**
@@ -870,7 +1002,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_joint_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  68);
+    return _MAV_RETURN_uint32_t(msg,  80);
 }
 
 /**
@@ -880,7 +1012,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_sensor_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  72);
+    return _MAV_RETURN_uint32_t(msg,  84);
 }
 
 /**
@@ -890,7 +1022,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_sensor_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_motor_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  76);
+    return _MAV_RETURN_uint32_t(msg,  88);
 }
 
 /**
@@ -900,7 +1032,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_motor_rate_status(const ma
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  80);
+    return _MAV_RETURN_uint32_t(msg,  92);
 }
 
 /**
@@ -910,7 +1042,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  84);
+    return _MAV_RETURN_uint32_t(msg,  96);
 }
 
 /**
@@ -920,7 +1052,27 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const 
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  88);
+    return _MAV_RETURN_uint32_t(msg,  100);
+}
+
+/**
+ * @brief Get field passivity_status from esea_sense_out message
+ *
+ * @return  what is known of this step; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_passivity_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  104);
+}
+
+/**
+ * @brief Get field cable_status from esea_sense_out message
+ *
+ * @return  what is known of this sample; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_cable_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  108);
 }
 
 /**
@@ -930,7 +1082,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  92);
+    return _MAV_RETURN_uint32_t(msg,  112);
 }
 
 /**
@@ -940,7 +1092,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  96);
+    return _MAV_RETURN_uint32_t(msg,  116);
 }
 
 /**
@@ -950,7 +1102,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  100);
+    return _MAV_RETURN_uint32_t(msg,  120);
 }
 
 /**
@@ -960,7 +1112,17 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  104);
+    return _MAV_RETURN_uint32_t(msg,  124);
+}
+
+/**
+ * @brief Get field drive_by_gear_status from esea_sense_out message
+ *
+ * @return  what is known of this estimate; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_drive_by_gear_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  128);
 }
 
 /**
@@ -970,7 +1132,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  108);
+    return _MAV_RETURN_uint32_t(msg,  132);
 }
 
 /**
@@ -996,6 +1158,9 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->energy_J = mavlink_msg_esea_sense_out_get_energy_J(msg);
     esea_sense_out->fault = mavlink_msg_esea_sense_out_get_fault(msg);
     esea_sense_out->mode_held = mavlink_msg_esea_sense_out_get_mode_held(msg);
+    esea_sense_out->damping_Nms_rad = mavlink_msg_esea_sense_out_get_damping_Nms_rad(msg);
+    esea_sense_out->given_J = mavlink_msg_esea_sense_out_get_given_J(msg);
+    esea_sense_out->held_J = mavlink_msg_esea_sense_out_get_held_J(msg);
     esea_sense_out->encoder_motor_status = mavlink_msg_esea_sense_out_get_encoder_motor_status(msg);
     esea_sense_out->encoder_load_status = mavlink_msg_esea_sense_out_get_encoder_load_status(msg);
     esea_sense_out->joint_status = mavlink_msg_esea_sense_out_get_joint_status(msg);
@@ -1005,10 +1170,13 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->load_rate_status = mavlink_msg_esea_sense_out_get_load_rate_status(msg);
     esea_sense_out->encoder_gear_status = mavlink_msg_esea_sense_out_get_encoder_gear_status(msg);
     esea_sense_out->reference_status = mavlink_msg_esea_sense_out_get_reference_status(msg);
+    esea_sense_out->passivity_status = mavlink_msg_esea_sense_out_get_passivity_status(msg);
+    esea_sense_out->cable_status = mavlink_msg_esea_sense_out_get_cable_status(msg);
     esea_sense_out->limits_status = mavlink_msg_esea_sense_out_get_limits_status(msg);
     esea_sense_out->drive_status = mavlink_msg_esea_sense_out_get_drive_status(msg);
     esea_sense_out->gear_status = mavlink_msg_esea_sense_out_get_gear_status(msg);
     esea_sense_out->human_status = mavlink_msg_esea_sense_out_get_human_status(msg);
+    esea_sense_out->drive_by_gear_status = mavlink_msg_esea_sense_out_get_drive_by_gear_status(msg);
     esea_sense_out->step_ticks = mavlink_msg_esea_sense_out_get_step_ticks(msg);
 #else
         uint8_t len = msg->len < MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN? msg->len : MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN;
