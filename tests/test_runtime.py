@@ -90,7 +90,7 @@ def test_the_first_tick_may_be_any(run):
 def test_late_control_runs_are_bridged_eleven_times_and_then_latch(run):
     """Each run ends two ticks after its start, one after its release; stamps keep coming."""
     run.until(200)
-    # By hand: at the n-th late release stand n * 16 - (n - 1) * 5: 126 at the 11th, 137 at the 12th.
+    # By hand: at the n-th late release stand 16 n - 5 (n - 1): 126 at the 11th, 137 at the 12th.
     late_at = [201 + 5 * n for n in range(12)]  # releases of the runs that start at 200, 205, ...
     for tick in range(200, 260):
         run.tick(tick, late=True)
