@@ -15,7 +15,7 @@ from esea_gen.errors import UserError
 # What every verified number rests on: no contraction to fused multiply-add, no other liberty.
 EXACT_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 CONTROL_FLAGS = (*EXACT_FLAGS, "-Wall", "-Wextra")
-APP_FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+APP_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Wswitch-enum", "-Werror")
 # So that the linker drops what nobody calls.
 SECTION_FLAGS = ("-ffunction-sections", "-fdata-sections")
 # An image without an operating system.

@@ -96,8 +96,8 @@ def test_the_board_stops_at_a_fault_exception(elbow, tools, tmp_path):
     control = altered(elbow, "esea_elbow.c", body, r"\1 __builtin_trap();")
     image = build_firmware(elbow, BOARD, tmp_path, control)
     with (
-        RunningBoard(elbow, image) as board,
         pytest.raises(Exception, match="fault exception"),
+        RunningBoard(elbow, image) as board,
     ):
         board.stream("sense", {"theta_rad": deflection_rad()[:5]})
 

@@ -60,8 +60,8 @@ def peer():
     made.wire.close()
 
 
-def heartbeat(mode="RUNNING", state="ACTIVE"):
-    mode, state = (getattr(DIALECT, n) for n in (f"ESEA_MODE_{mode}", f"MAV_STATE_{state}"))
+def heartbeat(mode="REPLAY", state="ACTIVE"):
+    mode, state = (getattr(DIALECT, n) for n in (f"ESEA_STATE_{mode}", f"MAV_STATE_{state}"))
     return DIALECT.MAVLink_heartbeat_message(0, 8, 1, mode, state, 3)
 
 
@@ -190,7 +190,7 @@ def test_no_heartbeat_says_what_to_do(peer, sent, said):
 def test_a_heartbeat_opens_the_session_and_tells_the_mode(peer):
     peer.say(heartbeat("READY", "STANDBY"))
     with peer.session as session:
-        assert session.mode() == "READY"
+        assert session.state() == "READY"
         assert session.counters.frames == 1
 
 
@@ -206,7 +206,7 @@ def test_noise_does_not_put_off_the_end_of_waiting(peer):
 
 def test_what_was_not_waited_for_stays_in_order(peer):
     peer.say(output(1), heartbeat(), output(2), heartbeat("FAULT"), output(3))
-    assert peer.session.wait_for("HEARTBEAT").custom_mode == DIALECT.ESEA_MODE_RUNNING
+    assert peer.session.wait_for("HEARTBEAT").custom_mode == DIALECT.ESEA_STATE_REPLAY
     assert peer.session.wait_for("ESEA_SENSE_OUT", wanted=lambda m: m.sequence > 1).sequence == 2
     assert peer.session.receive().sequence == 1
     left = peer.session.pending()

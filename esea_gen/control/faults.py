@@ -71,7 +71,29 @@ FAULT_CURE = {
     Fault.COEFFICIENTS: "run the control task; if it stays, prepare again: memory was overwritten",
 }
 
-FAULT_CODES = tuple(Code(f.name, int(f), FAULT_TEXT[f], FAULT_CURE[f]) for f in Fault)
+# From the measurement, as the limits get it, to a motor command of zero; docs/limits.md tells how.
+FAULT_BOUND = {
+    Fault.NONE: "",
+    Fault.NOT_ARMED: "from the first step on",
+    Fault.STATE_CORRUPT: "the same step",
+    Fault.TUNABLE_INVALID: "the same step",
+    Fault.STOP: "the same step",
+    Fault.INPUT_INVALID: "the same step",
+    Fault.SENSING: "the same step; what only contradicts, as the page on limits tells",
+    Fault.CONTROL_STALE: "5 control periods after the last new command",
+    Fault.DEFLECTION: "the same step",
+    Fault.TORQUE: "the same step",
+    Fault.SPEED: "the same step",
+    Fault.RANGE_OF_MOTION: "the same step",
+    Fault.ENERGY: "the same step",
+    Fault.CLOCK: "the same step",
+    Fault.LATE: "the twelfth late run in a row",
+    Fault.COEFFICIENTS: "the next control run and its release",
+}
+
+FAULT_CODES = tuple(
+    Code(f.name, int(f), FAULT_TEXT[f], FAULT_CURE[f], FAULT_BOUND[f]) for f in Fault
+)
 
 
 def limit_flags(energy_max: float) -> tuple[Flag, ...]:

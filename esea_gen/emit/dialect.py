@@ -27,6 +27,7 @@ from esea_gen.device import Device
 from esea_gen.emit.build import MANIFEST, Bundle, _manifest, build_command, device_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, port_text
+from esea_gen.emit.states import BOARD_FAULTS, STATES, TIMES_MS
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Code, Flag, Port
 from esea_gen.language.system import External, System
@@ -38,42 +39,71 @@ MAX_PAYLOAD_BYTES = 255
 MAX_FIELDS = 64
 HEARTBEAT_EVERY = 1000
 
-# State of the firmware; the position is the number on the wire.
-MODES = (
-    ("BOOT", "Starting; no input is taken."),
-    ("READY", "Initial state; waits for the first input."),
-    ("RUNNING", "Takes one step per input."),
-    ("FAULT", "A fault is latched; inputs are answered by a HEARTBEAT until a reset."),
-)
-# The board's own faults share one list of numbers with the reasons of the limits, which stay below
-# 100; no number is used again for another fault.
-FAULTS = (
-    Code("NONE", 0, "No fault.", "nothing to do"),
-    Code(
-        "PREPARE_REFUSED",
-        101,
-        "A tunable's default is outside its range.",
-        "build the firmware from a device file that esea-gen accepts",
-    ),
-    Code(
-        "STACK_EXHAUSTED",
-        102,
-        "The stack has been used to its last word.",
-        "reset; give the stack more memory in the linker script",
-    ),
-    Code(
-        "PROCESSOR",
-        103,
-        "The processor took a fault exception.",
-        "reset; if it comes again, service",
-    ),
-)
+WANTED_ID, CLOCK_ID = FIRST_ID + 60, FIRST_ID + 61
+ZERO_ROOM_RAD = 0.00873  # how far a joint that is zeroed may move: half a degree
+
+
+@dataclass(frozen=True)
+class ZeroedEncoder:
+    """An encoder whose zero a calibration sets.
+
+    theta, status: the outputs that tell of it.
+    """
+
+    instance: str
+    block: str
+    theta: str
+    status: str
+
+
+@dataclass(frozen=True)
+class BoardRoles:
+    """Who gives a System's inputs on the board's own clock, and what the board itself looks at.
+
+    drive: whether there is a motor, with limits before it.
+    measured: inputs that its drivers give; the others are wanted by the host.
+    first: the task whose outputs the board looks at.
+    """
+
+    drive: bool
+    measured: tuple[External, ...]
+    wanted: tuple[External, ...]
+    encoders: tuple[ZeroedEncoder, ...]
+    first: str
+
+    @property
+    def wanted_names(self) -> tuple[str, ...]:
+        """Names of what the host gives."""
+        return tuple(x.name for x in self.wanted)
+
+
+def board_roles(system: System) -> BoardRoles:
+    """Roles of a System's inputs; with limits all but counts and frame words are wanted."""
+    inputs = {x.name: x for t in system.tasks for x in system.task_inputs(t)}
+    drive = "rearm" in inputs
+    measured = [
+        x
+        for x in inputs.values()
+        if not drive or x.name.startswith(("count_", "frame_error_"))
+    ]
+    outputs = {(x.signals[0].instance, x.signals[0].port): x.name for x in system.outputs}
+    return BoardRoles(
+        drive,
+        tuple(measured),
+        tuple(x for x in inputs.values() if x not in measured),
+        tuple(
+            ZeroedEncoder(name, block.name, outputs[name, "theta_rad"], outputs[name, "status"])
+            for name, block in system.blocks.items()
+            if {"zero_rad", "zeroed"} <= {t.name for t in block.tunables}
+        ),
+        system.tasks[0].name,
+    )
 
 
 def fault_codes(system: System) -> tuple[Code, ...]:
     """Every fault that a device with this System can tell, by number."""
     reasons = {c.value: c for b in system.kinds for p in b.outputs for c in p.codes if c.value}
-    return tuple(sorted([*FAULTS, *reasons.values()], key=lambda c: c.value))
+    return tuple(sorted([*BOARD_FAULTS, *reasons.values()], key=lambda c: c.value))
 
 
 @dataclass(frozen=True)
@@ -95,12 +125,12 @@ class MessageField:
     @property
     def bitmask(self) -> bool:
         """Whether the enum names bits."""
-        return bool(self.enum) and self.enum != "ESEA_FAULT"
+        return bool(self.enum) and self.enum not in ("ESEA_FAULT", "ESEA_STATE")
 
     @property
     def bytes(self) -> int:
         """Size on the wire."""
-        return self.size * {"float": 4, "uint32_t": 4, "char": 1}[self.c_type]
+        return self.size * {"float": 4, "uint32_t": 4, "uint16_t": 2, "char": 1}[self.c_type]
 
 
 @dataclass(frozen=True)
@@ -191,6 +221,20 @@ _INFO = (
 )
 
 
+_CLOCK = (
+    MessageField("uint32_t", "tick", "The next base tick."),
+    MessageField("uint32_t", "lost_ticks", "Base ticks since boot that came too late or not."),
+    MessageField(
+        "uint32_t", "missed_runs", "Runs since boot that did not start: the one before had not ended."
+    ),
+    MessageField("uint32_t", "late_runs", "Runs that had not ended at their release."),
+    MessageField("uint32_t", "dropped", "Runs since boot that found no room until they are sent."),
+    MessageField("uint32_t", "refused", "Commands and inputs since boot that the state refused."),
+    MessageField("uint32_t", "deadline_left", "Base ticks until the command's deadline; 0: none."),
+    MessageField("uint32_t", "state", "State of the board.", enum="ESEA_STATE"),
+)
+
+
 def messages(system: System) -> tuple[Message, ...]:
     """The messages of a System beside the three standard ones."""
     found = [
@@ -222,6 +266,22 @@ def messages(system: System) -> tuple[Message, ...]:
                 (sequence, *results, ticks),
             ),
         ]
+    found.append(Message(CLOCK_ID, "ESEA_CLOCK", "The board's own clock; on request.", _CLOCK))
+    roles = board_roles(system)
+    if roles.drive:
+        wanted = tuple(
+            _port_field(system, x) for x in roles.wanted if x.name not in ("stop", "rearm")
+        )
+        least, most = TIMES_MS["DEADLINE_LEAST"][0], TIMES_MS["DEADLINE_MOST"][0]
+        deadline = MessageField(
+            "uint16_t",
+            "deadline_ms",
+            f"When the next one must have come, or the board lets go: {least} to {most}, what is "
+            f"outside is held there; 0: {TIMES_MS['DEADLINE'][0]}.",
+            units="ms",
+        )
+        meaning = "What the host wants, from the state ARMED on; anew before its deadline."
+        found.append(Message(WANTED_ID, "ESEA_WANTED", meaning, (*wanted, deadline)))
     for message in found:
         if message.payload_bytes > MAX_PAYLOAD_BYTES or len(message.fields) > MAX_FIELDS:
             raise UserError(
@@ -281,7 +341,10 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
     context: dict[str, Any] = {
         "messages": own,
         "status_words": status_words(system),
-        "modes": MODES,
+        "states": STATES,
+        "roles": board_roles(system),
+        "first_id": FIRST_ID,
+        "zero_room": ZERO_ROOM_RAD,
         "faults": fault_codes(system),
         "heartbeat_every": HEARTBEAT_EVERY,
         "longest_period": max(t.every for t in system.tasks),

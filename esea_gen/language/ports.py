@@ -147,12 +147,15 @@ class Code:
         What has happened.
     cure : str
         What the person at the machine should do.
+    bound : str
+        How long it may take until it is found.
     """
 
     name: str
     value: int
     cause: str
     cure: str
+    bound: str = ""
 
 
 @dataclass(frozen=True)

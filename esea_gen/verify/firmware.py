@@ -177,7 +177,9 @@ def build_firmware(
         script = f"boards/{board}/link.ld"
         bare = (folder / script).is_file()
         app_objects = []
-        for name in ("app/app", f"boards/{board}/board", *(["port/cortex_m"] if bare else [])):
+        parts = sorted(p.stem for p in (folder / "app").glob("*.c"))
+        names = [f"app/{part}" for part in parts]
+        for name in (*names, f"boards/{board}/board", *(["port/cortex_m"] if bare else [])):
             flags = (*APP_FLAGS, *chosen.app_flags, *includes, header)
             _run([*common, *flags, f"{name}.c", "-o", f"{name}.o"], folder, f"{name}.c")
             app_objects.append(f"{name}.o")

@@ -1,12 +1,16 @@
-/* The application: frames in, one step of a task for each, frames out.
+/* The application: what the board does between its hardware and the generated control code.
  *
- *   BOOT ----> READY ----> RUNNING          the first input makes it RUNNING
- *     \          |            |
- *      \---------+-----> FAULT              latched; only the reset command leaves it, to READY
+ *   machine.c   where an event leads from a state
+ *   schedule.c  the own clock: base tick, tasks, motor, deadlines
+ *   link.c      frames in, frames out
+ *   app.c       start, self-test, events, faults
  *
- * The host clocks it ("processor in the loop"): a task runs when its input comes in.  There is no
- * control mathematics here; that is in the generated files.  The caller owns all memory, and any
- * number of instances may run side by side.
+ * There is no control mathematics here; that is in the generated files.  The caller owns all memory,
+ * and any number of instances may run side by side.
+ *
+ * Who calls what: esea_app_tick from the tick's interrupt, esea_app_background from the lowest one,
+ * esea_app_poll from the main loop.  A higher one may come between any two instructions of a lower.
+ * The state and what is wanted change in the tick, or with interrupts held off.
  *
  * License: MIT. */
 #ifndef ESEA_APP_H
@@ -14,21 +18,83 @@
 
 #include <stdint.h>
 
+#include "machine.h"
 #include "port.h"
 #include ESEA_LINK_HEADER /* the device's binding, esea_<device>_link.h: the build names it */
+
+#define ESEA_FIRST_BOARD_FAULT 101 /* below: the limits' */
+#define ESEA_RUNS_KEPT 4u          /* runs of a task that may wait to be sent; a power of two */
+#define ESEA_SIDES 2u              /* a task's input and output */
+
+/* One run of a task, to be sent. */
+typedef struct {
+    uint32_t tick, step_ticks;
+    bool send[ESEA_SIDES];
+    esea_link_in_t in;
+    esea_link_out_t out;
+} esea_run_t;
+
+/* A task on the own clock.  Its runs write `head`, the main loop `tail`; both run free. */
+typedef struct {
+    volatile bool due;  /* of a slower task: asked for, until it has ended */
+    uint32_t due_tick;
+    esea_link_in_t in;  /* taken at the tick at which the run starts */
+    esea_link_out_t out;
+    uint32_t interval[ESEA_SIDES]; /* base ticks from one that is sent to the next; 0: none */
+    volatile uint32_t head, tail;
+    esea_run_t runs[ESEA_RUNS_KEPT];
+} esea_task_t;
+
+/* The own clock. */
+typedef struct {
+    volatile bool runs; /* false while the main loop starts afresh, and in a replay */
+    uint32_t tick;      /* of the next base tick */
+    uint32_t told_tick; /* at which a HEARTBEAT was sent last */
+    uint32_t last_count;
+    bool counted;
+    /* Counters; they stay at their maximum. */
+    uint32_t lost_ticks;
+    uint32_t missed_runs; /* of a task whose run before had not ended */
+    uint32_t dropped;     /* runs that found no room to wait in until they are sent */
+} esea_clock_t;
+
+/* What keeps the motor on, and how long still; in base ticks. */
+typedef struct {
+    esea_link_wanted_t wanted;
+    float rearm;
+    bool rearm_asked;
+    bool stop_held;
+    bool mode_on;           /* the last command had a mode other than 0 */
+    uint32_t deadline_left; /* of the command */
+    uint32_t link_left;     /* until the host counts as gone */
+    uint32_t fade_left;
+    float fade_from_Nm;
+    uint32_t still_left;        /* of zeroing */
+    esea_link_out_t still_from; /* its first angles */
+    volatile bool zeroing_ends; /* asks the main loop to take the angles, or to give up */
+    bool stood_still;
+    uint32_t refused; /* events from the link that were refused; stays at its maximum */
+} esea_motion_t;
 
 typedef struct {
     const esea_port_t *port;
     esea_link_control_t control;
+    ESEA_STATE state;
+    ESEA_FAULT fault;
+    bool referenced;
+    ESEA_STATE told; /* the state that was last sent */
+    esea_clock_t clock;
+    esea_task_t tasks[ESEA_LINK_TASKS];
+    esea_motion_t motion;
+    float measured[ESEA_LINK_MEASURED + 1u]; /* one more, for an array of none is no array */
+
     mavlink_message_t received; /* the frame that is coming in */
     mavlink_status_t receiving;
     mavlink_status_t sending;
-    ESEA_MODE mode;
-    ESEA_FAULT fault;
-    uint32_t next_tick[ESEA_LINK_TASKS]; /* sequence number expected next, a task */
-    bool started[ESEA_LINK_TASKS];       /* whether the task has run since the reset */
-    uint32_t released_tick;              /* tick of the last release of the latches */
-    bool released;                       /* whether there was one since the reset */
+    uint32_t next_tick[ESEA_LINK_TASKS]; /* replay: sequence number expected next, a task */
+    bool started[ESEA_LINK_TASKS];       /* replay: whether the task has run since the reset */
+    uint32_t released_tick;              /* replay: tick of the last release of the latches */
+    bool released;                       /* replay: whether there was one since the reset */
     uint32_t empty_ticks;                /* ticks of measuring nothing */
     /* Counters; they stay at their maximum.  The first two start again at a reset. */
     uint32_t steps;
@@ -37,13 +103,58 @@ typedef struct {
     uint32_t unknown_messages;
 } esea_app_t;
 
-/* Initial state, and a HEARTBEAT that says so. */
+/* Initial state, self-test, and a HEARTBEAT that says what was found. */
 void esea_app_init(esea_app_t *app, const esea_port_t *port);
 
-/* Handles what has been received, then sleeps until there may be more.  Call it for ever. */
+/* One base tick: call it at every one. */
+void esea_app_tick(esea_app_t *app);
+
+/* Tasks slower than the tick; the port's `pend` asks for it. */
+void esea_app_background(esea_app_t *app);
+
+/* Handles what has been received, sends what waits, then sleeps until there may be more.  Call it
+ * for ever. */
 void esea_app_poll(esea_app_t *app);
+
+/* Whether there is something for esea_app_poll to do beside what was received. */
+bool esea_app_waits(const esea_app_t *app);
 
 /* Latches a fault and tells of it.  Takes no step; may be called from a fault handler. */
 void esea_app_fail(esea_app_t *app, ESEA_FAULT fault);
+
+/* -- between the files ------------------------------------------------------------------------- */
+
+/* Follows an event and does what entering a state asks; false when it is refused.  From the tick, or
+ * with interrupts held off. */
+bool esea_app_event(esea_app_t *app, ESEA_EVENT event);
+
+/* The same for the main loop, which also does what must wait until no step runs. */
+bool esea_app_ask(esea_app_t *app, ESEA_EVENT event);
+
+/* Starts all but the link and what must survive; false when the self-test finds something. */
+bool esea_app_reset(esea_app_t *app);
+
+/* Latches STACK_EXHAUSTED where it is. */
+void esea_app_check_stack(esea_app_t *app);
+
+void esea_link_receive(esea_app_t *app, uint8_t byte);
+void esea_link_send_heartbeat(esea_app_t *app);
+/* Runs that wait, and a HEARTBEAT where the state is another. */
+void esea_link_send_waiting(esea_app_t *app);
+uint32_t esea_link_measure(esea_app_t *app, uint32_t task, const esea_link_in_t *in, esea_link_out_t *out);
+
+static inline void esea_count(uint32_t *counter)
+{
+    if (*counter != UINT32_MAX)
+        ++*counter;
+}
+
+/* Base ticks of a time; at least one. */
+static inline uint32_t esea_ticks(uint32_t ms)
+{
+    const uint32_t ticks = ms * 1000u / ESEA_LINK_TICK_US;
+
+    return ticks > 0u ? ticks : 1u;
+}
 
 #endif

@@ -11,6 +11,9 @@
 #define RECEIVE_BUFFER_BYTES 1024u /* a power of two */
 #define STACK_PAINT 0xA5A5A5A5u
 
+#define ESEA_ICSR ESEA_REG(0xE000ED04u)
+#define ESEA_ICSR_PENDSVSET (1u << 28)
+#define ESEA_SHPR3 ESEA_REG(0xE000ED20u) /* priorities of PendSV and SysTick */
 #define ESEA_CPACR ESEA_REG(0xE000ED88u)
 #define ESEA_CPACR_FPU_FULL (0xFu << 20)
 
@@ -36,6 +39,16 @@ void esea_cortex_m_received(uint8_t byte)
     } else if (receiver.lost != UINT32_MAX) {
         receiver.lost = receiver.lost + 1u;
     }
+}
+
+void esea_cortex_m_tick(void)
+{
+    esea_app_tick(&app);
+}
+
+void esea_slower_handler(void)
+{
+    esea_app_background(&app);
 }
 
 static size_t port_read(uint8_t *bytes, size_t capacity)
@@ -70,9 +83,14 @@ static void port_wait(void)
     /* Interrupts are off between the look and the sleep, so that no byte comes in unseen; one that
      * is pending ends the sleep all the same. */
     port_quiet(true);
-    if (receiver.tail == receiver.head)
+    if (receiver.tail == receiver.head && !esea_app_waits(&app))
         __asm__ volatile("dsb\n\twfi" ::: "memory");
     port_quiet(false);
+}
+
+static void port_pend(void)
+{
+    ESEA_ICSR = ESEA_ICSR_PENDSVSET;
 }
 
 static uint32_t port_lost_bytes(void)
@@ -99,13 +117,16 @@ static void run(void)
         .wait = port_wait,
         .ticks = esea_board_ticks,
         .quiet = port_quiet,
+        .pend = port_pend,
         .lost_bytes = port_lost_bytes,
         .stack_peak_bytes = port_stack_peak_bytes,
     };
 
     port.stack_bytes = (uint32_t)(esea_stack_top - esea_stack_limit) * (uint32_t)sizeof(uint32_t);
+    ESEA_SHPR3 = ESEA_PRIORITY_SLOWER << 16;
     esea_board_start();
     esea_app_init(&app, &port);
+    port.base_ticks = esea_board_start_tick(ESEA_LINK_TICK_US);
     for (;;)
         esea_app_poll(&app);
 }

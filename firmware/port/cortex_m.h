@@ -1,6 +1,10 @@
 /* What all boards with a Cortex-M share: start-up, fault handlers, receive buffer, stack measurement,
  * main loop.  A board supplies the functions below and the vector table, in which its receive
- * interrupt calls esea_cortex_m_received.
+ * interrupt calls esea_cortex_m_received, and its timer's esea_cortex_m_tick.
+ *
+ * Priorities, the highest first: faults; receiving, some dozen instructions a byte, which no step may
+ * hold up, for the hardware keeps one byte only; the base tick; PendSV with the slower tasks; the main
+ * loop.
  *
  * License: MIT. */
 #ifndef ESEA_CORTEX_M_H
@@ -10,6 +14,12 @@
 
 #define ESEA_REG(address) (*(volatile uint32_t *)(address))
 #define ESEA_NVIC_ISER(word) ESEA_REG(0xE000E100u + 4u * (word))
+/* A priority is a byte; written as a word, which has those of four interrupts. */
+#define ESEA_NVIC_PRIORITY(irq) ESEA_REG(0xE000E400u + ((irq) & ~3u))
+#define ESEA_PRIORITY_OF(irq, priority) ((uint32_t)(priority) << (8u * ((irq) & 3u)))
+#define ESEA_PRIORITY_RECEIVE 0x20u
+#define ESEA_PRIORITY_TICK 0x40u
+#define ESEA_PRIORITY_SLOWER 0xE0u
 
 /* From the board: its name (at most 15 characters), clocks and peripherals, a free-running counter of 32
  * bits, and a byte to the serial line as soon as that takes it. */
@@ -17,15 +27,20 @@ extern const char esea_board_name[];
 void esea_board_start(void);
 uint32_t esea_board_ticks(void);
 void esea_board_send(uint8_t byte);
+/* Starts the timer of the base tick, whose interrupt comes every so many microseconds; returns how
+ * many counts of esea_board_ticks that is. */
+uint32_t esea_board_start_tick(uint32_t tick_us);
 
-/* To the board, called with each byte that came in. */
+/* To the board, called with each byte that came in, and at each base tick. */
 void esea_cortex_m_received(uint8_t byte);
+void esea_cortex_m_tick(void);
 
 /* From the linker script. */
 extern uint32_t esea_stack_top[];
 
 void esea_reset_handler(void);
 void esea_fault_handler(void);
+void esea_slower_handler(void);
 
 typedef void (*esea_vector_t)(void);
 
@@ -47,7 +62,7 @@ typedef union {
     [5] = { .handler = esea_fault_handler },  /* BusFault */                                       \
     [6] = { .handler = esea_fault_handler },  /* UsageFault */                                     \
     [11] = { .handler = esea_fault_handler }, /* SVCall, not used */                               \
-    [14] = { .handler = esea_fault_handler }, /* PendSV, not used */                               \
+    [14] = { .handler = esea_slower_handler },/* PendSV: tasks slower than the tick */                              \
     [15] = { .handler = esea_fault_handler }  /* SysTick, not used */
 
 #endif

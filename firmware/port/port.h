@@ -19,16 +19,30 @@ typedef struct {
     size_t (*read)(uint8_t *bytes, size_t capacity);
     /* Sends all bytes; returns when the last one has been handed to the hardware. */
     void (*write)(const uint8_t *bytes, size_t count);
-    /* Sleeps until something may have been received; may return early. */
+    /* Sleeps until something may have been received or be waiting; may return early. */
     void (*wait)(void);
     /* A free-running counter of 32 bits, for measuring; 0 on a board without one. */
     uint32_t (*ticks)(void);
-    /* Holds interrupts off while `on`: what is measured in between is the step and nothing else. */
+    /* Its ticks in a base tick, to find one that was lost; 0 where that cannot be said. */
+    uint32_t base_ticks;
+    /* Holds interrupts off while `on`: nothing comes in between. */
     void (*quiet)(bool on);
+    /* Asks for esea_app_background, which runs when nothing above it does. */
+    void (*pend)(void);
     /* Bytes that found the receive buffer full, since boot. */
     uint32_t (*lost_bytes)(void);
     /* Most of the stack that was in use since boot, bytes. */
     uint32_t (*stack_peak_bytes)(void);
+
+    /* The drivers; each is NULL where there is none. */
+
+    /* What is measured at a base tick, in the device's order (ESEA_LINK_MEASURED_...).  Without a
+     * driver every value is NaN, which no Block takes as valid. */
+    void (*sample)(float *measured);
+    /* The motor: its torque at the motor shaft, and its enable line.  At every base tick. */
+    void (*motor)(float u_Nm, bool enable);
+    /* Whether the stop line, normally closed, is open. */
+    bool (*stop_open)(void);
 } esea_port_t;
 
 #endif

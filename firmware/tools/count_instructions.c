@@ -4,7 +4,8 @@
  *   gcc -shared -fPIC count_instructions.c -o count.so
  *   qemu-system-arm ... -d plugin -plugin ./count.so,entry=0x8000101,low=0x8000100,high=0x8000900
  *
- * Prints "entries E instructions N" at the end: N counts what ran inside [low, high).
+ * Prints "run N" for each entry, N counting what ran inside [low, high) until the next, and at the end
+ * "entries E instructions N min A max B".
  *
  * Debian ships no header for the plugin interface (version 1), so it is declared here.
  *
@@ -34,11 +35,15 @@ static uint64_t entry, low, high, entries, instructions, smallest = UINT64_MAX, 
 
 static void close_entry(void)
 {
+    char text[40];
+
     if (entries == 0)
         return;
     smallest = this_entry < smallest ? this_entry : smallest;
     largest = this_entry > largest ? this_entry : largest;
     instructions += this_entry;
+    snprintf(text, sizeof text, "run %llu\n", (unsigned long long)this_entry);
+    qemu_plugin_outs(text);
     this_entry = 0;
 }
 

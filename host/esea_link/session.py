@@ -170,7 +170,9 @@ class Session:
                     raise LinkError(what, said=self.transport.said())
         return bool(data)
 
-    def command(self, command: int, param1: float = 0.0, drop_before: bool = False) -> int:
+    def command(
+        self, command: int, param1: float = 0.0, param2: float = 0.0, *, drop_before: bool = False
+    ) -> int:
         """Give a command and wait for its result.
 
         drop_before: forget what came before the result.
@@ -179,16 +181,81 @@ class Session:
         def fits(message: Any) -> bool:
             return message.get_type() == "COMMAND_ACK" and bool(message.command == command)
 
-        zeros = [0.0] * 6
-        self.send(self.message("COMMAND_LONG", *self.board, command, 0, param1, *zeros))
+        zeros = [0.0] * 5
+        self.send(self.message("COMMAND_LONG", *self.board, command, 0, param1, param2, *zeros))
         ack = self._wait(fits, "COMMAND_ACK", drop_before=drop_before)
         return int(ack.result)
 
     def reset(self) -> None:
         """Return the board to its initial state; what it sent before is dropped."""
         result = self.command(self.dialect.MAV_CMD_USER_1, drop_before=True)
+        if result == self.dialect.MAV_RESULT_TEMPORARILY_REJECTED:
+            raise self._refused("reset")
         if result != self.dialect.MAV_RESULT_ACCEPTED:
             raise LinkError(f"the board cannot reset: {self.fault()}")
+
+    def zero(self) -> None:
+        """Take the present angles as zero: the joint is at its zero, unloaded, and stands still."""
+        self._ask("zero", self.dialect.MAV_CMD_USER_2)
+
+    def arm(self) -> None:
+        """Switch the motor on; the board then waits for what is wanted."""
+        self._ask("arm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+
+    def disarm(self) -> None:
+        """Switch the motor off; where it holds torque, gently."""
+        self._ask("disarm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
+
+    def stop(self) -> None:
+        """Stop; taken in every state, and held until :meth:`release`."""
+        self._ask("stop", self.dialect.MAV_CMD_USER_4)
+
+    def release(self) -> None:
+        """Take a stop back; the motor stays off."""
+        self._ask("release the stop", self.dialect.MAV_CMD_USER_5)
+
+    def clear(self) -> None:
+        """Say that a fault of the limits has been seen to; the motor stays off."""
+        self._ask("clear the fault", self.dialect.MAV_CMD_USER_3)
+
+    def want(self, deadline_ms: int = 0, **wanted: Any) -> None:
+        """Send what is wanted, which holds until its deadline; nothing is waited for.
+
+        deadline_ms: until the next one must have come; 0: as the board has it.
+        wanted: by name, ``mode``, ``tau_desired_Nm`` ...; what is left out is 0.
+        """
+        cls = self._classes["ESEA_WANTED"]
+        names = [n for n in cls.fieldnames if n != "deadline_ms"]
+        unknown = set(wanted) - set(names)
+        if unknown:
+            raise ValueError(f"{sorted(unknown)} cannot be wanted; there is {names}")
+        sizes = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
+        values = {n: wanted.get(n, [0.0] * sizes[n] if sizes[n] else 0.0) for n in names}
+        fields = values | {"deadline_ms": deadline_ms}
+        self.send(cls(*(fields[n] for n in cls.fieldnames)))
+
+    def tell(self, name: str, interval_us: float) -> None:
+        """Have the runs of a task told: its ``ESEA_<TASK>_IN`` or ``_OUT``.
+
+        interval_us: time between two, rounded up to whole runs; 0: none.
+        """
+        wanted = (float(self._classes[name].id), interval_us)
+        self._ask(f"tell {name}", self.dialect.MAV_CMD_SET_MESSAGE_INTERVAL, *wanted)
+
+    def _ask(self, what: str, command: int, param1: float = 0.0, param2: float = 0.0) -> None:
+        result = self.command(command, param1, param2)
+        if result != self.dialect.MAV_RESULT_ACCEPTED:
+            raise self._refused(what)
+
+    def _refused(self, what: str) -> LinkError:
+        state, meaning = self._entry("ESEA_STATE", self.clock().state)
+        return LinkError(f"the board does not {what} now: it is {state}. {meaning}")
+
+    def clock(self) -> Any:
+        """The board's own clock: ticks, what was lost or late, its state."""
+        wanted = float(self._classes["ESEA_CLOCK"].id)
+        self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, wanted)
+        return self.wait_for("ESEA_CLOCK")
 
     def info(self) -> Any:
         """What runs on the board, and its counters."""
@@ -196,9 +263,9 @@ class Session:
         self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, wanted)
         return self.wait_for("ESEA_INFO")
 
-    def mode(self) -> str:
-        """State of the firmware, as its last HEARTBEAT said."""
-        return self._entry("ESEA_MODE", self.heartbeat.custom_mode)[0]
+    def state(self) -> str:
+        """State of the board, as its last HEARTBEAT said."""
+        return self._entry("ESEA_STATE", self.heartbeat.custom_mode)[0]
 
     def fault(self) -> str:
         """The latched fault: its name and meaning."""
@@ -224,9 +291,9 @@ class Session:
         """
 
         def fits(message: Any) -> bool:
-            fault = self.dialect.ESEA_MODE_FAULT
+            held = (self.dialect.ESEA_STATE_FAULT, self.dialect.ESEA_STATE_STOPPED)
             kind = message.get_type()
-            return bool(kind == name or (kind == "HEARTBEAT" and message.custom_mode == fault))
+            return bool(kind == name or (kind == "HEARTBEAT" and message.custom_mode in held))
 
         source = iter(requests)
         awaited: deque[tuple[str, int]] = deque()
@@ -241,6 +308,8 @@ class Session:
                 return
             name, sequence = awaited.popleft()
             answer = self._wait(fits, name)
+            if answer.get_type() != name and self.state() == "STOPPED":
+                raise LinkError("the board was stopped", "Release the stop.")
             if answer.get_type() != name:
                 raise LinkError(f"a fault is latched: {self.fault()}")
             if answer.sequence != sequence:

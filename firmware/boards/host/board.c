@@ -1,5 +1,6 @@
 /* The host as a board: frames on standard input and output.  For tests of the application with
- * sanitizers, and for trying the link without an emulator.
+ * sanitizers, and for trying the link without an emulator.  It has no clock of its own: it only
+ * replays, and `sim` has one.
  *
  * License: MIT. */
 #include <unistd.h>
@@ -55,6 +56,10 @@ static void port_quiet(bool on)
     (void)on;
 }
 
+static void port_nothing(void)
+{
+}
+
 /* A first argument stands for a stack that is used up. */
 static uint32_t port_stack_full(void)
 {
@@ -73,6 +78,7 @@ int main(int argc, char **argv)
         .wait = port_wait,
         .ticks = port_zero,
         .quiet = port_quiet,
+        .pend = port_nothing,
         .lost_bytes = port_zero,
         .stack_peak_bytes = argc > 1 ? port_stack_full : port_zero,
     };

@@ -1,0 +1,367 @@
+"""States of the board, what moves it between them, and its own faults: one table.
+
+From it come the C enums (``firmware/app/states.h``), the texts of the dialect, and the tables of
+the documentation; ``firmware/app/machine.c`` writes the transitions out by hand and is held against
+it, pair by pair.  A number is never used again for something else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+from esea_gen.language.ports import Code
+
+
+@dataclass(frozen=True)
+class BoardState:
+    """A state of the board.
+
+    computes: whether the board's own clock runs the tasks.
+    torque: whether the motor may be driven.
+    mav: MAVLink's word for it.
+    """
+
+    name: str
+    value: int
+    meaning: str
+    computes: bool
+    torque: bool
+    mav: str
+
+
+@dataclass(frozen=True)
+class BoardEvent:
+    """What may move the board.
+
+    told: whether it comes over the link; else the board finds it itself.
+    """
+
+    name: str
+    value: int
+    meaning: str
+    told: bool
+
+
+@dataclass(frozen=True)
+class BoardGuard:
+    """What must hold for a transition."""
+
+    name: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Way:
+    """Where an event leads.
+
+    when: guards that must all hold; of several ways the first whose guards hold is taken.
+    """
+
+    to: str
+    when: tuple[str, ...] = ()
+
+
+STATES = (
+    BoardState("BOOT", 0, "Starting.", False, False, "BOOT"),
+    BoardState("READY", 1, "All is known; waits to be armed.", True, False, "STANDBY"),
+    BoardState(
+        "REPLAY",
+        2,
+        "The host's inputs clock the tasks, one run each; drivers and own clock rest.",
+        False,
+        False,
+        "ACTIVE",
+    ),
+    BoardState(
+        "FAULT", 3, "A fault is latched; its number tells which.", True, False, "CRITICAL"
+    ),
+    BoardState("SELF_TEST", 4, "Checks itself.", False, False, "BOOT"),
+    BoardState(
+        "UNREFERENCED", 5, "Encoders have no zero; waits to be zeroed.", True, False, "STANDBY"
+    ),
+    BoardState(
+        "ZEROING",
+        6,
+        "Takes the present angles, which must stand still, as zero.",
+        True,
+        False,
+        "CALIBRATING",
+    ),
+    BoardState(
+        "ARMED", 7, "The motor is on and holds no torque; waits for a command.", True, True, "ACTIVE"
+    ),
+    BoardState("ACTIVE", 8, "Follows the host's commands.", True, True, "ACTIVE"),
+    BoardState(
+        "LETTING_GO",
+        9,
+        "No command came in time, or disarmed while active: the torque fades to none.",
+        True,
+        True,
+        "ACTIVE",
+    ),
+    BoardState("STOPPED", 10, "Stopped by somebody; waits to be released.", True, False, "STANDBY"),
+)  # fmt: skip
+
+EVENTS = (
+    BoardEvent("STOP", 1, "Stop, from anybody, or the stop line is open.", True),
+    BoardEvent("RELEASE", 2, "Take the stop back.", True),
+    BoardEvent("CLEAR", 3, "The fault has been seen to.", True),
+    BoardEvent("RESET", 4, "Start afresh.", True),
+    BoardEvent("ZERO", 5, "The joint is at its zero and unloaded: take the angles.", True),
+    BoardEvent("ARM", 6, "Switch the motor on.", True),
+    BoardEvent("DISARM", 7, "Switch the motor off, gently where it holds torque.", True),
+    BoardEvent("OFF", 8, "A command with mode 0.", True),
+    BoardEvent("ON", 9, "A command with mode 1 or 2.", True),
+    BoardEvent("INPUT", 10, "An input of a task: the host clocks.", True),
+    BoardEvent("STARTED", 32, "Memory and port are set up.", False),
+    BoardEvent("PASSED", 33, "The self-test found nothing.", False),
+    BoardEvent("ZEROED", 34, "The angles stood still and are taken.", False),
+    BoardEvent("NOT_ZEROED", 35, "They did not, or an encoder cannot be used.", False),
+    BoardEvent("REFUSED", 36, "The limits did not release.", False),
+    BoardEvent("EXPIRED", 37, "The command's deadline has passed.", False),
+    BoardEvent("LINK_LOST", 38, "Nothing has come from the host for too long.", False),
+    BoardEvent("FADED", 39, "The torque has faded to none.", False),
+    BoardEvent("FAILED", 40, "A fault was found.", False),
+)
+
+GUARDS = (
+    BoardGuard("drive", "the device has a motor"),
+    BoardGuard("referenced", "every encoder has a zero; true where there is none"),
+    BoardGuard("stop_clear", "no stop is held, and the stop line is closed"),
+    BoardGuard("link_live", "the host was heard of late"),
+    BoardGuard("mode_off", "the last command had mode 0, or none came since the motor was off"),
+    BoardGuard("clearable", "the fault is one of the limits' (below 100)"),
+)
+
+# Compiled in; no message widens them.
+TIMES_MS = {
+    "DEADLINE": (100, "from a command with mode 1 or 2 to the next, where it names no other time"),
+    "DEADLINE_LEAST": (20, "shortest that a command may name"),
+    "DEADLINE_MOST": (1000, "longest; whatever a command names, it is no longer"),
+    "LINK_LOST": (1000, "without anything from the host"),
+    "FADE": (500, "of letting go, from the torque that was set to none"),
+    "ZEROING": (200, "in which the joint must stand still to be zeroed"),
+}
+
+# The board's own faults share one list of numbers with the reasons of the limits, which stay below
+# 100; no number is used again for another fault.
+BOARD_FAULTS = (
+    Code("NONE", 0, "No fault.", "nothing to do"),
+    Code(
+        "PREPARE_REFUSED",
+        101,
+        "A tunable's default is outside its range.",
+        "build the firmware from a device file that esea-gen accepts",
+        "at start, before anything is computed",
+    ),
+    Code(
+        "STACK_EXHAUSTED",
+        102,
+        "The stack has been used to its last word.",
+        "reset; give the stack more memory in the linker script",
+        "1000 ticks; beyond the last word at once, as PROCESSOR",
+    ),
+    Code(
+        "PROCESSOR",
+        103,
+        "The processor took a fault exception.",
+        "reset; if it comes again, service",
+        "at once",
+    ),
+    Code(
+        "SELF_TEST",
+        104,
+        "Freshly started limits did not hold the motor at zero.",
+        "service: program memory is not what was built",
+        "at start, before the motor can be on",
+    ),
+    Code(
+        "STATE_UNKNOWN",
+        105,
+        "The board's state was none of its list: memory was overwritten.",
+        "reset; if it comes again, service",
+        "1 tick",
+    ),
+)
+
+_LESS = {"DISARM": (Way("same"),), "OFF": (Way("same"),)}  # who asks for less is never refused
+_FAILED = {"FAILED": (Way("FAULT"),)}
+_KNOWN = (Way("READY", ("stop_clear", "referenced")), Way("UNREFERENCED", ("stop_clear",)))
+
+# From each state, by event.  An event that is not listed is refused and changes nothing.
+TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
+    "BOOT": {"STOP": (Way("same"),), "STARTED": (Way("SELF_TEST"),), **_FAILED, **_LESS},
+    "SELF_TEST": {
+        "STOP": (Way("same"),),
+        "PASSED": (*_KNOWN, Way("STOPPED")),
+        **_FAILED,
+        **_LESS,
+    },
+    "UNREFERENCED": {
+        "STOP": (Way("STOPPED"),),
+        "RESET": (Way("BOOT"),),
+        "ZERO": (Way("ZEROING", ("drive",)),),
+        "INPUT": (Way("REPLAY"),),
+        **_FAILED,
+        **_LESS,
+    },
+    "ZEROING": {
+        "STOP": (Way("STOPPED"),),
+        "ZEROED": (Way("READY"),),
+        "NOT_ZEROED": (Way("UNREFERENCED"),),
+        **_FAILED,
+        **_LESS,
+    },
+    "READY": {
+        "STOP": (Way("STOPPED"),),
+        "RESET": (Way("BOOT"),),
+        "ZERO": (Way("ZEROING", ("drive",)),),
+        "ARM": (Way("ARMED", ("drive", "referenced", "stop_clear", "link_live", "mode_off")),),
+        "INPUT": (Way("REPLAY"),),
+        **_FAILED,
+        **_LESS,
+    },
+    "ARMED": {
+        "STOP": (Way("STOPPED"),),
+        "DISARM": (Way("READY"),),
+        "OFF": (Way("same"),),
+        "ON": (Way("ACTIVE", ("link_live", "stop_clear")),),
+        "REFUSED": (Way("READY"),),
+        "LINK_LOST": (Way("READY"),),
+        **_FAILED,
+    },
+    "ACTIVE": {
+        "STOP": (Way("STOPPED"),),
+        "DISARM": (Way("LETTING_GO"),),
+        "OFF": (Way("ARMED"),),
+        "ON": (Way("same", ("link_live", "stop_clear")),),
+        "EXPIRED": (Way("LETTING_GO"),),
+        "LINK_LOST": (Way("LETTING_GO"),),
+        **_FAILED,
+    },
+    "LETTING_GO": {
+        "STOP": (Way("STOPPED"),),
+        "FADED": (Way("READY"),),
+        **_FAILED,
+        **_LESS,
+    },
+    "STOPPED": {
+        "STOP": (Way("same"),),
+        "RELEASE": _KNOWN,
+        "RESET": (Way("BOOT"),),
+        **_FAILED,
+        **_LESS,
+    },
+    "FAULT": {
+        "STOP": (Way("same"),),
+        "CLEAR": (
+            Way("READY", ("clearable", "stop_clear", "referenced")),
+            Way("UNREFERENCED", ("clearable", "stop_clear")),
+            Way("STOPPED", ("clearable",)),
+        ),
+        "RESET": (Way("BOOT"),),
+        "FAILED": (Way("same"),),
+        **_LESS,
+    },
+    "REPLAY": {
+        "STOP": (Way("STOPPED"),),
+        "RESET": (Way("BOOT"),),
+        "INPUT": (Way("same"),),
+        **_FAILED,
+        **_LESS,
+    },
+}
+
+
+def follow(state: str, event: str, holds: Collection[str]) -> str | None:
+    """Where an event leads by the table; None when it is refused.
+
+    holds: names of the guards that hold.
+    """
+    for way in TABLE[state].get(event, ()):
+        if set(way.when) <= set(holds):
+            return state if way.to == "same" else way.to
+    return None
+
+
+def _enum(name: str, members: tuple[BoardState, ...] | tuple[BoardEvent, ...]) -> Iterator[str]:
+    yield f"#define HAVE_ENUM_ESEA_{name} /* the dialect's own has an entry more */"
+    yield "typedef enum {"
+    for member in members:
+        yield f"    ESEA_{name}_{member.name} = {member.value}, /* {member.meaning} */"
+    yield f"}} ESEA_{name};"
+    yield ""
+
+
+def _asks(name: str, comment: str, states: list[BoardState]) -> Iterator[str]:
+    yield f"/* {comment} */"
+    yield f"static inline bool esea_state_{name}(ESEA_STATE state)"
+    yield "{"
+    tests = [f"state == ESEA_STATE_{s.name}" for s in states]
+    yield "    return " + " ||\n           ".join(tests) + ";"
+    yield "}"
+    yield ""
+
+
+def states_header() -> str:
+    """Text of ``firmware/app/states.h``."""
+    lines = [
+        "/* States of the board and what moves it: written by `python -m esea_gen.emit.states` from the",
+        " * table in esea_gen/emit/states.py; do not edit.",
+        " *",
+        " * License: MIT. */",
+        "#ifndef ESEA_STATES_H",
+        "#define ESEA_STATES_H",
+        "",
+        "#include <stdbool.h>",
+        "",
+        *_enum("STATE", STATES),
+        *_enum("EVENT", EVENTS),
+        "/* Times, compiled in. */",
+        *(f"#define ESEA_{n}_MS {v}u /* {m} */" for n, (v, m) in TIMES_MS.items()),
+        "",
+        "/* What must hold for some transitions. */",
+        "typedef struct {",
+        *(f"    bool {g.name}; /* {g.meaning} */" for g in GUARDS),
+        "} esea_guards_t;",
+        "",
+        *_asks(
+            "computes",
+            "Whether the board's own clock runs the tasks.",
+            [s for s in STATES if s.computes],
+        ),
+        *_asks("drives", "Whether the motor may be on.", [s for s in STATES if s.torque]),
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def state_tables() -> str:
+    """The tables of the documentation, Markdown."""
+    lines = ["| state | number | | own clock | motor |", "|---|---|---|---|---|"]
+    for s in STATES:
+        runs, motor = ("runs" if s.computes else "–"), ("on" if s.torque else "off")
+        lines.append(f"| `{s.name}` | {s.value} | {s.meaning} | {runs} | {motor} |")
+    lines += ["", "| event | number | from | |", "|---|---|---|---|"]
+    lines += [
+        f"| `{e.name}` | {e.value} | {'link' if e.told else 'board'} | {e.meaning} |" for e in EVENTS
+    ]
+    lines += ["", "| from | event | to | when |", "|---|---|---|---|"]
+    for state, events in TABLE.items():
+        for event, ways in events.items():
+            for way in ways:
+                to = "stays" if way.to == "same" else f"`{way.to}`"
+                when = ", ".join(f"`{g}`" for g in way.when)
+                lines.append(f"| `{state}` | `{event}` | {to} | {when} |")
+    lines += ["", "| time | ms | |", "|---|---|---|"]
+    lines += [f"| `{n}` | {v} | {m} |" for n, (v, m) in TIMES_MS.items()]
+    lines += ["", "| guard | |", "|---|---|"]
+    lines += [f"| `{g.name}` | {g.meaning} |" for g in GUARDS]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    from esea_gen.targets import firmware_folder
+
+    (firmware_folder() / "app" / "states.h").write_text(states_header(), encoding="utf-8")

@@ -1,0 +1,13 @@
+/* The state machine: where an event leads from a state.  docs/firmware.md has it as a table.
+ *
+ * License: MIT. */
+#ifndef ESEA_MACHINE_H
+#define ESEA_MACHINE_H
+
+#include "states.h"
+
+/* Follows an event.  False when it is refused; the state then stays.  A state that is none of the
+ * list becomes FAULT. */
+bool esea_machine_take(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *guards);
+
+#endif

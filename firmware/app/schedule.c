@@ -1,0 +1,208 @@
+/* The own clock.  The tick's interrupt samples, releases the latches, runs the tasks of every tick and
+ * drives the motor; tasks that are slower run below it, and are preempted by it.  What crosses between
+ * them is released at declared ticks, so that the bits do not depend on who preempts whom where.
+ *
+ * License: MIT. */
+#include <math.h>
+#include <string.h>
+
+#include "app.h"
+
+/* Counts a time down; true in the tick in which it ends. */
+static bool ends(uint32_t *left)
+{
+    return *left > 0u && --*left == 0u;
+}
+
+/* A base tick that found the one before still running has come late or not at all: its number is left
+ * out, and the limits latch on it. */
+static uint32_t next_tick(esea_app_t *app)
+{
+    esea_clock_t *const clock = &app->clock;
+    const uint32_t base = app->port->base_ticks;
+    const uint32_t now = app->port->ticks();
+
+    if (clock->counted && base > 0u) {
+        const uint32_t passed = (now - clock->last_count + base / 2u) / base;
+
+        for (uint32_t lost = 1u; lost < passed; ++lost) {
+            esea_count(&clock->lost_ticks);
+            ++clock->tick;
+        }
+    }
+    clock->counted = true;
+    clock->last_count = now;
+    return clock->tick++;
+}
+
+/* Deadlines of the link and of what is wanted. */
+static void supervise(esea_app_t *app)
+{
+    esea_motion_t *const motion = &app->motion;
+
+    if (app->port->stop_open != NULL && app->port->stop_open())
+        (void)esea_app_event(app, ESEA_EVENT_STOP);
+    if (ends(&motion->link_left))
+        (void)esea_app_event(app, ESEA_EVENT_LINK_LOST);
+    if (ends(&motion->deadline_left))
+        (void)esea_app_event(app, ESEA_EVENT_EXPIRED);
+    if (app->state == ESEA_STATE_LETTING_GO) {
+        esea_link_fade(&motion->wanted,
+                motion->fade_from_Nm * (float)motion->fade_left / (float)esea_ticks(ESEA_FADE_MS));
+        if (ends(&motion->fade_left))
+            (void)esea_app_event(app, ESEA_EVENT_FADED);
+    }
+}
+
+/* What the limits are told: to hold, unless the motor may be on; and a new number to release. */
+static void tell_limits(esea_app_t *app)
+{
+    esea_motion_t *const motion = &app->motion;
+    const bool on = app->state == ESEA_STATE_ACTIVE || app->state == ESEA_STATE_LETTING_GO;
+
+    if (motion->rearm_asked)
+        motion->rearm = motion->rearm < 7.0f ? motion->rearm + 1.0f : 0.0f;
+    esea_link_hold(&motion->wanted, on, !esea_state_drives(app->state), motion->rearm);
+}
+
+/* What the limits say of this tick. */
+static void watch_limits(esea_app_t *app, const esea_link_outcome_t *outcome)
+{
+    const bool asked = app->motion.rearm_asked;
+
+    app->motion.rearm_asked = false;
+    if (!esea_state_drives(app->state) || outcome->fault == 0u)
+        return;
+    if (asked) {
+        (void)esea_app_event(app, ESEA_EVENT_REFUSED);
+        return;
+    }
+    app->fault = (ESEA_FAULT)outcome->fault;
+    (void)esea_app_event(app, ESEA_EVENT_FAILED);
+}
+
+static void watch_zeroing(esea_app_t *app)
+{
+    esea_motion_t *const motion = &app->motion;
+    const uint32_t whole = esea_ticks(ESEA_ZEROING_MS);
+
+    if (app->state != ESEA_STATE_ZEROING || motion->zeroing_ends || motion->still_left == 0u)
+        return;
+    if (motion->still_left > whole / 2u) { /* the encoders settle in the first half */
+        motion->still_from = app->tasks[0].out;
+        motion->stood_still = true;
+    }
+    motion->stood_still = motion->stood_still && esea_link_still(&motion->still_from, &app->tasks[0].out);
+    motion->zeroing_ends = ends(&motion->still_left);
+}
+
+/* Keeps a run until the main loop sends it. */
+static void keep(esea_app_t *app, uint32_t number, uint32_t tick, uint32_t step_ticks)
+{
+    esea_task_t *const task = &app->tasks[number];
+    esea_run_t *run;
+    bool send[ESEA_SIDES];
+    uint32_t side;
+
+    for (side = 0u; side < ESEA_SIDES; ++side)
+        send[side] = task->interval[side] > 0u && (tick - esea_link_phase(number)) % task->interval[side] == 0u;
+    if (!send[0] && !send[1])
+        return;
+    if (task->head - task->tail >= ESEA_RUNS_KEPT) {
+        esea_count(&app->clock.dropped);
+        return;
+    }
+    run = &task->runs[task->head % ESEA_RUNS_KEPT];
+    run->tick = tick;
+    run->step_ticks = step_ticks;
+    memcpy(run->send, send, sizeof send);
+    run->in = task->in;
+    run->out = task->out;
+    task->head = task->head + 1u;
+}
+
+static void run(esea_app_t *app, uint32_t number, uint32_t tick)
+{
+    esea_task_t *const task = &app->tasks[number];
+    const uint32_t start = app->port->ticks();
+
+    esea_link_step(number)(&app->control, &task->in, &task->out);
+    keep(app, number, tick, app->port->ticks() - start);
+}
+
+static bool starts(uint32_t number, uint32_t tick)
+{
+    const uint32_t phase = esea_link_phase(number);
+
+    return tick >= phase && (tick - phase) % esea_link_every(number) == 0u;
+}
+
+static void start_slower(esea_app_t *app, uint32_t tick)
+{
+    uint32_t number;
+
+    for (number = 0u; number < ESEA_LINK_TASKS; ++number) {
+        esea_task_t *const task = &app->tasks[number];
+
+        if (esea_link_every(number) == 1u || !starts(number, tick))
+            continue;
+        if (task->due) { /* its run before has not ended: this one does not start, and the watch tells */
+            esea_count(&app->clock.missed_runs);
+            continue;
+        }
+        esea_link_fill(number, app->measured, &app->motion.wanted, &task->in);
+        task->due_tick = tick;
+        task->due = true;
+        app->port->pend();
+    }
+}
+
+static void drive(esea_app_t *app, const esea_link_outcome_t *outcome)
+{
+    const bool enable = esea_state_drives(app->state) && outcome->fault == 0u;
+
+    if (app->port->motor != NULL)
+        app->port->motor(enable ? outcome->u_Nm : 0.0f, enable);
+}
+
+void esea_app_tick(esea_app_t *app)
+{
+    esea_link_outcome_t outcome;
+    uint32_t tick, number;
+
+    if (!app->clock.runs)
+        return;
+    tick = next_tick(app);
+    for (number = 0u; number < ESEA_LINK_MEASURED; ++number)
+        app->measured[number] = NAN;
+    if (app->port->sample != NULL)
+        app->port->sample(app->measured);
+    supervise(app);
+    tell_limits(app);
+
+    esea_link_release_at(&app->control, tick);
+    for (number = 0u; number < ESEA_LINK_TASKS; ++number)
+        if (esea_link_every(number) == 1u && starts(number, tick)) {
+            esea_link_fill(number, app->measured, &app->motion.wanted, &app->tasks[number].in);
+            run(app, number, tick);
+        }
+    outcome = esea_link_outcome(&app->tasks[0].out);
+    watch_limits(app, &outcome);
+    watch_zeroing(app);
+    drive(app, &outcome);
+    start_slower(app, tick);
+}
+
+void esea_app_background(esea_app_t *app)
+{
+    uint32_t number;
+
+    for (number = 0u; number < ESEA_LINK_TASKS; ++number) {
+        esea_task_t *const task = &app->tasks[number];
+
+        if (!task->due)
+            continue;
+        run(app, number, task->due_tick);
+        task->due = false;
+    }
+}
