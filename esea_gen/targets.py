@@ -15,7 +15,7 @@ from esea_gen.errors import UserError
 # What every verified number rests on: no contraction to fused multiply-add, no other liberty.
 EXACT_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 CONTROL_FLAGS = (*EXACT_FLAGS, "-Wall", "-Wextra")
-APP_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Wswitch-enum", "-Werror")
+APP_FLAGS = (*EXACT_FLAGS, "-Wall", "-Wextra", "-Wconversion", "-Wswitch-enum", "-Werror")
 # So that the linker drops what nobody calls.
 SECTION_FLAGS = ("-ffunction-sections", "-fdata-sections")
 # An image without an operating system.
@@ -203,6 +203,14 @@ BOARDS = {
             flags=("-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
             app_flags=("-D_POSIX_C_SOURCE=200809L",),
             link=(),
+        ),
+        Board(
+            "sim",
+            "this computer, a library that a program clocks",
+            PROCESSORS["host"],
+            "",
+            flags=("-fPIC", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"),
+            link=("-shared",),
         ),
         Board(
             "microbit",

@@ -450,7 +450,7 @@ def test_instruction_count_repeats_and_agrees_with_a_second_way(elbow, image, em
     high = max(at + size for at, size in control.values())
     entry = control["esea_elbow_sense_step"][0]
     log = tmp_path / "log"
-    arguments = f"{plugin},entry={entry},low={low},high={high}"
+    arguments = f"{plugin},entry={entry},low={low},high={high},each=1"
     again = run_in_emulator(
         elbow,
         image,

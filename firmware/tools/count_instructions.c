@@ -4,8 +4,8 @@
  *   gcc -shared -fPIC count_instructions.c -o count.so
  *   qemu-system-arm ... -d plugin -plugin ./count.so,entry=0x8000101,low=0x8000100,high=0x8000900
  *
- * Prints "run N" for each entry, N counting what ran inside [low, high) until the next, and at the end
- * "entries E instructions N min A max B".
+ * Prints "entries E instructions N min A max B" at the end: N counts what ran inside [low, high).  With
+ * each=1 also "run N" for each entry, what ran from it to the next.
  *
  * Debian ships no header for the plugin interface (version 1), so it is declared here.
  *
@@ -31,7 +31,7 @@ void qemu_plugin_outs(const char *text);
 
 int qemu_plugin_version = 1;
 
-static uint64_t entry, low, high, entries, instructions, smallest = UINT64_MAX, largest, this_entry;
+static uint64_t entry, low, high, entries, instructions, smallest = UINT64_MAX, largest, this_entry, each;
 
 static void close_entry(void)
 {
@@ -42,8 +42,10 @@ static void close_entry(void)
     smallest = this_entry < smallest ? this_entry : smallest;
     largest = this_entry > largest ? this_entry : largest;
     instructions += this_entry;
-    snprintf(text, sizeof text, "run %llu\n", (unsigned long long)this_entry);
-    qemu_plugin_outs(text);
+    if (each) {
+        snprintf(text, sizeof text, "run %llu\n", (unsigned long long)this_entry);
+        qemu_plugin_outs(text);
+    }
     this_entry = 0;
 }
 
@@ -102,6 +104,8 @@ int qemu_plugin_install(qemu_plugin_id_t id, const void *info, int argc, char **
             low = strtoull(argv[i] + 4, NULL, 0) & ~1ull;
         if (strncmp(argv[i], "high=", 5) == 0)
             high = strtoull(argv[i] + 5, NULL, 0) & ~1ull;
+        if (strncmp(argv[i], "each=", 5) == 0)
+            each = strtoull(argv[i] + 5, NULL, 0);
     }
     qemu_plugin_register_vcpu_tb_trans_cb(id, on_translation);
     qemu_plugin_register_atexit_cb(id, at_exit, NULL);

@@ -1,0 +1,121 @@
+"""The firmware's application as a board inside this process: clocked tick by tick, no hardware.
+
+It is the same application as on a board; its clock, drivers and serial line are moved from here, so
+that a run repeats to the last bit.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import cffi
+
+from esea_gen.device import Device
+from esea_gen.emit.dialect import board_roles, load_dialect
+from esea_gen.emit.states import EVENTS, GUARDS, STATES
+from esea_gen.targets import firmware_folder
+from esea_gen.verify.firmware import build_firmware
+from esea_link.session import Session
+from esea_link.transport import LinkError
+
+_LINE_BYTES = 1 << 16
+
+
+class SimTransport:
+    """A serial line to a board in this process; reading never waits, for nothing comes by itself."""
+
+    def __init__(self, lib: Any, ffi: cffi.FFI) -> None:
+        self._lib, self._ffi = lib, ffi
+        self._bytes = ffi.new(f"uint8_t[{_LINE_BYTES}]")
+
+    def read(self, timeout_s: float) -> bytes:
+        """See :class:`esea_link.transport.Transport`."""
+        self._lib.sim_poll()
+        count = self._lib.sim_take(self._bytes, _LINE_BYTES)
+        if count == 0 and timeout_s > 0:
+            raise LinkError("the board says nothing more until its clock is moved")
+        return bytes(self._ffi.buffer(self._bytes, count))
+
+    def write(self, data: bytes, timeout_s: float) -> None:
+        """See :class:`esea_link.transport.Transport`."""
+        self._lib.sim_feed(data, len(data))
+        self._lib.sim_poll()
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def said(self) -> str:
+        """Nothing."""
+        return ""
+
+
+class SimBoard(Session):
+    """A board in this process, powered on.
+
+    measured: what its drivers give, by the device's input names; frames are bad until it is set.
+    """
+
+    def __init__(self, device: Device, control: Mapping[str, str] | None = None) -> None:
+        self.device = device
+        self._ffi = cffi.FFI()
+        source = (firmware_folder() / "boards" / "sim" / "board.c").read_text(encoding="utf-8")
+        self._ffi.cdef("".join(re.findall(r"^\w[\w ]*\bsim_\w+\([^)]*\);\n", source, re.MULTILINE)))
+        self._folder = tempfile.mkdtemp(prefix="esea-sim-")
+        image = build_firmware(device, "sim", Path(self._folder), control)
+        self.lib: Any = self._ffi.dlopen(str(image.elf))
+        self._inputs = [x.name for x in board_roles(device.system).measured]
+        super().__init__(SimTransport(self.lib, self._ffi), load_dialect(device), 1.0)
+        self.lib.sim_start()
+
+    def close(self) -> None:
+        """Let go of the library."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def restart(self) -> None:
+        """Power off and on."""
+        self.lib.sim_start()
+        self.pending()
+
+    def measure(self, **values: float) -> None:
+        """What the drivers give from now on; what is left out is 0."""
+        unknown = set(values) - set(self._inputs)
+        if unknown:
+            raise ValueError(f"{sorted(unknown)} is not measured; there is {self._inputs}")
+        self.lib.sim_measure(self._ffi.new("float[]", [values.get(n, 0.0) for n in self._inputs]))
+
+    def ticks(self, count: int = 1, *, poll: bool = True) -> None:
+        """Let so many base ticks pass.
+
+        poll: whether the main loop gets the processor after each.
+        """
+        for _ in range(count):
+            self.lib.sim_tick(1, True)
+            if poll:
+                self.lib.sim_poll()
+
+    @property
+    def state_now(self) -> str:
+        """The state, looked up in its memory."""
+        return _STATE_NAMES.get(self.lib.sim_state(), "")
+
+    @property
+    def motor(self) -> tuple[bool, float]:
+        """Whether the motor is on, and its torque in Nm."""
+        return bool(self.lib.sim_motor_on()), float(self.lib.sim_motor_Nm())
+
+    def follow(self, state: str, event: str, holds: Collection[str]) -> tuple[str, bool]:
+        """The transition function alone: where it leads, and whether the event was taken."""
+        held = self._ffi.new("uint32_t *", _STATES[state])
+        guards = self._ffi.new("bool[]", [g.name in holds for g in GUARDS])
+        taken = self.lib.sim_take_event(held, _EVENTS[event], guards)
+        return _STATE_NAMES[held[0]], bool(taken)
+
+
+_STATES = {s.name: s.value for s in STATES}
+_STATE_NAMES = {s.value: s.name for s in STATES}
+_EVENTS = {e.name: e.value for e in EVENTS}

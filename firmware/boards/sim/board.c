@@ -1,0 +1,243 @@
+/* A board inside another program: a library whose clock, drivers and serial line the program moves, in
+ * lockstep with whatever it likes.  Nothing comes by itself, so that a run repeats to the last bit.
+ *
+ * License: MIT. */
+#include <math.h>
+#include <string.h>
+
+#include "app.h"
+#include "port.h"
+
+#define LINE_BYTES 65536u
+
+typedef struct {
+    uint8_t bytes[LINE_BYTES];
+    size_t count, taken;
+} line_t;
+
+static esea_app_t app;
+static line_t received, sent;
+static uint32_t lost, now;
+static float measured[ESEA_LINK_MEASURED + 1u];
+static float motor_Nm;
+static bool motor_on, stop_line_open, slower_asked, stack_used_up;
+
+static bool put(line_t *line, const uint8_t *bytes, size_t count)
+{
+    if (line->taken == line->count)
+        line->taken = line->count = 0u;
+    if (count > sizeof line->bytes - line->count)
+        return false;
+    memcpy(line->bytes + line->count, bytes, count);
+    line->count += count;
+    return true;
+}
+
+static size_t take(line_t *line, uint8_t *bytes, size_t capacity)
+{
+    const size_t left = line->count - line->taken;
+    const size_t n = left < capacity ? left : capacity;
+
+    memcpy(bytes, line->bytes + line->taken, n);
+    line->taken += n;
+    return n;
+}
+
+static size_t port_read(uint8_t *bytes, size_t capacity)
+{
+    return take(&received, bytes, capacity);
+}
+
+static void port_write(const uint8_t *bytes, size_t count)
+{
+    if (!put(&sent, bytes, count))
+        lost += (uint32_t)count;
+}
+
+static void port_nothing(void)
+{
+}
+
+static uint32_t port_ticks(void)
+{
+    return now;
+}
+
+static void port_quiet(bool on)
+{
+    (void)on;
+}
+
+static void port_pend(void)
+{
+    slower_asked = true;
+}
+
+static uint32_t port_lost_bytes(void)
+{
+    return lost;
+}
+
+static uint32_t port_stack_peak(void)
+{
+    return stack_used_up ? 1u : 0u;
+}
+
+static void port_sample(float *values)
+{
+    memcpy(values, measured, ESEA_LINK_MEASURED * sizeof *values);
+}
+
+static void port_motor(float u_Nm, bool enable)
+{
+    motor_Nm = u_Nm;
+    motor_on = enable;
+}
+
+static bool port_stop_open(void)
+{
+    return stop_line_open;
+}
+
+/* -- what the program calls -------------------------------------------------------------------- */
+
+void sim_start(void);
+void sim_feed(const uint8_t *bytes, size_t count);
+size_t sim_take(uint8_t *bytes, size_t capacity);
+void sim_poll(void);
+void sim_measure(const float *values);
+void sim_tick(uint32_t base_ticks, bool slower);
+void sim_slower(void);
+void sim_stop_line(bool open);
+void sim_stack(bool used_up);
+void sim_fail(uint32_t fault);
+void sim_overwrite_state(uint32_t state);
+float sim_motor_Nm(void);
+bool sim_motor_on(void);
+uint32_t sim_state(void);
+uint32_t sim_fault(void);
+bool sim_take_event(uint32_t *state, uint32_t event, const bool *guards);
+
+/* Power on: every encoder's frame is bad until something is measured. */
+void sim_start(void)
+{
+    static const esea_port_t port = {
+        .name = "sim",
+        .receive_buffer_bytes = LINE_BYTES,
+        .stack_bytes = 1u, /* the program's; not measured */
+        .read = port_read,
+        .write = port_write,
+        .wait = port_nothing,
+        .ticks = port_ticks,
+        .base_ticks = 1000u,
+        .quiet = port_quiet,
+        .pend = port_pend,
+        .lost_bytes = port_lost_bytes,
+        .stack_peak_bytes = port_stack_peak,
+        .sample = port_sample,
+        .motor = port_motor,
+        .stop_open = port_stop_open,
+    };
+    uint32_t i;
+
+    memset(&received, 0, sizeof received);
+    memset(&sent, 0, sizeof sent);
+    lost = now = 0u;
+    motor_on = stop_line_open = slower_asked = stack_used_up = false;
+    motor_Nm = 0.0f;
+    for (i = 0u; i < ESEA_LINK_MEASURED; ++i)
+        measured[i] = NAN;
+    esea_app_init(&app, &port);
+}
+
+void sim_feed(const uint8_t *bytes, size_t count)
+{
+    if (!put(&received, bytes, count))
+        lost += (uint32_t)count;
+}
+
+size_t sim_take(uint8_t *bytes, size_t capacity)
+{
+    return take(&sent, bytes, capacity);
+}
+
+void sim_poll(void)
+{
+    esea_app_poll(&app);
+}
+
+void sim_measure(const float *values)
+{
+    memcpy(measured, values, ESEA_LINK_MEASURED * sizeof *values);
+}
+
+void sim_slower(void)
+{
+    if (slower_asked) {
+        slower_asked = false;
+        esea_app_background(&app);
+    }
+}
+
+/* The clock goes on by so many base ticks and the last one's interrupt comes: more than one are lost
+ * ticks.  `slower`: whether the slower tasks get the processor before the next. */
+void sim_tick(uint32_t base_ticks, bool slower)
+{
+    now += 1000u * base_ticks;
+    esea_app_tick(&app);
+    if (slower)
+        sim_slower();
+}
+
+void sim_stop_line(bool open)
+{
+    stop_line_open = open;
+}
+
+void sim_stack(bool used_up)
+{
+    stack_used_up = used_up;
+}
+
+void sim_fail(uint32_t fault)
+{
+    esea_app_fail(&app, (ESEA_FAULT)fault);
+}
+
+void sim_overwrite_state(uint32_t state)
+{
+    app.state = (ESEA_STATE)state;
+}
+
+float sim_motor_Nm(void)
+{
+    return motor_Nm;
+}
+
+bool sim_motor_on(void)
+{
+    return motor_on;
+}
+
+uint32_t sim_state(void)
+{
+    return (uint32_t)app.state;
+}
+
+uint32_t sim_fault(void)
+{
+    return (uint32_t)app.fault;
+}
+
+/* The transition function alone; guards in the order of its struct. */
+bool sim_take_event(uint32_t *state, uint32_t event, const bool *guards)
+{
+    ESEA_STATE held = (ESEA_STATE)*state;
+    esea_guards_t given;
+    bool taken;
+
+    memcpy(&given, guards, sizeof given);
+    taken = esea_machine_take(&held, (ESEA_EVENT)event, &given);
+    *state = (uint32_t)held;
+    return taken;
+}
