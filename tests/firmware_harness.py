@@ -52,7 +52,7 @@ def without_processor(folder: Path) -> Path:
     for path in (folder / "firmware").rglob("*.[ch]"):
         text = path.read_text(encoding="utf-8")
         text = re.sub(NAKED, "", re.sub(ASSEMBLY, ";", text))
-        text = text.replace(REGISTER, "#define ESEA_REG(address) (*register_at(address))")
+        text = text.replace(REGISTER, "#define ESEA_REG(address) (*register_at((uint32_t)(address)))")
         path.write_text(text, encoding="utf-8")
     return folder / "firmware"
 
@@ -86,6 +86,8 @@ uint32_t esea_stack_top[1];
 void esea_cortex_m_received(uint8_t byte) {{ (void)byte; }}
 void esea_reset_handler(void) {{}}
 void esea_fault_handler(void) {{}}
+void esea_slower_handler(void) {{}}
+void esea_tick_handler(void) {{}}
 int main(void)
 {{
     esea_board_start();
@@ -130,12 +132,15 @@ static void told(const uint8_t *bytes, size_t count)
 
 static const esea_port_t port = {
     .name = "spy", .receive_buffer_bytes = 1u, .stack_bytes = 100u, .read = no_bytes,
-    .write = told, .wait = nothing, .ticks = zero, .quiet = any, .lost_bytes = zero,
+    .write = told, .wait = nothing, .ticks = zero, .quiet = any, .pend = nothing, .lost_bytes = zero,
     .stack_peak_bytes = stack_peak,
 };
 
 static esea_app_t app;
 
+#include "machine.c"
+#include "schedule.c"
+#include "link.c"
 #include "app.c"
 
 int main(void)
@@ -148,15 +153,15 @@ int main(void)
         else if (!strcmp(what, "input")) {
             esea_link_in_t in;
             memset(&in, 0, sizeof in);
-            run_task(&app, a, b, &in);
+            replay_task(&app, a, b, &in);
         } else if (!strcmp(what, "fail"))
             esea_app_fail(&app, (ESEA_FAULT)a);
         else if (!strcmp(what, "peak"))
             peak = a;
         else if (!strcmp(what, "check"))
-            check_stack(&app);
+            esea_app_check_stack(&app);
         else if (!strcmp(what, "reset"))
-            printf("reset %d\\n", reset(&app));
+            printf("reset %d\\n", esea_app_ask(&app, ESEA_EVENT_RESET) && esea_app_reset(&app));
         else if (!strcmp(what, "info"))
             send_info(&app);
     return 0;

@@ -18,9 +18,9 @@ from .firmware_harness import (
     without_processor,
 )
 
-# ESEA_FAULT and ESEA_MODE, MAV_STATE of MAVLink, as the messages' definition numbers them.
+# ESEA_FAULT and ESEA_STATE, MAV_STATE of MAVLink, as the messages' definition numbers them.
 PREPARE_REFUSED, STACK_EXHAUSTED, PROCESSOR = 101, 102, 103
-READY, RUNNING, FAULT = 1, 2, 3
+UNREFERENCED, FAULT = 5, 3
 STANDBY, ACTIVE, CRITICAL, EMERGENCY = 3, 4, 5, 6
 
 SENSE, CONTROL = 0, 1
@@ -62,7 +62,7 @@ def released(lines: list[str], what: str = "release") -> list[int]:
 )
 def test_the_first_fault_is_told_whatever_follows(application, first, later, status):
     assert application(("fail", first), ("fail", later), ("info",)) == [
-        f"heartbeat mode {READY} status {STANDBY}",
+        f"heartbeat mode {UNREFERENCED} status {STANDBY}",
         f"heartbeat mode {FAULT} status {status}",
         f"heartbeat mode {FAULT} status {status}",
         f"info fault {first}",
@@ -125,17 +125,22 @@ def test_after_a_reset_the_same_tick_is_released_again(application):
 # -- the receive buffer of the boards --------------------------------------------------------------
 
 RING = """
+#include <stdint.h>
 #include <stdio.h>
+volatile uint32_t *register_at(uint32_t address) {{ (void)address; return 0; }}
 #include "{firmware}/port/cortex_m.c"
 uint32_t esea_data_load[1], esea_data_start[1], esea_data_end[1];
 uint32_t esea_bss_start[1], esea_bss_end[1];
 uint32_t esea_stack_limit[1], esea_stack_top[1];
 const char esea_board_name[] = "ring";
+const uint32_t esea_board_clock_MHz = 16u;
 void esea_board_start(void) {{}}
 uint32_t esea_board_ticks(void) {{ return 0u; }}
 void esea_board_send(uint8_t byte) {{ (void)byte; }}
 void esea_app_init(esea_app_t *a, const esea_port_t *p) {{ (void)a; (void)p; }}
 void esea_app_poll(esea_app_t *a) {{ (void)a; }}
+void esea_app_tick(esea_app_t *a) {{ (void)a; }}
+void esea_app_background(esea_app_t *a) {{ (void)a; }}
 void esea_app_fail(esea_app_t *a, ESEA_FAULT f) {{ (void)a; (void)f; }}
 int main(void)
 {{
@@ -161,8 +166,10 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
     require_tool("gcc")
     firmware = without_processor(tmp_path)
     (tmp_path / "fake_link.h").write_text(
-        "typedef int esea_link_control_t, mavlink_message_t, mavlink_status_t, ESEA_MODE;\n"
-        "typedef int ESEA_FAULT;\n#define ESEA_FAULT_PROCESSOR 3\n#define ESEA_LINK_TASKS 1\n"
+        "typedef int esea_link_control_t, mavlink_message_t, mavlink_status_t, esea_link_in_t;\n"
+        "typedef int esea_link_out_t, esea_link_wanted_t, ESEA_FAULT;\n"
+        "#define ESEA_FAULT_PROCESSOR 3\n#define ESEA_LINK_TASKS 1\n"
+        "#define ESEA_LINK_MEASURED 1\n#define ESEA_LINK_TICK_US 1000\n"
     )
     rng = Random(5)
     orders = [(1023, 0), (1, 0), (1, 0), (5, 3), (4, 4096), (3000, 10), (0, 4096), (7, 7)]
@@ -208,6 +215,8 @@ def test_the_stm32_board_sends_at_115200_baud(tmp_path):
     # Sends, receives, and tells of a byte by its interrupt, 37: bit 5 of the second word.
     assert control == (1 << 13) | (1 << 5) | (1 << 3) | (1 << 2)
     assert found[0xE000E104] == 1 << 5
+    # Above the base tick's priority, which is 0x40: a byte must be fetched before the next.
+    assert found[0xE000E400 + 36] == 0x20 << 8
     # PB6 and PB7 serve function 7, clocks of port B, timer 2 and USART 1 are on.
     assert found[0x40020400] == 0b1010 << 12
     assert found[0x40020420] == 0x77 << 24
@@ -225,4 +234,5 @@ def test_the_mps2_board_sends_at_115200_baud(tmp_path):
     assert abs(25e6 / divisor / BAUD - 1) < 0.005
     assert found[0x40004008] == (1 << 0) | (1 << 1) | (1 << 3)
     assert found[0xE000E100] == 1
+    assert found[0xE000E400] == 0x20
     assert (found[0x40000000], found[0x40000008]) == (1, 2**32 - 1)

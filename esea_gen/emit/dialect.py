@@ -86,14 +86,16 @@ def board_roles(system: System) -> BoardRoles:
         for x in inputs.values()
         if not drive or x.name.startswith(("count_", "frame_error_"))
     ]
-    outputs = {(x.signals[0].instance, x.signals[0].port): x.name for x in system.outputs}
+    outputs = {
+        (x.signals[0].instance, x.signals[0].port): x.name for x in (system.outputs if drive else ())
+    }
     return BoardRoles(
         drive,
         tuple(measured),
         tuple(x for x in inputs.values() if x not in measured),
         tuple(
             ZeroedEncoder(name, block.name, outputs[name, "theta_rad"], outputs[name, "status"])
-            for name, block in system.blocks.items()
+            for name, block in (system.blocks.items() if drive else ())
             if {"zero_rad", "zeroed"} <= {t.name for t in block.tunables}
         ),
         system.tasks[0].name,

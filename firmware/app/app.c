@@ -207,16 +207,6 @@ static void end_zeroing(esea_app_t *app)
     app->clock.runs = app->fault < ESEA_FIRST_BOARD_FAULT;
 }
 
-bool esea_app_waits(const esea_app_t *app)
-{
-    uint32_t number;
-
-    for (number = 0u; number < ESEA_LINK_TASKS; ++number)
-        if (app->tasks[number].tail != app->tasks[number].head)
-            return true;
-    return app->motion.zeroing_ends || app->told != app->state;
-}
-
 void esea_app_poll(esea_app_t *app)
 {
     uint8_t bytes[64];

@@ -112,12 +112,9 @@ void esea_app_tick(esea_app_t *app);
 /* Tasks slower than the tick; the port's `pend` asks for it. */
 void esea_app_background(esea_app_t *app);
 
-/* Handles what has been received, sends what waits, then sleeps until there may be more.  Call it
- * for ever. */
+/* Handles what has been received, sends what waits, then waits until there may be more.  Call it for
+ * ever. */
 void esea_app_poll(esea_app_t *app);
-
-/* Whether there is something for esea_app_poll to do beside what was received. */
-bool esea_app_waits(const esea_app_t *app);
 
 /* Latches a fault and tells of it.  Takes no step; may be called from a fault handler. */
 void esea_app_fail(esea_app_t *app, ESEA_FAULT fault);

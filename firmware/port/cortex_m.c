@@ -14,6 +14,13 @@
 #define ESEA_ICSR ESEA_REG(0xE000ED04u)
 #define ESEA_ICSR_PENDSVSET (1u << 28)
 #define ESEA_SHPR3 ESEA_REG(0xE000ED20u) /* priorities of PendSV and SysTick */
+#define ESEA_SYST_CSR ESEA_REG(0xE000E010u)
+#define ESEA_SYST_CSR_ENABLE (1u << 0)
+#define ESEA_SYST_CSR_TICKINT (1u << 1)
+#define ESEA_SYST_CSR_CLKSOURCE (1u << 2) /* the processor's clock */
+#define ESEA_SYST_CSR_COUNTFLAG (1u << 16)
+#define ESEA_SYST_RVR ESEA_REG(0xE000E014u)
+#define ESEA_SYST_CVR ESEA_REG(0xE000E018u)
 #define ESEA_CPACR ESEA_REG(0xE000ED88u)
 #define ESEA_CPACR_FPU_FULL (0xFu << 20)
 
@@ -41,7 +48,7 @@ void esea_cortex_m_received(uint8_t byte)
     }
 }
 
-void esea_cortex_m_tick(void)
+void esea_tick_handler(void)
 {
     esea_app_tick(&app);
 }
@@ -80,10 +87,13 @@ static void port_quiet(bool on)
 
 static void port_wait(void)
 {
+    /* On the own clock it does not sleep: waking would shift the tick, by less or more. */
+    if (app.clock.runs)
+        return;
     /* Interrupts are off between the look and the sleep, so that no byte comes in unseen; one that
      * is pending ends the sleep all the same. */
     port_quiet(true);
-    if (receiver.tail == receiver.head && !esea_app_waits(&app))
+    if (receiver.tail == receiver.head)
         __asm__ volatile("dsb\n\twfi" ::: "memory");
     port_quiet(false);
 }
@@ -107,6 +117,28 @@ static uint32_t port_stack_peak_bytes(void)
     return (uint32_t)(esea_stack_top - word) * (uint32_t)sizeof *word;
 }
 
+static uint32_t count_at_tick(void)
+{
+    while (!(ESEA_SYST_CSR & ESEA_SYST_CSR_COUNTFLAG)) {
+    }
+    return esea_board_ticks();
+}
+
+/* Starts the base tick, 24 bits of the processor's clock; returns how many counts of the board's
+ * counter it takes, measured over one. */
+static uint32_t start_ticks(void)
+{
+    uint32_t first, second;
+
+    ESEA_SYST_RVR = ESEA_LINK_TICK_US * esea_board_clock_MHz - 1u;
+    ESEA_SYST_CVR = 0u;
+    ESEA_SYST_CSR = ESEA_SYST_CSR_ENABLE | ESEA_SYST_CSR_CLKSOURCE;
+    first = count_at_tick();
+    second = count_at_tick();
+    ESEA_SYST_CSR = ESEA_SYST_CSR_ENABLE | ESEA_SYST_CSR_CLKSOURCE | ESEA_SYST_CSR_TICKINT;
+    return second - first;
+}
+
 static void run(void)
 {
     static esea_port_t port = {
@@ -123,10 +155,10 @@ static void run(void)
     };
 
     port.stack_bytes = (uint32_t)(esea_stack_top - esea_stack_limit) * (uint32_t)sizeof(uint32_t);
-    ESEA_SHPR3 = ESEA_PRIORITY_SLOWER << 16;
+    ESEA_SHPR3 = ESEA_PRIORITY_TICK << 24 | ESEA_PRIORITY_SLOWER << 16;
     esea_board_start();
     esea_app_init(&app, &port);
-    port.base_ticks = esea_board_start_tick(ESEA_LINK_TICK_US);
+    port.base_ticks = start_ticks();
     for (;;)
         esea_app_poll(&app);
 }

@@ -1,10 +1,10 @@
 /* What all boards with a Cortex-M share: start-up, fault handlers, receive buffer, stack measurement,
- * main loop.  A board supplies the functions below and the vector table, in which its receive
- * interrupt calls esea_cortex_m_received, and its timer's esea_cortex_m_tick.
+ * base tick, main loop.  A board supplies the functions below and the vector table, in which its
+ * receive interrupt calls esea_cortex_m_received.
  *
  * Priorities, the highest first: faults; receiving, some dozen instructions a byte, which no step may
- * hold up, for the hardware keeps one byte only; the base tick; PendSV with the slower tasks; the main
- * loop.
+ * hold up, for the hardware keeps one byte only; the base tick (SysTick); the slower tasks (PendSV); the
+ * main loop.
  *
  * License: MIT. */
 #ifndef ESEA_CORTEX_M_H
@@ -27,13 +27,11 @@ extern const char esea_board_name[];
 void esea_board_start(void);
 uint32_t esea_board_ticks(void);
 void esea_board_send(uint8_t byte);
-/* Starts the timer of the base tick, whose interrupt comes every so many microseconds; returns how
- * many counts of esea_board_ticks that is. */
-uint32_t esea_board_start_tick(uint32_t tick_us);
+/* Of the processor, and so of SysTick. */
+extern const uint32_t esea_board_clock_MHz;
 
-/* To the board, called with each byte that came in, and at each base tick. */
+/* To the board, called with each byte that came in. */
 void esea_cortex_m_received(uint8_t byte);
-void esea_cortex_m_tick(void);
 
 /* From the linker script. */
 extern uint32_t esea_stack_top[];
@@ -41,6 +39,7 @@ extern uint32_t esea_stack_top[];
 void esea_reset_handler(void);
 void esea_fault_handler(void);
 void esea_slower_handler(void);
+void esea_tick_handler(void);
 
 typedef void (*esea_vector_t)(void);
 
@@ -62,7 +61,7 @@ typedef union {
     [5] = { .handler = esea_fault_handler },  /* BusFault */                                       \
     [6] = { .handler = esea_fault_handler },  /* UsageFault */                                     \
     [11] = { .handler = esea_fault_handler }, /* SVCall, not used */                               \
-    [14] = { .handler = esea_slower_handler },/* PendSV: tasks slower than the tick */                              \
-    [15] = { .handler = esea_fault_handler }  /* SysTick, not used */
+    [14] = { .handler = esea_slower_handler }, /* PendSV */                                       \
+    [15] = { .handler = esea_tick_handler }    /* SysTick */
 
 #endif

@@ -19,7 +19,7 @@ typedef struct {
     size_t (*read)(uint8_t *bytes, size_t capacity);
     /* Sends all bytes; returns when the last one has been handed to the hardware. */
     void (*write)(const uint8_t *bytes, size_t count);
-    /* Sleeps until something may have been received or be waiting; may return early. */
+    /* Sleeps until something may have been received; may return early, or at once. */
     void (*wait)(void);
     /* A free-running counter of 32 bits, for measuring; 0 on a board without one. */
     uint32_t (*ticks)(void);

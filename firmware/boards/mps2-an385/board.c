@@ -12,15 +12,6 @@
 #define TIMER0_VALUE ESEA_REG(0x40000004u)
 #define TIMER0_RELOAD ESEA_REG(0x40000008u)
 
-/* Timer 1: the base tick; interrupt 9. */
-#define TIMER1_CTRL ESEA_REG(0x40001000u)
-#define TIMER1_CTRL_INTERRUPT (1u << 3)
-#define TIMER1_VALUE ESEA_REG(0x40001004u)
-#define TIMER1_RELOAD ESEA_REG(0x40001008u)
-#define TIMER1_INTCLEAR ESEA_REG(0x4000100Cu)
-#define TIMER1_IRQ 9u
-#define CLOCK_MHZ 25u
-
 /* UART 0: one byte each way; receive interrupt 0. */
 #define UART0_DATA ESEA_REG(0x40004000u)
 #define UART0_STATE ESEA_REG(0x40004004u)
@@ -37,33 +28,15 @@
 #define UART0_RX_IRQ 0u
 
 void esea_uart0_receive_handler(void);
-void esea_timer1_handler(void);
 
 const char esea_board_name[] = "mps2-an385";
+const uint32_t esea_board_clock_MHz = 25u;
 
 void esea_uart0_receive_handler(void)
 {
     UART0_INTCLEAR = UART_INT_RX; /* before reading: the next byte may follow at once */
     while (UART0_STATE & UART_STATE_RX_FULL)
         esea_cortex_m_received((uint8_t)UART0_DATA);
-}
-
-void esea_timer1_handler(void)
-{
-    TIMER1_INTCLEAR = 1u;
-    esea_cortex_m_tick();
-}
-
-uint32_t esea_board_start_tick(uint32_t tick_us)
-{
-    const uint32_t counts = tick_us * CLOCK_MHZ;
-
-    TIMER1_RELOAD = counts - 1u;
-    TIMER1_VALUE = counts - 1u;
-    ESEA_NVIC_PRIORITY(TIMER1_IRQ) |= ESEA_PRIORITY_OF(TIMER1_IRQ, ESEA_PRIORITY_TICK);
-    ESEA_NVIC_ISER(0) = 1u << TIMER1_IRQ;
-    TIMER1_CTRL = TIMER0_CTRL_ENABLE | TIMER1_CTRL_INTERRUPT;
-    return counts;
 }
 
 void esea_board_send(uint8_t byte)
@@ -90,8 +63,7 @@ void esea_board_start(void)
     ESEA_NVIC_ISER(0) = 1u << UART0_RX_IRQ;
 }
 
-ESEA_VECTORS(TIMER1_IRQ) = {
+ESEA_VECTORS(UART0_RX_IRQ) = {
     ESEA_CORE_VECTORS,
     [16u + UART0_RX_IRQ] = { .handler = esea_uart0_receive_handler },
-    [16u + TIMER1_IRQ] = { .handler = esea_timer1_handler },
 };

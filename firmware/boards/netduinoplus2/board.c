@@ -8,37 +8,14 @@
 #include "stm32f405.h"
 
 void esea_usart1_handler(void);
-void esea_tim5_handler(void);
 
 const char esea_board_name[] = "netduinoplus2";
+const uint32_t esea_board_clock_MHz = 16u;
 
 void esea_usart1_handler(void)
 {
     while (ESEA_USART1_SR & ESEA_USART_SR_RXNE)
         esea_cortex_m_received((uint8_t)ESEA_USART1_DR);
-}
-
-void esea_tim5_handler(void)
-{
-    ESEA_TIM5_SR = 0u;
-    esea_cortex_m_tick();
-}
-
-uint32_t esea_board_start_tick(uint32_t tick_us)
-{
-    const uint32_t counts = tick_us * ESEA_CLOCK_MHZ;
-
-    ESEA_RCC_APB1ENR |= ESEA_RCC_APB1ENR_TIM5;
-    __asm__ volatile("dsb" ::: "memory");
-    ESEA_TIM5_PSC = 0u;
-    ESEA_TIM5_ARR = counts - 1u;
-    ESEA_TIM5_EGR = ESEA_TIM5_EGR_UG;
-    ESEA_TIM5_SR = 0u;
-    ESEA_TIM5_DIER = ESEA_TIM5_DIER_UIE;
-    ESEA_NVIC_PRIORITY(ESEA_TIM5_IRQ) |= ESEA_PRIORITY_OF(ESEA_TIM5_IRQ, ESEA_PRIORITY_TICK);
-    ESEA_NVIC_ISER(1) = 1u << (ESEA_TIM5_IRQ - 32u);
-    ESEA_TIM5_CR1 = ESEA_TIM5_CR1_CEN;
-    return counts;
 }
 
 void esea_board_send(uint8_t byte)
@@ -75,8 +52,7 @@ void esea_board_start(void)
     ESEA_NVIC_ISER(1) = 1u << (ESEA_USART1_IRQ - 32u);
 }
 
-ESEA_VECTORS(ESEA_TIM5_IRQ) = {
+ESEA_VECTORS(ESEA_USART1_IRQ) = {
     ESEA_CORE_VECTORS,
     [16u + ESEA_USART1_IRQ] = { .handler = esea_usart1_handler },
-    [16u + ESEA_TIM5_IRQ] = { .handler = esea_tim5_handler },
 };

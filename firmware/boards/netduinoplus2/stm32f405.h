@@ -11,8 +11,6 @@
 #define ESEA_RCC_AHB1ENR_GPIOB (1u << 1)
 #define ESEA_RCC_APB1ENR ESEA_REG(0x40023840u)
 #define ESEA_RCC_APB1ENR_TIM2 (1u << 0)
-#define ESEA_RCC_APB1ENR_TIM5 (1u << 3)
-#define ESEA_CLOCK_MHZ 16u /* of the core and of every timer */
 #define ESEA_RCC_APB2ENR ESEA_REG(0x40023844u)
 #define ESEA_RCC_APB2ENR_USART1 (1u << 4)
 
@@ -28,18 +26,6 @@
 #define ESEA_TIM2_CNT ESEA_REG(0x40000024u)
 #define ESEA_TIM2_PSC ESEA_REG(0x40000028u)
 #define ESEA_TIM2_ARR ESEA_REG(0x4000002Cu)
-
-/* Timer 5: 32 bits, interrupt 50: the base tick. */
-#define ESEA_TIM5_CR1 ESEA_REG(0x40000C00u)
-#define ESEA_TIM5_CR1_CEN (1u << 0)
-#define ESEA_TIM5_DIER ESEA_REG(0x40000C0Cu)
-#define ESEA_TIM5_DIER_UIE (1u << 0)
-#define ESEA_TIM5_SR ESEA_REG(0x40000C10u)
-#define ESEA_TIM5_EGR ESEA_REG(0x40000C14u)
-#define ESEA_TIM5_EGR_UG (1u << 0)
-#define ESEA_TIM5_PSC ESEA_REG(0x40000C28u)
-#define ESEA_TIM5_ARR ESEA_REG(0x40000C2Cu)
-#define ESEA_TIM5_IRQ 50u
 
 /* USART 1, interrupt 37. */
 #define ESEA_USART1_SR ESEA_REG(0x40011000u)
