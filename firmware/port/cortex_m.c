@@ -36,6 +36,7 @@ static struct {
     volatile uint8_t bytes[RECEIVE_BUFFER_BYTES];
 } receiver;
 
+static esea_port_t port;
 static esea_app_t app;
 
 void esea_cortex_m_received(uint8_t byte)
@@ -141,7 +142,7 @@ static uint32_t start_ticks(void)
 
 static void run(void)
 {
-    static esea_port_t port = {
+    static const esea_port_t board = {
         .name = esea_board_name,
         .receive_buffer_bytes = RECEIVE_BUFFER_BYTES,
         .read = port_read,
@@ -154,6 +155,7 @@ static void run(void)
         .stack_peak_bytes = port_stack_peak_bytes,
     };
 
+    port = board;
     port.stack_bytes = (uint32_t)(esea_stack_top - esea_stack_limit) * (uint32_t)sizeof(uint32_t);
     ESEA_SHPR3 = ESEA_PRIORITY_TICK << 24 | ESEA_PRIORITY_SLOWER << 16;
     esea_board_start();
