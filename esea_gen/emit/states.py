@@ -331,6 +331,7 @@ def states_header() -> str:
             "Whether the board's own clock runs the tasks.",
             [s for s in STATES if s.computes],
         ),
+        *_asks("known", "Whether it is one of the list.", list(STATES)),
         *_asks("drives", "Whether the motor may be on.", [s for s in STATES if s.torque]),
         "#endif",
     ]

@@ -44,7 +44,9 @@ void esea_link_send_heartbeat(esea_app_t *app)
     fields.autopilot = MAV_AUTOPILOT_INVALID;
     fields.base_mode = MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
     fields.custom_mode = (uint32_t)app->state;
-    fields.system_status = app->fault == ESEA_FAULT_PROCESSOR ? (uint8_t)MAV_STATE_EMERGENCY : states[app->state];
+    fields.system_status = esea_state_known(app->state) ? states[app->state] : (uint8_t)MAV_STATE_CRITICAL;
+    if (app->fault == ESEA_FAULT_PROCESSOR)
+        fields.system_status = MAV_STATE_EMERGENCY;
     (void)mavlink_msg_heartbeat_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
     send(app, &message);
 }

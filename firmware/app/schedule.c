@@ -40,6 +40,8 @@ static void supervise(esea_app_t *app)
 {
     esea_motion_t *const motion = &app->motion;
 
+    if (!esea_state_known(app->state)) /* memory was overwritten: the event finds it out */
+        (void)esea_app_event(app, ESEA_EVENT_FAILED);
     if (app->port->stop_open != NULL && app->port->stop_open())
         (void)esea_app_event(app, ESEA_EVENT_STOP);
     if (ends(&motion->link_left))

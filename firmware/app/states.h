@@ -76,6 +76,22 @@ static inline bool esea_state_computes(ESEA_STATE state)
            state == ESEA_STATE_STOPPED;
 }
 
+/* Whether it is one of the list. */
+static inline bool esea_state_known(ESEA_STATE state)
+{
+    return state == ESEA_STATE_BOOT ||
+           state == ESEA_STATE_READY ||
+           state == ESEA_STATE_REPLAY ||
+           state == ESEA_STATE_FAULT ||
+           state == ESEA_STATE_SELF_TEST ||
+           state == ESEA_STATE_UNREFERENCED ||
+           state == ESEA_STATE_ZEROING ||
+           state == ESEA_STATE_ARMED ||
+           state == ESEA_STATE_ACTIVE ||
+           state == ESEA_STATE_LETTING_GO ||
+           state == ESEA_STATE_STOPPED;
+}
+
 /* Whether the motor may be on. */
 static inline bool esea_state_drives(ESEA_STATE state)
 {

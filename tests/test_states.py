@@ -1,0 +1,606 @@
+"""States of the board: the C's transition function, the table, what they do to the motor.
+
+The application runs as it stands, clocked from here (``firmware/boards/sim``).  What it is held against
+is written a second time below, by rules about events, not by states.
+"""
+
+from __future__ import annotations
+
+import itertools
+from html import escape as quoted
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from esea_gen.device import load_device
+from esea_gen.emit.dialect import render_dialect
+from esea_gen.emit.states import (
+    BOARD_FAULTS,
+    EVENTS,
+    GUARDS,
+    STATES,
+    TABLE,
+    TIMES_MS,
+    follow,
+    state_tables,
+    states_header,
+)
+from esea_gen.targets import firmware_folder
+from esea_gen.verify.sim import SimBoard
+from esea_link.transport import LinkError
+
+from .conftest import ROOT, require_tool
+
+NAMES = [s.name for s in STATES]
+TORQUE = {"ARMED", "ACTIVE", "LETTING_GO"}
+ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return load_device("elbow_drive")
+
+
+@pytest.fixture(scope="module")
+def powered(drive):
+    require_tool("gcc")
+    board = SimBoard(drive)
+    yield board
+    board.close()
+
+
+@pytest.fixture
+def board(powered):
+    """The drive's board, just powered on; its encoders stand still."""
+    powered.restart()
+    powered.measure(**ANGLES)
+    return powered
+
+
+@pytest.fixture
+def ready(board):
+    board.ticks(20)
+    board.zero()
+    board.ticks(230)
+    assert board.state_now == "READY"
+    return board
+
+
+@pytest.fixture
+def armed(ready):
+    ready.arm()
+    ready.ticks(5)
+    assert ready.state_now == "ARMED"
+    return ready
+
+
+# -- the transition function -----------------------------------------------------------------------
+
+
+def rule(state: str, event: str, g: set[str]) -> str | None:
+    """Where an event leads, by what the events are for; None: refused."""
+    rest = (
+        "STOPPED"
+        if "stop_clear" not in g
+        else "READY"
+        if "referenced" in g
+        else "UNREFERENCED"
+    )
+    starting = state in ("BOOT", "SELF_TEST")
+    match event:
+        case "STOP":
+            return state if starting or state == "FAULT" else "STOPPED"
+        case "FAILED":
+            return "FAULT"
+        case "DISARM":
+            return {"ARMED": "READY", "ACTIVE": "LETTING_GO"}.get(state, state)
+        case "OFF":
+            return "ARMED" if state == "ACTIVE" else state
+        case "ON":
+            live = {"link_live", "stop_clear"} <= g
+            return "ACTIVE" if state in ("ARMED", "ACTIVE") and live else None
+        case "ARM":
+            needed = {"drive", "referenced", "stop_clear", "link_live", "mode_off"}
+            return "ARMED" if state == "READY" and needed <= g else None
+        case "RESET":
+            return None if starting or state in TORQUE or state == "ZEROING" else "BOOT"
+        case "ZERO":
+            at_rest = state in ("READY", "UNREFERENCED")
+            return "ZEROING" if at_rest and "drive" in g else None
+        case "RELEASE":
+            return rest if state == "STOPPED" and "stop_clear" in g else None
+        case "CLEAR":
+            return rest if state == "FAULT" and "clearable" in g else None
+        case "INPUT":
+            return "REPLAY" if state in ("READY", "UNREFERENCED", "REPLAY") else None
+        case "EXPIRED" | "LINK_LOST" if state == "ACTIVE":
+            return "LETTING_GO"
+    inner = {
+        ("BOOT", "STARTED"): "SELF_TEST",
+        ("SELF_TEST", "PASSED"): rest,
+        ("ZEROING", "ZEROED"): "READY",
+        ("ZEROING", "NOT_ZEROED"): "UNREFERENCED",
+        ("ARMED", "REFUSED"): "READY",
+        ("ARMED", "LINK_LOST"): "READY",
+        ("LETTING_GO", "FADED"): "READY",
+    }
+    return inner.get((state, event))
+
+
+def every_guard():
+    names = [g.name for g in GUARDS]
+    for kept in itertools.product((False, True), repeat=len(names)):
+        yield {n for n, k in zip(names, kept, strict=True) if k}
+
+
+def test_every_state_and_event_leads_where_the_table_and_the_rules_say(board):
+    wrong = []
+    for state, event, guards in itertools.product(STATES, EVENTS, every_guard()):
+        expected = rule(state.name, event.name, guards)
+        assert follow(state.name, event.name, guards) == expected, (state, event, guards)
+        found = board.follow(state.name, event.name, guards)
+        if found != (expected or state.name, expected is not None):
+            wrong.append((state.name, event.name, guards, found))
+    assert wrong == []
+
+
+def test_no_way_leads_to_torque_but_arm_and_on(board):
+    for state, event, guards in itertools.product(STATES, EVENTS, every_guard()):
+        after, _ = board.follow(state.name, event.name, guards)
+        if state.name not in TORQUE and after in TORQUE:
+            assert (state.name, event.name, after) == ("READY", "ARM", "ARMED")
+        if state.name != "ACTIVE" and after == "ACTIVE":
+            assert (state.name, event.name) == ("ARMED", "ON")
+
+
+def test_numbers_are_used_once_and_keep_their_meaning():
+    for numbers in ([s.value for s in STATES], [e.value for e in EVENTS]):
+        assert len(set(numbers)) == len(numbers)
+    # As they were first given out: a number is never used again for something else.
+    assert {s.name: s.value for s in STATES} == {
+        "BOOT": 0, "READY": 1, "REPLAY": 2, "FAULT": 3, "SELF_TEST": 4, "UNREFERENCED": 5,
+        "ZEROING": 6, "ARMED": 7, "ACTIVE": 8, "LETTING_GO": 9, "STOPPED": 10,
+    }  # fmt: skip
+    assert {c.name: c.value for c in BOARD_FAULTS} == {
+        "NONE": 0, "PREPARE_REFUSED": 101, "STACK_EXHAUSTED": 102, "PROCESSOR": 103,
+        "SELF_TEST": 104, "STATE_UNKNOWN": 105,
+    }  # fmt: skip
+    assert set(TABLE) == set(NAMES)
+
+
+def test_header_and_documentation_are_those_of_the_table(drive):
+    """Written by ``python -m esea_gen.emit.states``."""
+    header = (firmware_folder() / "app" / "states.h").read_text(encoding="utf-8")
+    assert header == states_header()
+    page = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
+    assert state_tables() in page
+
+
+def test_the_compiler_finds_a_forgotten_event(drive, tmp_path, monkeypatch):
+    """Armed: one case taken away, and the build fails."""
+    require_tool("gcc")
+    import shutil
+
+    from esea_gen.verify import firmware
+
+    shutil.copytree(firmware_folder(), tmp_path / "firmware")
+    path = tmp_path / "firmware" / "app" / "machine.c"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("    case ESEA_EVENT_LINK_LOST:\n", "", 1), encoding="utf-8")
+    monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
+    with pytest.raises(RuntimeError, match="ESEA_EVENT_LINK_LOST"):
+        firmware.build_firmware(drive, "sim", tmp_path / "out")
+
+
+# -- what it does ----------------------------------------------------------------------------------
+
+
+def test_it_starts_without_torque_and_without_a_zero(board):
+    assert board.state_now == "UNREFERENCED"
+    board.ticks(50)
+    assert board.motor == (False, 0.0)
+    with pytest.raises(LinkError, match="does not arm now: it is UNREFERENCED"):
+        board.arm()
+
+
+def test_without_a_driver_nothing_is_measured_and_nothing_can_be_zeroed(powered):
+    powered.restart()
+    powered.ticks(20)
+    powered.zero()
+    powered.ticks(230)
+    assert powered.state_now == "UNREFERENCED"
+
+
+def test_zeroing_takes_the_angles_that_stand_still(ready):
+    ready.tell("ESEA_SENSE_OUT", 1000)
+    ready.ticks(20)
+    told = [m for m in ready.pending() if m.get_type() == "ESEA_SENSE_OUT"][-1]
+    # Whatever the counts were: the joint is at its zero, within half a count of 4096.
+    assert abs(told.theta_motor_rad) < np.pi / 4096
+    assert abs(told.theta_load_rad) < np.pi / 4096
+    assert told.theta_rad == pytest.approx(0, abs=2 * np.pi / 4096)
+
+
+def test_a_joint_that_moves_is_not_zeroed(board):
+    board.ticks(20)
+    board.zero()
+    for k in range(250):
+        board.measure(**(ANGLES | {"count_load": 900 + k // 5}))
+        board.ticks()
+    assert board.state_now == "UNREFERENCED"
+
+
+def test_armed_it_holds_no_torque_and_active_it_may(armed):
+    assert armed.motor == (True, 0.0)
+    for _ in range(40):
+        armed.want(mode=1.0, tau_desired_Nm=0.3)
+        armed.ticks()
+    assert armed.state_now == "ACTIVE"
+    on, u_Nm = armed.motor
+    assert on
+    assert abs(u_Nm) > 1e-4
+
+
+def test_a_command_without_a_next_one_lets_go(armed):
+    armed.tell("ESEA_SENSE_IN", 1000)
+    armed.tell("ESEA_SENSE_OUT", 1000)
+    for _ in range(40):
+        armed.want(mode=2.0, tau_desired_Nm=0.1)
+        armed.ticks()
+    deadline, fade = TIMES_MS["DEADLINE"][0], TIMES_MS["FADE"][0]
+    armed.pending()
+    armed.ticks(deadline - 2)
+    told = armed.pending()
+    assert armed.state_now == "ACTIVE"
+    armed.ticks(1)
+    assert armed.state_now == "LETTING_GO"
+    assert armed.motor[0]
+    armed.want(mode=1.0, tau_desired_Nm=0.3)  # nothing brings it back
+    for part in (200, fade - 202):  # so many frames as the line holds
+        armed.ticks(part)
+        told += armed.pending()
+    assert armed.state_now == "LETTING_GO"
+    armed.ticks(1)
+    assert (armed.state_now, armed.motor) == ("READY", (False, 0.0))
+    told += armed.pending()
+    given = [m for m in told if m.get_type() == "ESEA_SENSE_IN"]
+    set_Nm = [m.tau_set_Nm for m in told if m.get_type() == "ESEA_SENSE_OUT"]
+    fading = [m.tau_desired_Nm for m in given if m.mode == 1.0]
+    # From what was set when the deadline passed, by equal steps, to nothing.
+    from_Nm = set_Nm[next(i for i, m in enumerate(given) if m.mode == 1.0) - 1]
+    assert from_Nm != 0
+    steps = from_Nm * (fade - np.arange(len(fading))) / fade
+    assert len(fading) == fade - 1
+    assert np.allclose(fading, steps, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("asked_ms", "held_ms"), [(0, 100), (1, 20), (20, 20), (300, 300), (1000, 1000), (65535, 1000)]
+)
+def test_no_value_switches_the_deadline_off(armed, asked_ms, held_ms):
+    armed.want(mode=1.0, deadline_ms=asked_ms)
+    armed.ticks(held_ms - 1)
+    assert armed.state_now == "ACTIVE"
+    armed.ticks(1)
+    assert armed.state_now == "LETTING_GO"
+
+
+@pytest.mark.parametrize("mode", [float("nan"), float("inf"), 0.5, 3.0, -1.0])
+def test_what_is_no_mode_is_no_command(armed, mode):
+    armed.want(mode=1.0)
+    armed.ticks(60)
+    armed.want(mode=mode)
+    armed.ticks(40)
+    assert armed.state_now == "LETTING_GO"
+    assert armed.clock().refused == 1
+
+
+@pytest.mark.parametrize("state", sorted(set(NAMES) - {"BOOT", "SELF_TEST"}))
+def test_a_stop_is_taken_in_every_state_from_anybody(armed, state):
+    if state in ("ACTIVE", "LETTING_GO"):
+        armed.want(mode=1.0, tau_desired_Nm=0.2)
+        armed.ticks(30)
+    if state == "LETTING_GO":
+        armed.disarm()
+    if state in ("READY", "UNREFERENCED", "ZEROING", "REPLAY"):
+        armed.disarm()
+    if state in ("UNREFERENCED", "ZEROING"):
+        armed.zero()
+    if state == "UNREFERENCED":
+        armed.measure(**(ANGLES | {"frame_error_load": 1}))
+        armed.ticks(250)
+    if state == "REPLAY":
+        zeros = [0.0] * 12
+        armed.send(armed.message("ESEA_SENSE_IN", 0, *zeros))
+    if state == "FAULT":
+        armed.measure(**(ANGLES | {"frame_error_load": 1}))
+        armed.ticks(10)
+    if state == "STOPPED":
+        armed.stop()
+    assert armed.state_now == state
+    # From a stranger, and addressed to another: system 7, component 9.
+    stranger = armed.dialect.MAVLink(None, 42, 1)
+    message = armed.message("COMMAND_LONG", 7, 9, armed.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
+    armed.send_bytes(message.pack(stranger))
+    assert armed.state_now == ("FAULT" if state == "FAULT" else "STOPPED")
+    armed.ticks(1)
+    assert armed.motor == (False, 0.0)
+    with pytest.raises(LinkError, match="does not arm"):
+        armed.arm()
+
+
+def test_a_released_stop_restores_nothing(armed):
+    for _ in range(30):
+        armed.want(mode=1.0, tau_desired_Nm=0.3, deadline_ms=1000)
+        armed.ticks()
+    armed.stop()
+    armed.ticks(3)
+    armed.release()
+    assert armed.state_now == "READY"
+    armed.ticks(200)
+    assert armed.motor == (False, 0.0)
+    armed.arm()
+    armed.ticks(200)
+    assert armed.state_now == "ARMED"
+    assert armed.motor == (True, 0.0)
+
+
+def test_arming_needs_mode_0(ready):
+    ready.want(mode=1.0, tau_desired_Nm=0.3)
+    with pytest.raises(LinkError, match="does not arm"):
+        ready.arm()
+    ready.want(mode=0.0)
+    ready.arm()
+    assert ready.state_now == "ARMED"
+
+
+def test_a_silent_host_disarms(armed):
+    lost = TIMES_MS["LINK_LOST"][0]
+    armed.ticks(lost - 10)
+    assert armed.state_now == "ARMED"
+    armed.ticks(10)
+    assert armed.state_now == "READY"
+
+
+def test_an_open_stop_line_holds_until_it_is_closed_and_released(armed):
+    armed.lib.sim_stop_line(True)
+    armed.ticks(1)
+    assert (armed.state_now, armed.motor) == ("STOPPED", (False, 0.0))
+    with pytest.raises(LinkError, match="does not release the stop"):
+        armed.release()
+    armed.lib.sim_stop_line(False)
+    armed.ticks(5)
+    assert armed.state_now == "STOPPED"
+    armed.release()
+    assert armed.state_now == "READY"
+
+
+def test_a_fault_of_the_limits_is_cleared_by_a_person_and_needs_a_new_arm(armed):
+    armed.measure(**(ANGLES | {"frame_error_load": 1}))
+    armed.ticks(10)
+    assert (armed.state_now, armed.motor) == ("FAULT", (False, 0.0))
+    assert armed.fault().startswith("SENSING")
+    # While the cause stands it may be cleared, but the limits do not release.
+    armed.clear()
+    armed.arm()
+    armed.ticks(1)
+    assert armed.state_now == "READY"
+    armed.measure(**ANGLES)
+    armed.ticks(20)
+    armed.arm()
+    armed.ticks(1)
+    assert (armed.state_now, armed.motor) == ("ARMED", (True, 0.0))
+
+
+def test_a_fault_of_the_board_needs_a_reset(armed):
+    armed.lib.sim_fail(102)
+    assert armed.state_now == "FAULT"
+    assert armed.motor == (False, 0.0)
+    with pytest.raises(LinkError, match="does not clear the fault"):
+        armed.clear()
+    armed.reset()
+    assert armed.state_now == "UNREFERENCED"
+
+
+def test_a_stop_outlives_a_reset(ready):
+    ready.stop()
+    ready.reset()
+    assert ready.state_now == "STOPPED"
+
+
+def test_a_state_that_is_none_is_a_fault_at_the_next_tick(armed):
+    armed.want(mode=1.0)
+    armed.ticks(50)
+    armed.lib.sim_overwrite_state(77)
+    armed.ticks(1)
+    assert (armed.state_now, armed.motor) == ("FAULT", (False, 0.0))
+    assert armed.fault().startswith("STATE_UNKNOWN")
+
+
+def test_a_lost_tick_latches_and_a_host_hears_of_it(armed):
+    armed.want(mode=1.0, deadline_ms=1000)
+    armed.ticks(20)
+    armed.lib.sim_tick(3, True)
+    assert (armed.state_now, armed.motor) == ("FAULT", (False, 0.0))
+    assert armed.fault().startswith("CLOCK")
+    assert armed.clock().lost_ticks == 2
+
+
+def test_late_runs_of_the_slower_task_latch(armed):
+    """Each is started, and ends only two ticks later: the twelfth in a row is too late."""
+    armed.want(mode=1.0, deadline_ms=1000)
+    while armed.clock().tick % 5:
+        armed.ticks()
+    before = armed.clock().late_runs
+    first = None
+    for k in range(60):
+        armed.lib.sim_tick(1, False)
+        if k % 5 == 2:
+            armed.lib.sim_slower()
+        armed.lib.sim_poll()
+        first = k if first is None and armed.state_now == "FAULT" else first
+    assert first == 11 * 5 + 1
+    assert armed.fault().startswith("LATE")
+    assert armed.clock().late_runs - before == 12
+
+
+# -- any order of all that -------------------------------------------------------------------------
+
+
+class Person:
+    """What the states should be, from what was done to the board; time in ticks."""
+
+    def __init__(self) -> None:
+        self.state, self.referenced, self.held, self.line = "UNREFERENCED", False, False, False
+        self.mode_on = False
+        self.link = self.deadline = self.fade = self.still = 0
+
+    def guards(self, event: str) -> set[str]:
+        held = self.held and event != "RELEASE"
+        found = {
+            "drive": True,
+            "referenced": self.referenced,
+            "stop_clear": not held and not self.line,
+            "link_live": self.link > 0,
+            "mode_off": not self.mode_on,
+            "clearable": True,
+        }
+        return {n for n, holds in found.items() if holds}
+
+    def event(self, event: str) -> None:
+        before, after = self.state, rule(self.state, event, self.guards(event))
+        if event == "STOP":
+            self.held = True
+        if after is None:
+            return
+        self.held = self.held and event != "RELEASE"
+        self.state = after
+        if before == after:
+            return
+        if after == "BOOT":
+            self.state, self.referenced, self.mode_on = "UNREFERENCED", False, False
+            self.state = "STOPPED" if self.held or self.line else "UNREFERENCED"
+            return
+        if after not in TORQUE or after == "ARMED":
+            self.mode_on, self.deadline = False, 0
+        if after == "LETTING_GO":
+            self.fade = TIMES_MS["FADE"][0]
+        if after == "ZEROING":
+            self.referenced, self.still = False, TIMES_MS["ZEROING"][0]
+
+    def tick(self) -> None:
+        if self.line:
+            self.event("STOP")
+        self.link = max(0, self.link - 1)
+        if self.link == 0:
+            self.event("LINK_LOST")
+        if self.deadline:
+            self.deadline -= 1
+            if self.deadline == 0:
+                self.event("EXPIRED")
+        if self.state == "LETTING_GO":
+            self.fade -= 1
+            if self.fade == 0:
+                self.event("FADED")
+        if self.state == "ZEROING":
+            self.still -= 1
+            if self.still == 0:
+                self.referenced = True
+                self.event("ZEROED")
+
+    def told(self, event: str) -> None:
+        self.link = TIMES_MS["LINK_LOST"][0]
+        if event in ("ON", "OFF"):
+            self.mode_on = event == "ON"
+        self.event(event)
+        if event == "ON" and self.state == "ACTIVE":
+            self.deadline = TIMES_MS["DEADLINE"][0]
+
+
+DEEDS = {
+    "STOP": lambda b: b.stop(),
+    "RELEASE": lambda b: b.release(),
+    "CLEAR": lambda b: b.clear(),
+    "RESET": lambda b: b.reset(),
+    "ZERO": lambda b: b.zero(),
+    "ARM": lambda b: b.arm(),
+    "DISARM": lambda b: b.disarm(),
+    "OFF": lambda b: b.want(mode=0.0),
+    "ON": lambda b: b.want(mode=1.0),
+}
+# A controller needs a moment before the limits take its word: those who arm or zero wait for it.
+deeds = st.one_of(
+    st.sampled_from([*DEEDS, *["ARM", "ON", "ZERO"] * 2]),
+    st.sampled_from(["open", "close", "close"]),
+    st.sampled_from([1, 7, 99, 100, 101, 200, 499, 501, 1001]),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(done=st.lists(deeds, min_size=3, max_size=25))
+def test_any_order_of_commands_and_time_gives_the_states_of_the_model(powered, done):
+    board, person = powered, Person()
+    board.restart()
+    board.lib.sim_stop_line(False)
+    board.measure(**ANGLES)
+
+    def wait(ticks):
+        for _ in range(ticks):
+            board.ticks()
+            person.tick()
+            assert board.state_now == person.state
+            on, u_Nm = board.motor
+            assert on == (person.state in TORQUE)
+            assert u_Nm == 0 or person.state in ("ACTIVE", "LETTING_GO", "ARMED")
+
+    for deed in ["ZERO", 230, *done]:
+        if isinstance(deed, int):
+            wait(deed)
+        elif deed in ("open", "close"):
+            person.line = deed == "open"
+            board.lib.sim_stop_line(person.line)
+        else:
+            wait(30 if deed in ("ARM", "ZERO") else 1)
+            try:
+                DEEDS[deed](board)
+            except LinkError:
+                pass
+            person.told(deed)
+            assert board.state_now == person.state, deed
+    board.pending()
+
+
+# -- other devices ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["elbow", "wrist"])
+def test_a_device_without_a_motor_is_ready_and_never_armed(name):
+    require_tool("gcc")
+    board = SimBoard(load_device(name))
+    board.measure()
+    board.ticks(20)
+    assert board.state_now == "READY"
+    for ask in (board.arm, board.zero):
+        with pytest.raises(LinkError, match="READY"):
+            ask()
+    board.stop()
+    assert board.state_now == "STOPPED"
+    board.close()
+
+
+def escape(text: str) -> str:
+    """As XML has it."""
+    return quoted(text).replace("&#x27;", "&#39;")
+
+
+def test_texts_of_the_dialect_are_the_tables(drive):
+
+    xml = render_dialect(drive).files["esea_elbow_drive.xml"]
+    for state in STATES:
+        entry = f'<entry value="{state.value}" name="ESEA_STATE_{state.name}">'
+        assert f"{entry}<description>{escape(state.meaning)}" in xml
+    for fault in BOARD_FAULTS[1:]:
+        assert f'value="{fault.value}" name="ESEA_FAULT_{fault.name}"' in xml
+        assert f"Cure: {escape(fault.cure)}. Found: {fault.bound}." in xml
