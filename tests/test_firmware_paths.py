@@ -135,6 +135,7 @@ uint32_t esea_stack_limit[1], esea_stack_top[1];
 const char esea_board_name[] = "ring";
 const uint32_t esea_board_clock_MHz = 16u;
 void esea_board_start(void) {{}}
+void esea_board_drivers(esea_port_t *port) {{ (void)port; }}
 uint32_t esea_board_ticks(void) {{ return 0u; }}
 void esea_board_send(uint8_t byte) {{ (void)byte; }}
 void esea_app_init(esea_app_t *a, const esea_port_t *p) {{ (void)a; (void)p; }}

@@ -27,6 +27,7 @@ from esea_gen.targets import (
     find_board,
     firmware_folder,
 )
+from esea_gen.verify.stack import CallGraph, deepest_stack, stack_by_priority
 
 # What control code may ask of the compiler's own library: moving memory and dividing integers.
 _ALLOWED = re.compile(
@@ -46,6 +47,8 @@ class FirmwareImage:
     stack_bytes: size of the stack that the linker script reserves; 0 on the host.
     step_stack_bytes: largest stack use below the entry of each task's step, by the compiler's call
         graph.
+    stack_bounds_bytes: largest stack use of each priority, its interrupt's frame included; their
+        sum bounds the stack, whoever interrupts whom. Empty on the host.
     compiler: first line of the compiler's version.
     """
 
@@ -58,6 +61,7 @@ class FirmwareImage:
     ram_bytes: int
     stack_bytes: int
     step_stack_bytes: dict[str, int]
+    stack_bounds_bytes: dict[str, int]
     compiler: str
 
     def to_dict(self) -> dict[str, Any]:
@@ -91,31 +95,6 @@ def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     return sorted(n for n in names if _DOUBLE.fullmatch(n))
 
 
-def deepest_stack(graphs: Sequence[Path], entry: str) -> int:
-    """Largest stack use below a function, from the compiler's call graphs.
-
-    return: bytes, its own frame included. A function of unknown use counts as 0.
-    """
-    own: dict[str, int] = {}
-    calls: dict[str, set[str]] = {}
-    for path in graphs:
-        text = path.read_text()
-        for title, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', text):
-            used = re.search(r"\\n(\d+) bytes", label)
-            if used:
-                own[title] = int(used.group(1))
-        for source, target in re.findall(r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', text):
-            calls.setdefault(source, set()).add(target)
-
-    def depth(name: str, above: tuple[str, ...]) -> int:
-        if name in above:
-            raise ValueError(f"recursion: {' -> '.join((*above, name))}")
-        below = (depth(n, (*above, name)) for n in calls.get(name, ()))
-        return own.get(name, 0) + max(below, default=0)
-
-    return depth(entry, ())
-
-
 def _run(command: Sequence[str | Path], folder: Path, what: str) -> None:
     done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
     if done.returncode != 0:
@@ -135,13 +114,18 @@ def _version(compiler: str) -> str:
 
 
 def build_firmware(
-    device: Device, board: str, out: Path, control: Mapping[str, str] | None = None
+    device: Device,
+    board: str,
+    out: Path,
+    control: Mapping[str, str] | None = None,
+    drivers: str | None = None,
 ) -> FirmwareImage:
     """Build a device's firmware image.
 
     board: what it runs on; it also says the number format of the control code.
     control: files of the format's folder to compile in place of the device's own; tests alter one
         to prove that a comparison finds it.
+    drivers: text of a ``drivers.c`` in place of the board's.
     """
     chosen = find_board(board)
     toolchain = chosen.processor.toolchain
@@ -160,6 +144,11 @@ def build_firmware(
         for part in ("app", "port", f"boards/{board}"):
             shutil.copytree(firmware_folder() / part, folder / part)
 
+        own_drivers = folder / f"boards/{board}/drivers.c"
+        if drivers is not None:
+            own_drivers.write_text(drivers, encoding="utf-8")
+        bare = (folder / f"boards/{board}/link.ld").is_file()
+
         common = [gcc, *chosen.compile_flags, *SECTION_FLAGS, "-c"]
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         control_objects = []
@@ -175,12 +164,12 @@ def build_firmware(
         includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{real}", "-Iport", "-Iapp"]
         header = f'-DESEA_LINK_HEADER="{FORMATS[real].link_header(prefix)}"'
         script = f"boards/{board}/link.ld"
-        bare = (folder / script).is_file()
         app_objects = []
-        parts = sorted(p.stem for p in (folder / "app").glob("*.c"))
-        names = [f"app/{part}" for part in parts]
-        for name in (*names, f"boards/{board}/board", *(["port/cortex_m"] if bare else [])):
+        parts = [p for sub in ("app", f"boards/{board}") for p in sorted((folder / sub).glob("*.c"))]
+        names = [p.relative_to(folder).with_suffix("").as_posix() for p in parts]
+        for name in (*names, *(["port/cortex_m"] if bare else [])):
             flags = (*APP_FLAGS, *chosen.app_flags, *includes, header)
+            flags += ("-fcallgraph-info=su",) if bare else ()
             _run([*common, *flags, f"{name}.c", "-o", f"{name}.o"], folder, f"{name}.c")
             app_objects.append(f"{name}.o")
         link = [*chosen.link, *(["-T", script] if bare else [])]
@@ -196,6 +185,15 @@ def build_firmware(
         step_stack = {
             t.name: deepest_stack(graphs, f"{prefix}_{t.name}_step") for t in device.system.tasks
         }
+        steps: dict[bool, list[str]] = {True: [], False: []}
+        for t in device.system.tasks:
+            steps[t.every == 1].append(f"{prefix}_{t.name}_step")
+        bounds = _stack_bounds(folder, graphs, steps, chosen.processor.fpu) if bare else {}
+        if sum(bounds.values()) > sections.get(".stack", 0) and bare:
+            raise RuntimeError(
+                f"the stack may need {sum(bounds.values())} bytes ({bounds}), "
+                f"the image has {sections.get('.stack', 0)}"
+            )
         target = _place(built, out)
     return FirmwareImage(
         elf=target,
@@ -207,8 +205,17 @@ def build_firmware(
         ram_bytes=sections.get(".data", 0) + sections.get(".bss", 0),
         stack_bytes=sections.get(".stack", 0),
         step_stack_bytes=step_stack,
+        stack_bounds_bytes=bounds,
         compiler=_version(gcc),
     )
+
+
+def _stack_bounds(
+    folder: Path, control: Sequence[Path], steps: Mapping[bool, Sequence[str]], fpu: bool
+) -> dict[str, int]:
+    others = [p for sub in ("app", "port", "boards") for p in (folder / sub).rglob("*.ci")]
+    graph = CallGraph.read([*control, *others])
+    return stack_by_priority(graph, steps[True], steps[False], fpu)
 
 
 def _hash_in(header: str) -> str:

@@ -159,6 +159,7 @@ static void run(void)
     port.stack_bytes = (uint32_t)(esea_stack_top - esea_stack_limit) * (uint32_t)sizeof(uint32_t);
     ESEA_SHPR3 = ESEA_PRIORITY_TICK << 24 | ESEA_PRIORITY_SLOWER << 16;
     esea_board_start();
+    esea_board_drivers(&port);
     esea_app_init(&app, &port);
     port.base_ticks = start_ticks();
     for (;;)

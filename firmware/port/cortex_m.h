@@ -12,6 +12,8 @@
 
 #include <stdint.h>
 
+#include "port.h"
+
 #define ESEA_REG(address) (*(volatile uint32_t *)(address))
 #define ESEA_NVIC_ISER(word) ESEA_REG(0xE000E100u + 4u * (word))
 /* A priority is a byte; written as a word, which has those of four interrupts. */
@@ -29,6 +31,9 @@ uint32_t esea_board_ticks(void);
 void esea_board_send(uint8_t byte);
 /* Of the processor, and so of SysTick. */
 extern const uint32_t esea_board_clock_MHz;
+
+/* Fills in the drivers that the board has (boards/<name>/drivers.c); the others stay NULL. */
+void esea_board_drivers(esea_port_t *port);
 
 /* To the board, called with each byte that came in. */
 void esea_cortex_m_received(uint8_t byte);

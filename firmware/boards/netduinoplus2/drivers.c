@@ -1,0 +1,10 @@
+/* Drivers of the Netduino Plus 2: none.  So every measurement is NaN, which the control code refuses, and the motor's
+ * command goes nowhere.
+ *
+ * License: MIT. */
+#include "cortex_m.h"
+
+void esea_board_drivers(esea_port_t *port)
+{
+    (void)port;
+}
