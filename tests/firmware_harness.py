@@ -52,7 +52,9 @@ def without_processor(folder: Path) -> Path:
     for path in (folder / "firmware").rglob("*.[ch]"):
         text = path.read_text(encoding="utf-8")
         text = re.sub(NAKED, "", re.sub(ASSEMBLY, ";", text))
-        text = text.replace(REGISTER, "#define ESEA_REG(address) (*register_at((uint32_t)(address)))")
+        text = text.replace(
+            REGISTER, "#define ESEA_REG(address) (*register_at((uint32_t)(address)))"
+        )
         path.write_text(text, encoding="utf-8")
     return folder / "firmware"
 
@@ -132,8 +134,8 @@ static void told(const uint8_t *bytes, size_t count)
 
 static const esea_port_t port = {
     .name = "spy", .receive_buffer_bytes = 1u, .stack_bytes = 100u, .read = no_bytes,
-    .write = told, .wait = nothing, .ticks = zero, .quiet = any, .pend = nothing, .lost_bytes = zero,
-    .stack_peak_bytes = stack_peak,
+    .write = told, .wait = nothing, .ticks = zero, .quiet = any, .pend = nothing,
+    .lost_bytes = zero, .stack_peak_bytes = stack_peak,
 };
 
 static esea_app_t app;

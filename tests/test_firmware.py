@@ -26,10 +26,10 @@ from esea_gen.verify.emulator import (
 )
 from esea_gen.verify.firmware import (
     build_firmware,
-    deepest_stack,
     double_arithmetic,
     double_helpers,
 )
+from esea_gen.verify.stack import deepest_stack
 from esea_link.transport import LinkError
 
 STEPS = 2000

@@ -12,7 +12,7 @@ from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import board_roles
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.runner import run_schedule
+from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.twin.recorded import record_drive
 from esea_gen.verify.emulator import RunningBoard, first_difference
 from esea_gen.verify.firmware import build_firmware
@@ -34,7 +34,7 @@ name = "elbow_later"
 title = "The elbow's drive, its control task released after two ticks"
 
 [timing]
-control_release_s = { value = 0.002, status = "assumed", source = "so that the next tick may preempt it" }
+control_release_s = { value = 0.002, status = "assumed", source = "for a tick in it" }
 """
 TABLE_DRIVER = """
 #include "cortex_m.h"
@@ -82,7 +82,7 @@ def column(messages, name: str) -> np.ndarray:
 
 
 def test_every_tick_of_a_sensor_on_its_own_clock_is_told_and_is_the_hosts(tmp_path):
-    """A driver gives a table of angles; every bit of 300 runs in a row, from whichever came first."""
+    """A driver gives a table of angles; every bit of 300 runs in a row."""
     elbow = load_device("elbow")
     theta_rad = (0.2 * np.sin(np.arange(4000) * 0.013)).astype(np.float32)
     theta_rad[1000::997] = np.nan
@@ -105,7 +105,7 @@ def test_every_tick_of_a_sensor_on_its_own_clock_is_told_and_is_the_hosts(tmp_pa
 
 @pytest.mark.parametrize("name", [BOARD, "mps2-an385"])
 def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, tmp_path, name):
-    """Nothing is measured, for there is no driver: what they make of that, all at 1 kHz and 200 Hz."""
+    """There is no driver: what they make of no measurement at all, at 1 kHz and 200 Hz."""
     image = build_firmware(elbow_drive, name, tmp_path)
     with RunningBoard(elbow_drive, image) as board:
         assert board.state() == "UNREFERENCED"
@@ -123,12 +123,10 @@ def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, tmp_path, name):
         assert all(np.isnan(getattr(m, x.name)) for x in roles.measured)
         assert (m.mode, m.stop, m.rearm) == (0, 1, 0)
     # The host's library, given that from tick 0 on, with encoders that have no zero.
-    ticks = sense[-1].sequence + 1
+    ticks = max(sense[-1].sequence, control[-1].sequence) + 1
     inputs = {x.name: np.full(ticks, np.nan, np.float32) for x in roles.measured}
     inputs |= {n: np.full(ticks, float(n == "stop"), np.float32) for n in roles.wanted_names}
     unzeroed = {e.instance: {"zeroed": 0.0} for e in roles.encoders}
-    from esea_gen.hostlib.runner import CBoard
-
     library = compile_device(elbow_drive, image.real)
     host = run_schedule(
         CBoard(library.board().library, unzeroed),
@@ -168,7 +166,7 @@ def later(tmp_path_factory):
 
 
 def test_sensing_before_any_instruction_of_control_changes_no_bit(later, tmp_path):
-    """Every sixtieth instruction; outputs of each run, and the whole state where none is under way."""
+    """Every sixtieth one; outputs of each run, and the whole state where none is under way."""
     found = swept(later, tmp_path, 60, 400)
     assert found.differences == ()
     assert len(found.preemptions) >= 20
@@ -195,14 +193,12 @@ def test_a_run_that_is_late_by_it_shows_a_period_later_and_no_bit_differs(elbow_
 
 def test_values_that_are_not_latched_are_found(later, tmp_path, monkeypatch):
     """Armed: control reads what sensing releases meanwhile, in place of what it took hold of."""
-    from esea_gen.verify import firmware
-
     files = dict(render_device(later, ["f32"])[0].files)
     name = "esea_elbow_later.c"
     body = files[name]
     at = body.index("void esea_elbow_later_control_step(")
     files[name] = body[:at] + body[at:].replace("state->control_held.", "state->latched.")
-    image = firmware.build_firmware(later, BOARD, tmp_path, files)
+    image = build_firmware(later, BOARD, tmp_path, files)
     entries = instructions_of(image, functions(later)[:1])
     found = preempt_everywhere(
         later, image, record_drive(later, 200).inputs, [entries[len(entries) // 4]] * 20

@@ -82,12 +82,11 @@ def board_roles(system: System) -> BoardRoles:
     inputs = {x.name: x for t in system.tasks for x in system.task_inputs(t)}
     drive = "rearm" in inputs
     measured = [
-        x
-        for x in inputs.values()
-        if not drive or x.name.startswith(("count_", "frame_error_"))
+        x for x in inputs.values() if not drive or x.name.startswith(("count_", "frame_error_"))
     ]
     outputs = {
-        (x.signals[0].instance, x.signals[0].port): x.name for x in (system.outputs if drive else ())
+        (x.signals[0].instance, x.signals[0].port): x.name
+        for x in (system.outputs if drive else ())
     }
     return BoardRoles(
         drive,
@@ -227,7 +226,9 @@ _CLOCK = (
     MessageField("uint32_t", "tick", "The next base tick."),
     MessageField("uint32_t", "lost_ticks", "Base ticks since boot that came too late or not."),
     MessageField(
-        "uint32_t", "missed_runs", "Runs since boot that did not start: the one before had not ended."
+        "uint32_t",
+        "missed_runs",
+        "Runs since boot that did not start: the one before had not ended.",
     ),
     MessageField("uint32_t", "late_runs", "Runs that had not ended at their release."),
     MessageField("uint32_t", "dropped", "Runs since boot that found no room until they are sent."),

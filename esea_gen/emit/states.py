@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
+from esea_gen.control.faults import FAULT_CODES
 from esea_gen.language.ports import Code
 
 
@@ -89,7 +90,7 @@ STATES = (
         "CALIBRATING",
     ),
     BoardState(
-        "ARMED", 7, "The motor is on and holds no torque; waits for a command.", True, True, "ACTIVE"
+        "ARMED", 7, "The motor is on, without torque; waits for a command.", True, True, "ACTIVE"
     ),
     BoardState("ACTIVE", 8, "Follows the host's commands.", True, True, "ACTIVE"),
     BoardState(
@@ -138,7 +139,7 @@ GUARDS = (
 TIMES_MS = {
     "DEADLINE": (100, "from a command with mode 1 or 2 to the next, where it names no other time"),
     "DEADLINE_LEAST": (20, "shortest that a command may name"),
-    "DEADLINE_MOST": (1000, "longest; whatever a command names, it is no longer"),
+    "DEADLINE_MOST": (1000, "longest; whatever a command names"),
     "LINK_LOST": (1000, "without anything from the host"),
     "FADE": (500, "of letting go, from the torque that was set to none"),
     "ZEROING": (200, "in which the joint must stand still to be zeroed"),
@@ -184,6 +185,10 @@ BOARD_FAULTS = (
         "1 tick",
     ),
 )
+
+# Between these comments the documentation's tables are written.
+TABLES_FROM = "<!-- from esea_gen/emit/states.py -->"
+TABLES_TO = "<!-- to here -->"
 
 _LESS = {"DISARM": (Way("same"),), "OFF": (Way("same"),)}  # who asks for less is never refused
 _FAILED = {"FAILED": (Way("FAULT"),)}
@@ -307,8 +312,8 @@ def _asks(name: str, comment: str, states: list[BoardState]) -> Iterator[str]:
 def states_header() -> str:
     """Text of ``firmware/app/states.h``."""
     lines = [
-        "/* States of the board and what moves it: written by `python -m esea_gen.emit.states` from the",
-        " * table in esea_gen/emit/states.py; do not edit.",
+        "/* States of the board and what moves it: written by `python -m esea_gen.emit.states`",
+        " * from the table in esea_gen/emit/states.py; do not edit.",
         " *",
         " * License: MIT. */",
         "#ifndef ESEA_STATES_H",
@@ -346,7 +351,8 @@ def state_tables() -> str:
         lines.append(f"| `{s.name}` | {s.value} | {s.meaning} | {runs} | {motor} |")
     lines += ["", "| event | number | from | |", "|---|---|---|---|"]
     lines += [
-        f"| `{e.name}` | {e.value} | {'link' if e.told else 'board'} | {e.meaning} |" for e in EVENTS
+        f"| `{e.name}` | {e.value} | {'link' if e.told else 'board'} | {e.meaning} |"
+        for e in EVENTS
     ]
     lines += ["", "| from | event | to | when |", "|---|---|---|---|"]
     for state, events in TABLE.items():
@@ -355,14 +361,29 @@ def state_tables() -> str:
                 to = "stays" if way.to == "same" else f"`{way.to}`"
                 when = ", ".join(f"`{g}`" for g in way.when)
                 lines.append(f"| `{state}` | `{event}` | {to} | {when} |")
-    lines += ["", "| time | ms | |", "|---|---|---|"]
-    lines += [f"| `{n}` | {v} | {m} |" for n, (v, m) in TIMES_MS.items()]
+    lines += ["", "| time | | |", "|---|---|---|"]
+    lines += [f"| `{n}` | {v} ms | {m} |" for n, (v, m) in TIMES_MS.items()]
     lines += ["", "| guard | |", "|---|---|"]
     lines += [f"| `{g.name}` | {g.meaning} |" for g in GUARDS]
+    lines += ["", "| fault | number | cause | what to do | found |", "|---|---|---|---|---|"]
+    faults = [*BOARD_FAULTS[:1], *FAULT_CODES[1:], *BOARD_FAULTS[1:]]
+    lines += [f"| `{c.name}` | {c.value} | {c.cause} | {c.cure} | {c.bound} |" for c in faults]
     return "\n".join(lines) + "\n"
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Write what follows from the table: the C header, and the tables of the page on firmware."""
     from esea_gen.targets import firmware_folder
 
-    (firmware_folder() / "app" / "states.h").write_text(states_header(), encoding="utf-8")
+    root = firmware_folder()
+    (root / "app" / "states.h").write_text(states_header(), encoding="utf-8")
+    page = root.parent / "docs" / "firmware.md"
+    text = page.read_text(encoding="utf-8")
+    before, rest = text.split(TABLES_FROM)
+    _, after = rest.split(TABLES_TO)
+    parts = (before, TABLES_FROM, "\n\n", state_tables(), "\n", TABLES_TO, after)
+    page.write_text("".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -23,6 +23,7 @@ from esea_gen.targets import (
     ARM_GCC,
     CONTROL_FLAGS,
     SECTION_FLAGS,
+    Board,
     Toolchain,
     find_board,
     firmware_folder,
@@ -133,48 +134,26 @@ def build_firmware(
     prefix = f"esea_{device.name}"
     real = chosen.real
     files = dict(control if control is not None else render_device(device, [real])[0].files)
-    dialect = render_dialect(device).files
     with tempfile.TemporaryDirectory(prefix="esea-firmware-") as scratch:
         folder = Path(scratch)
-        for sub, texts in ((real, files), ("dialect", dialect)):
-            for name, text in texts.items():
-                target = folder / sub / name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_text(text, encoding="utf-8")
+        texts = {f"{real}/{n}": t for n, t in files.items()}
+        texts |= {f"dialect/{n}": t for n, t in render_dialect(device).files.items()}
         for part in ("app", "port", f"boards/{board}"):
             shutil.copytree(firmware_folder() / part, folder / part)
-
-        own_drivers = folder / f"boards/{board}/drivers.c"
         if drivers is not None:
-            own_drivers.write_text(drivers, encoding="utf-8")
-        bare = (folder / f"boards/{board}/link.ld").is_file()
+            texts[f"boards/{board}/drivers.c"] = drivers
+        for name, text in texts.items():
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
 
-        common = [gcc, *chosen.compile_flags, *SECTION_FLAGS, "-c"]
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
-        control_objects = []
-        for name in sources:
-            item = f"{real}/{name.removesuffix('.c')}.o"
-            measured = (*CONTROL_FLAGS, "-fcallgraph-info=su")
-            _run([*common, *measured, f"{real}/{name}", "-o", item], folder, f"control file {name}")
-            control_objects.append(folder / item)
-        found = double_arithmetic(control_objects, toolchain) if chosen.machine else []
-        if found:
-            raise RuntimeError(f"the control code is not {real} only: " + ", ".join(found))
-
-        includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{real}", "-Iport", "-Iapp"]
-        header = f'-DESEA_LINK_HEADER="{FORMATS[real].link_header(prefix)}"'
+        objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
+        objects += _compile_app(folder, chosen, FORMATS[real].link_header(prefix))
         script = f"boards/{board}/link.ld"
-        app_objects = []
-        parts = [p for sub in ("app", f"boards/{board}") for p in sorted((folder / sub).glob("*.c"))]
-        names = [p.relative_to(folder).with_suffix("").as_posix() for p in parts]
-        for name in (*names, *(["port/cortex_m"] if bare else [])):
-            flags = (*APP_FLAGS, *chosen.app_flags, *includes, header)
-            flags += ("-fcallgraph-info=su",) if bare else ()
-            _run([*common, *flags, f"{name}.c", "-o", f"{name}.o"], folder, f"{name}.c")
-            app_objects.append(f"{name}.o")
+        bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
         built = folder / f"{prefix}_{board}.elf"
-        objects: list[str | Path] = [*app_objects, *control_objects]
         _run([gcc, *chosen.compile_flags, *objects, *link, "-o", built], folder, "the image")
         helpers = double_helpers(built, toolchain) if chosen.machine else []
         if helpers:
@@ -182,17 +161,19 @@ def build_firmware(
 
         sections = _sections(built, find_compiler(*toolchain.tool("size")))
         graphs = sorted((folder / real).glob("*.ci"))
-        step_stack = {
-            t.name: deepest_stack(graphs, f"{prefix}_{t.name}_step") for t in device.system.tasks
-        }
-        steps: dict[bool, list[str]] = {True: [], False: []}
-        for t in device.system.tasks:
-            steps[t.every == 1].append(f"{prefix}_{t.name}_step")
-        bounds = _stack_bounds(folder, graphs, steps, chosen.processor.fpu) if bare else {}
-        if sum(bounds.values()) > sections.get(".stack", 0) and bare:
+        entries = {t: f"{prefix}_{t.name}_step" for t in device.system.tasks}
+        step_stack = {t.name: deepest_stack(graphs, entry) for t, entry in entries.items()}
+        bounds: dict[str, int] = {}
+        if bare:
+            graph = CallGraph.read(sorted(folder.rglob("*.ci")))
+            fast = [entry for t, entry in entries.items() if t.every == 1]
+            slow = [entry for t, entry in entries.items() if t.every > 1]
+            bounds = stack_by_priority(graph, fast, slow, chosen.processor.fpu)
+        stack_bytes = sections.get(".stack", 0)
+        if bare and sum(bounds.values()) > stack_bytes:
             raise RuntimeError(
                 f"the stack may need {sum(bounds.values())} bytes ({bounds}), "
-                f"the image has {sections.get('.stack', 0)}"
+                f"the image has {stack_bytes}"
             )
         target = _place(built, out)
     return FirmwareImage(
@@ -203,19 +184,44 @@ def build_firmware(
         content_hash=_hash_in(files[f"{prefix}.h"]),
         flash_bytes=sections.get(".text", 0) + sections.get(".data", 0),
         ram_bytes=sections.get(".data", 0) + sections.get(".bss", 0),
-        stack_bytes=sections.get(".stack", 0),
+        stack_bytes=stack_bytes,
         step_stack_bytes=step_stack,
         stack_bounds_bytes=bounds,
         compiler=_version(gcc),
     )
 
 
-def _stack_bounds(
-    folder: Path, control: Sequence[Path], steps: Mapping[bool, Sequence[str]], fpu: bool
-) -> dict[str, int]:
-    others = [p for sub in ("app", "port", "boards") for p in (folder / sub).rglob("*.ci")]
-    graph = CallGraph.read([*control, *others])
-    return stack_by_priority(graph, steps[True], steps[False], fpu)
+def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list[Path]:
+    # Objects of the control code; with call graphs, and nothing in them but its own arithmetic.
+    toolchain = board.processor.toolchain
+    common = [find_compiler(*toolchain.gcc), *board.compile_flags, *SECTION_FLAGS, "-c"]
+    made = []
+    for name in sources:
+        item = name.removesuffix(".c") + ".o"
+        measured = (*CONTROL_FLAGS, "-fcallgraph-info=su")
+        _run([*common, *measured, name, "-o", item], folder, f"control file {name}")
+        made.append(folder / item)
+    found = double_arithmetic(made, toolchain) if board.machine else []
+    if found:
+        raise RuntimeError(f"the control code is not {board.real} only: " + ", ".join(found))
+    return made
+
+
+def _compile_app(folder: Path, board: Board, link_header: str) -> list[Path]:
+    # Objects of the hand-written code.
+    common = [find_compiler(*board.processor.toolchain.gcc), *board.compile_flags, *SECTION_FLAGS]
+    includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport", "-Iapp"]
+    bare = (folder / f"boards/{board.name}/link.ld").is_file()
+    flags = [*APP_FLAGS, *board.app_flags, *includes, f'-DESEA_LINK_HEADER="{link_header}"']
+    flags += ["-fcallgraph-info=su"] if bare else []
+    parts = ("app", f"boards/{board.name}", *(["port"] if bare else []))
+    made = []
+    for source in (p for part in parts for p in sorted((folder / part).glob("*.c"))):
+        name = source.relative_to(folder).as_posix()
+        item = name.removesuffix(".c") + ".o"
+        _run([*common, "-c", *flags, name, "-o", item], folder, name)
+        made.append(folder / item)
+    return made
 
 
 def _hash_in(header: str) -> str:

@@ -23,7 +23,8 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
-from esea_gen.verify.firmware import deepest_stack, double_arithmetic, double_helpers
+from esea_gen.verify.firmware import double_arithmetic, double_helpers
+from esea_gen.verify.stack import deepest_stack
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
 _SOFT_SINGLE = re.compile(

@@ -46,7 +46,9 @@ class HeldProcessor:
             except TimeoutError:
                 said = self._process.said()
                 self.close()
-                raise LinkError("the emulator did not open its debugger's line", said=said) from None
+                raise LinkError(
+                    "the emulator did not open its debugger's line", said=said
+                ) from None
         self._link.settimeout(TIMEOUT_S)
         self._read = b""
         self._breaks: set[int] = set()
@@ -92,7 +94,7 @@ class HeldProcessor:
         self._send(text)
         answer = self._answer()
         if answer.startswith("E"):
-            raise LinkError(f"the emulator refuses {text.split(':')[0]}: {answer}")
+            raise LinkError(f"the emulator refuses {text[:20]}: {answer}")
         return answer
 
     def run(self) -> int:

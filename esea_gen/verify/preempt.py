@@ -3,7 +3,7 @@
 The image is the one that ships.  Its timer is stopped, and every tick's interrupt is made pending
 from outside: when nothing runs any more, or where a run of the slower task is about to execute a
 chosen instruction; the tick then comes between this instruction and the one before.  What every run
-is given is written into memory, what it gave is read from there, and held against the host's library.
+is given is written into memory, what it gave is read from there and held against the host's.
 """
 
 from __future__ import annotations
@@ -84,7 +84,9 @@ def instructions_of(image: FirmwareImage, functions: Sequence[str]) -> list[int]
 def addresses(image: FirmwareImage) -> dict[str, int]:
     """Where an image's functions and objects stand."""
     tool = find_compiler(*ARM_GCC.tool("nm"))
-    said = subprocess.run([tool, "-P", image.elf], capture_output=True, text=True, check=True).stdout
+    said = subprocess.run(
+        [tool, "-P", image.elf], capture_output=True, text=True, check=True
+    ).stdout
     rows = [line.split() for line in said.splitlines()]
     return {r[0]: int(r[2], 16) & ~1 if r[1] in "tT" else int(r[2], 16) for r in rows if len(r) > 2}
 

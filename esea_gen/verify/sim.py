@@ -27,7 +27,7 @@ _LINE_BYTES = 1 << 16
 
 
 class SimTransport:
-    """A serial line to a board in this process; reading never waits, for nothing comes by itself."""
+    """A serial line to a board in this process; it never waits, for nothing comes by itself."""
 
     def __init__(self, lib: Any, ffi: cffi.FFI) -> None:
         self._lib, self._ffi = lib, ffi

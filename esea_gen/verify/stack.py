@@ -60,7 +60,9 @@ def deepest_stack(graphs: Sequence[Path], entry: str) -> int:
     return CallGraph.read(graphs).deepest(entry)
 
 
-def stack_by_priority(graph: CallGraph, fast: Sequence[str], slow: Sequence[str], fpu: bool) -> dict[str, int]:
+def stack_by_priority(
+    graph: CallGraph, fast: Sequence[str], slow: Sequence[str], fpu: bool
+) -> dict[str, int]:
     """Largest use of each priority of a Cortex-M image, the frame at its interrupt included.
 
     The highest may interrupt all others at once: their sum bounds the stack.
@@ -81,6 +83,8 @@ def stack_by_priority(graph: CallGraph, fast: Sequence[str], slow: Sequence[str]
     if missing:
         raise ValueError(f"no call graph has {', '.join(missing)}")
     return {
-        name: graph.deepest(entry, (*port, *steps)) + LIBRARY_BYTES + (frame if name != "main" else 0)
+        name: graph.deepest(entry, (*port, *steps))
+        + LIBRARY_BYTES
+        + (frame if name != "main" else 0)
         for name, (entry, steps) in entries.items()
     }

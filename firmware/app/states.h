@@ -1,5 +1,5 @@
-/* States of the board and what moves it: written by `python -m esea_gen.emit.states` from the
- * table in esea_gen/emit/states.py; do not edit.
+/* States of the board and what moves it: written by `python -m esea_gen.emit.states`
+ * from the table in esea_gen/emit/states.py; do not edit.
  *
  * License: MIT. */
 #ifndef ESEA_STATES_H
@@ -16,7 +16,7 @@ typedef enum {
     ESEA_STATE_SELF_TEST = 4, /* Checks itself. */
     ESEA_STATE_UNREFERENCED = 5, /* Encoders have no zero; waits to be zeroed. */
     ESEA_STATE_ZEROING = 6, /* Takes the present angles, which must stand still, as zero. */
-    ESEA_STATE_ARMED = 7, /* The motor is on and holds no torque; waits for a command. */
+    ESEA_STATE_ARMED = 7, /* The motor is on, without torque; waits for a command. */
     ESEA_STATE_ACTIVE = 8, /* Follows the host's commands. */
     ESEA_STATE_LETTING_GO = 9, /* No command came in time, or disarmed while active: the torque fades to none. */
     ESEA_STATE_STOPPED = 10, /* Stopped by somebody; waits to be released. */
@@ -48,7 +48,7 @@ typedef enum {
 /* Times, compiled in. */
 #define ESEA_DEADLINE_MS 100u /* from a command with mode 1 or 2 to the next, where it names no other time */
 #define ESEA_DEADLINE_LEAST_MS 20u /* shortest that a command may name */
-#define ESEA_DEADLINE_MOST_MS 1000u /* longest; whatever a command names, it is no longer */
+#define ESEA_DEADLINE_MOST_MS 1000u /* longest; whatever a command names */
 #define ESEA_LINK_LOST_MS 1000u /* without anything from the host */
 #define ESEA_FADE_MS 500u /* of letting go, from the torque that was set to none */
 #define ESEA_ZEROING_MS 200u /* in which the joint must stand still to be zeroed */
