@@ -191,6 +191,27 @@ def test_a_run_that_is_late_by_it_shows_a_period_later_and_no_bit_differs(elbow_
     assert all(p.late for p in found.preemptions)
 
 
+@pytest.mark.parametrize("watched", [True, False], ids=["as emitted", "armed"])
+def test_a_tick_among_the_marks_of_a_runs_end(elbow_drive, tmp_path, watched):
+    """Its last instructions: until the last mark is set the run is late, and counts as late.
+
+    Armed: a watch that asks for one of the two marks only.
+    """
+    files = dict(render_device(elbow_drive, ["f32"])[0].files)
+    name = "esea_elbow_drive.c"
+    if not watched:
+        assert files[name].count("running == 0u && ") == 2
+        files[name] = files[name].replace("running == 0u && ", "")
+    image = build_firmware(elbow_drive, BOARD, tmp_path, files)
+    last = instructions_of(image, functions(elbow_drive)[:1])[-14:]
+    found = preempt_everywhere(
+        elbow_drive, image, record_drive(elbow_drive, 320).inputs, last, each=4
+    )
+    assert len(found.preemptions) >= 12
+    assert {p.late for p in found.preemptions} == {True, False}
+    assert (found.differences == ()) == watched
+
+
 def test_values_that_are_not_latched_are_found(later, tmp_path, monkeypatch):
     """Armed: control reads what sensing releases meanwhile, in place of what it took hold of."""
     files = dict(render_device(later, ["f32"])[0].files)
@@ -232,6 +253,15 @@ def test_calls_by_pointer_count_with_the_deepest_that_they_may_reach(tmp_path):
     graph = CallGraph.read([tmp_path / "a.ci"])
     assert graph.deepest("top", ["a.c:shallow"]) < 100
     assert 400 < graph.deepest("top", ["a.c:shallow", "a.c:deep"]) < 480
+
+
+def test_a_stack_of_unknown_size_is_refused(tmp_path):
+    code = "void sink(char *); void top(int n) { char b[n]; sink(b); }"
+    (tmp_path / "a.c").write_text(code)
+    command = ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-O1", "-fcallgraph-info=su", "-c", "a.c"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    with pytest.raises(ValueError, match="top uses a stack of unknown size"):
+        CallGraph.read([tmp_path / "a.ci"])
 
 
 def test_an_image_whose_stack_may_not_do_is_refused(elbow_drive, tmp_path):

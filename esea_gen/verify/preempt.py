@@ -143,14 +143,25 @@ class _Rig:
             self.held.hold_at(entry)
         self.tick()
         coeffs_at, state_at = self.held.register(0), self.held.register(1)
-        watch = int(self.ffi.offsetof(f"{self.board.library.prefix}_state_t", "watch"))
-        watch += int(self.ffi.offsetof(f"{self.board.library.prefix}_watch_t", "tick"))
-        tick = self.held.read_word(state_at + watch)
+        self.state_at = state_at
+        tick = self.watch("tick")
         self.board.release(tick)
         self.held.write(coeffs_at, bytes(self.ffi.buffer(self.board._coeffs[0])))
         self.held.write(state_at, bytes(self.ffi.buffer(self.board._state)))
-        self.state_at = state_at
         return tick
+
+    def watch(self, name: str) -> int:
+        """A word of the state's watch."""
+        prefix = self.board.library.prefix
+        at = int(self.ffi.offsetof(f"{prefix}_state_t", "watch"))
+        at += int(self.ffi.offsetof(f"{prefix}_watch_t", name))
+        return self.held.read_word(self.state_at + at)
+
+    def ended(self) -> bool:
+        """Whether the slower task's run has ended, by its own marks."""
+        name = self.slow.name
+        ended = self.watch(f"{name}_ended") == self.watch(f"{name}_started")
+        return ended and self.watch(f"{name}_running") == 0
 
     def tick(self) -> None:
         """Let the tick come, here, and run to the entry of the fast step."""
@@ -248,17 +259,19 @@ def preempt_everywhere(
                 runs += 1
                 target = waiting.pop() if waiting and runs % each == 0 else None
                 at = rig.to(target)
-                if at == target:
-                    due = (k + 1 - slow.phase) % slow.every >= slow.release_ticks
-                    done.append(Preemption(target, tick + 1, due))
+                reached = at == target
+                if reached and not rig.ended():
                     open_run = (k // slow.every, tick)
-                else:
+                else:  # its last instructions come after its end
                     rig.host(slow, k // slow.every, tick)
                     rig.compare(slow)
-                    if target is not None:
-                        missing[target] = missing.get(target, 0) + 1
-                        if missing[target] < tries:
-                            waiting.insert(0, target)
+                if target is not None and reached:
+                    due = (k + 1 - slow.phase) % slow.every >= slow.release_ticks
+                    done.append(Preemption(target, tick + 1, due and open_run is not None))
+                elif target is not None:
+                    missing[target] = missing.get(target, 0) + 1
+                    if missing[target] < tries:
+                        waiting.insert(0, target)
             k, tick = k + 1, tick + 1
             if open_run is None:
                 rig.same_state(tick)
@@ -266,11 +279,11 @@ def preempt_everywhere(
             rig.board.release(tick)
             if progress is not None and k % 100 == 0:
                 progress(len(done), len(instructions))
-        reached = {p.where for p in done}
+        came_by = {p.where for p in done}
     return PreemptionResult(
         tuple(done),
         len(instructions),
-        tuple(a for a in instructions if a not in reached),
+        tuple(a for a in instructions if a not in came_by),
         k,
         tuple(rig.differences),
     )

@@ -31,7 +31,9 @@ class CallGraph:
         for path in paths:
             text = path.read_text()
             for title, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', text):
-                used = re.search(r"\\n(\d+) bytes", label)
+                used = re.search(r"\\n(\d+) bytes \((\w+)", label)
+                if used and used.group(2) != "static":
+                    raise ValueError(f"{title} uses a stack of unknown size")
                 if used:
                     graph.own[title] = int(used.group(1))
             found = re.findall(r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', text)
