@@ -28,7 +28,10 @@ from esea_gen.emit.states import (
     state_tables,
     states_header,
 )
+from esea_gen.errors import UserError
 from esea_gen.targets import firmware_folder
+from esea_gen.verify.emulator import RunningBoard
+from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.sim import SimBoard
 from esea_link.transport import LinkError
 
@@ -563,6 +566,13 @@ def test_any_order_of_commands_and_time_gives_the_states_of_the_model(powered, d
             person.told(deed)
             assert board.state_now == person.state, deed
     board.pending()
+
+
+def test_the_library_is_not_emulated(drive, tmp_path):
+    require_tool("gcc")
+    image = build_firmware(drive, "sim", tmp_path)
+    with pytest.raises(UserError, match="Board 'sim' is a library"):
+        RunningBoard(drive, image)
 
 
 # -- other devices ---------------------------------------------------------------------------------

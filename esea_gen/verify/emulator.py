@@ -71,6 +71,11 @@ def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] =
     options: options for QEMU beside our own; for the host, arguments of the image.
     """
     board = find_board(image.board)
+    if "-shared" in board.link:
+        raise UserError(
+            f"Board '{board.name}' is a library: nothing runs it by itself.",
+            "Drive it from Python (esea_gen.verify.sim.SimBoard), or choose another board.",
+        )
     if not board.machine:
         return ProcessTransport.over_stdio([str(image.elf), *options])
     with (

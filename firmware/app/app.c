@@ -204,6 +204,7 @@ static void end_zeroing(esea_app_t *app)
     if (!app->referenced)
         app->referenced = esea_link_unzero(&app->control);
     app->motion.zeroing_ends = false;
+    app->clock.counted = false; /* the ticks meanwhile are none that were lost */
     app->clock.runs = app->fault < ESEA_FIRST_BOARD_FAULT;
 }
 
