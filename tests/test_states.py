@@ -8,8 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import re
+import shutil
+import subprocess
 from html import escape as quoted
 
+import cffi
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -179,8 +183,6 @@ def test_header_and_documentation_are_those_of_the_table(drive):
 def test_the_compiler_finds_a_forgotten_event(drive, tmp_path, monkeypatch):
     """Armed: one case taken away, and the build fails."""
     require_tool("gcc")
-    import shutil
-
     from esea_gen.verify import firmware
 
     shutil.copytree(firmware_folder(), tmp_path / "firmware")
@@ -607,3 +609,81 @@ def test_texts_of_the_dialect_are_the_tables(drive):
     for fault in BOARD_FAULTS[1:]:
         assert f'value="{fault.value}" name="ESEA_FAULT_{fault.name}"' in xml
         assert f"Cure: {escape(fault.cure)}. Found: {fault.bound}." in xml
+
+
+# -- are these tests themselves any good -----------------------------------------------------------
+
+SIGNATURE = "bool esea_machine_take(uint32_t *state, uint32_t event, const bool *guards);"
+
+
+def mutants() -> list[tuple[str, str]]:
+    """The transition function with one change each; what was changed, and the whole text."""
+    text = (firmware_folder() / "app" / "machine.c").read_text(encoding="utf-8")
+    changes = [
+        (r"return to\(state, ESEA_STATE_(\w+)\);", "return false;"),
+        (r"&& to\(state, ESEA_STATE_(\w+)\);", ";"),
+        (r"to\(state, ESEA_STATE_(?!READY)\w+\)", "to(state, ESEA_STATE_READY)"),
+        (r"to\(state, ESEA_STATE_READY\)", "to(state, ESEA_STATE_ARMED)"),
+        (r"return true;\n    case", "return false;\n    case"),
+        (r"return false;\n    \}", "return true;\n    }"),
+        (r"guards->(\w+)", "true"),
+        (r"guards->(\w+)", "!guards->\\1"),
+        (r"(!stopped|stopped|!booting|!active|active|booting) &&", "true &&"),
+        (r"active \? (\w+) : (\w+)", r"active ? \2 : \1"),
+        (r"\*state = ESEA_STATE_FAULT;", ";"),
+        (r"return event == ESEA_EVENT_STOP;", "return true;"),
+    ]
+    found = []
+    for old, new in changes:
+        for at in re.finditer(old, text):
+            changed = text[: at.start()] + at.expand(new) + text[at.end() :]
+            line = text.count("\n", 0, at.start()) + 1
+            found.append((f"line {line}: {at.group(0)!r} -> {new!r}", changed))
+    # Of the dispatcher: a state's events go to another's function.
+    for name in ("starting", "waiting", "armed", "held"):
+        call = f"        return {name}(state, event, guards);"
+        assert call in text
+        found.append((name, text.replace(call, "        return replay(state, event);", 1)))
+    return found
+
+
+def holds_all_rules(library) -> bool:
+    ffi, lib = library
+    held = ffi.new("uint32_t *")
+    cases = itertools.product(STATES, EVENTS, GUARD_SETS)
+    for state, event, (flags, guards) in cases:
+        held[0] = state.value
+        taken = lib.esea_machine_take(held, event.value, flags)
+        expected = rule(state.name, event.name, guards)
+        if taken != (expected is not None) or held[0] != VALUES[expected or state.name]:
+            return False
+    held[0] = 77
+    taken = lib.esea_machine_take(held, 9, GUARD_SETS[0][0])
+    return not taken and held[0] == VALUES["FAULT"]
+
+
+VALUES = {s.name: s.value for s in STATES}
+GUARD_SETS: list = []
+
+
+@pytest.mark.slow
+def test_a_change_of_any_transition_is_found(tmp_path):
+    require_tool("gcc")
+    ffi = cffi.FFI()
+    ffi.cdef(SIGNATURE)
+    GUARD_SETS[:] = [(ffi.new("bool[]", [g.name in s for g in GUARDS]), s) for s in every_guard()]
+    original = (firmware_folder() / "app" / "machine.c").read_text(encoding="utf-8")
+
+    def built(number: int, text: str):
+        source, target = tmp_path / f"{number}.c", tmp_path / f"{number}.so"
+        source.write_text(text, encoding="utf-8")
+        app = firmware_folder() / "app"
+        command = ["gcc", "-std=c99", "-w", "-shared", "-fPIC", f"-I{app}", source, "-o", target]
+        subprocess.run(command, check=True)
+        return ffi, ffi.dlopen(str(target))
+
+    assert holds_all_rules(built(0, original))
+    made = mutants()
+    alive = [what for k, (what, text) in enumerate(made, 1) if holds_all_rules(built(k, text))]
+    assert len(made) > 60
+    assert alive == []
