@@ -11,6 +11,7 @@ import itertools
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from html import escape as quoted
 
 import cffi
@@ -33,7 +34,7 @@ from esea_gen.emit.states import (
     states_header,
 )
 from esea_gen.errors import UserError
-from esea_gen.targets import firmware_folder
+from esea_gen.targets import BOARDS, firmware_folder
 from esea_gen.verify.emulator import RunningBoard
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.sim import SimBoard
@@ -102,7 +103,8 @@ def rule(state: str, event: str, g: set[str]) -> str | None:
             return "ARMED" if state == "ACTIVE" else state
         case "ON":
             live = {"link_live", "stop_clear"} <= g
-            return "ACTIVE" if state in ("ARMED", "ACTIVE") and live else None
+            on = state == "ACTIVE" or (state == "ARMED" and "released" in g)
+            return "ACTIVE" if on and live else None
         case "ARM":
             needed = {"drive", "referenced", "stop_clear", "link_live", "mode_off"}
             return "ARMED" if state == "READY" and needed <= g else None
@@ -347,6 +349,18 @@ def test_a_released_stop_restores_nothing(armed):
     assert armed.motor == (True, 0.0)
 
 
+def test_a_command_waits_until_the_limits_have_released(ready):
+    """Sent right behind the arming, in the same tick: refused, and the next one is taken."""
+    ready.arm()
+    ready.want(mode=1.0)
+    assert ready.state_now == "ARMED"
+    ready.ticks(1)
+    assert (ready.state_now, ready.clock().refused) == ("ARMED", 1)
+    ready.want(mode=1.0)
+    ready.ticks(1)
+    assert ready.state_now == "ACTIVE"
+
+
 def test_arming_needs_mode_0(ready):
     ready.want(mode=1.0, tau_desired_Nm=0.3)
     with pytest.raises(LinkError, match="does not arm"):
@@ -465,6 +479,7 @@ class Person:
             "stop_clear": not held and not self.line,
             "link_live": self.link > 0,
             "mode_off": not self.mode_on,
+            "released": True,  # a tick passes before every deed
             "clearable": True,
         }
         return {n for n, holds in found.items() if holds}
@@ -590,9 +605,40 @@ def test_a_device_without_a_motor_is_ready_and_never_armed(name):
     for ask in (board.arm, board.zero):
         with pytest.raises(LinkError, match="READY"):
             ask()
+    with pytest.raises(LinkError, match="no motor"):
+        board.want(mode=1.0)
     board.stop()
     assert board.state_now == "STOPPED"
     board.close()
+
+
+def test_in_whole_numbers_it_is_zeroed_and_armed_alike(drive, monkeypatch):
+    require_tool("gcc")
+    monkeypatch.setitem(BOARDS, "sim", replace(BOARDS["sim"], real="q31"))
+    board = SimBoard(drive)
+    board.measure(**ANGLES)
+    board.ticks(20)
+    board.zero()
+    board.ticks(230)
+    board.arm()
+    board.tell("ESEA_SENSE_OUT", 1000)
+    for _ in range(30):
+        board.want(mode=1.0, tau_desired_Nm=0.3)
+        board.ticks()
+    told = [m for m in board.pending() if m.get_type() == "ESEA_SENSE_OUT"][-1]
+    assert board.state_now == "ACTIVE"
+    assert board.motor[1] != 0
+    assert abs(told.theta_load_rad) < np.pi / 4096
+    board.close()
+
+
+def test_what_cannot_be_wanted_or_measured_is_refused(board):
+    with pytest.raises(ValueError, match="tau_Nm"):
+        board.want(mode=1.0, tau_Nm=0.1)
+    with pytest.raises(ValueError, match="theta_rad"):
+        board.measure(theta_rad=0.1)
+    with pytest.raises(LinkError, match="does not tell ESEA_SENSE_IN"):
+        board.tell("ESEA_SENSE_IN", float("nan"))
 
 
 def escape(text: str) -> str:
@@ -629,6 +675,7 @@ def mutants() -> list[tuple[str, str]]:
         (r"guards->(\w+)", "true"),
         (r"guards->(\w+)", "!guards->\\1"),
         (r"(!stopped|stopped|!booting|!active|active|booting) &&", "true &&"),
+        (r"\(active \|\| guards->released\)", "active"),
         (r"active \? (\w+) : (\w+)", r"active ? \2 : \1"),
         (r"\*state = ESEA_STATE_FAULT;", ";"),
         (r"return event == ESEA_EVENT_STOP;", "return true;"),

@@ -132,6 +132,7 @@ GUARDS = (
     BoardGuard("stop_clear", "no stop is held, and the stop line is closed"),
     BoardGuard("link_live", "the host was heard of late"),
     BoardGuard("mode_off", "the last command had mode 0, or none came since the motor was off"),
+    BoardGuard("released", "the limits have released, in the tick before"),
     BoardGuard("clearable", "the fault is one of the limits' (below 100)"),
 )
 
@@ -231,7 +232,7 @@ TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
         "STOP": (Way("STOPPED"),),
         "DISARM": (Way("READY"),),
         "OFF": (Way("same"),),
-        "ON": (Way("ACTIVE", ("link_live", "stop_clear")),),
+        "ON": (Way("ACTIVE", ("link_live", "stop_clear", "released")),),
         "REFUSED": (Way("READY"),),
         "LINK_LOST": (Way("READY"),),
         **_FAILED,

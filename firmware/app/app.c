@@ -18,6 +18,7 @@ static esea_guards_t guards_of(const esea_app_t *app, ESEA_EVENT event)
         .stop_clear = !held && !stop_open(app),
         .link_live = app->motion.link_left > 0u,
         .mode_off = !app->motion.mode_on,
+        .released = !app->motion.rearm_asked && esea_link_outcome(&app->tasks[0].out).fault == 0u,
         .clearable = app->fault < ESEA_FIRST_BOARD_FAULT,
     };
 

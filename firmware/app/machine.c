@@ -135,7 +135,8 @@ static bool armed(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *guar
     case ESEA_EVENT_FAILED:
         return to(state, ESEA_STATE_FAULT);
     case ESEA_EVENT_ON:
-        return guards->link_live && guards->stop_clear && to(state, ESEA_STATE_ACTIVE);
+        return guards->link_live && guards->stop_clear && (active || guards->released) &&
+               to(state, ESEA_STATE_ACTIVE);
     case ESEA_EVENT_OFF:
         return to(state, ESEA_STATE_ARMED);
     case ESEA_EVENT_DISARM:

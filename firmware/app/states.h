@@ -60,6 +60,7 @@ typedef struct {
     bool stop_clear; /* no stop is held, and the stop line is closed */
     bool link_live; /* the host was heard of late */
     bool mode_off; /* the last command had mode 0, or none came since the motor was off */
+    bool released; /* the limits have released, in the tick before */
     bool clearable; /* the fault is one of the limits' (below 100) */
 } esea_guards_t;
 

@@ -199,7 +199,7 @@ class Session:
         self._ask("zero", self.dialect.MAV_CMD_USER_2)
 
     def arm(self) -> None:
-        """Switch the motor on; the board then waits for what is wanted."""
+        """Switch the motor on; from the next tick on the board takes what is wanted."""
         self._ask("arm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def disarm(self) -> None:
@@ -224,7 +224,9 @@ class Session:
         deadline_ms: until the next one must have come; 0: as the board has it.
         wanted: by name, ``mode``, ``tau_desired_Nm`` ...; what is left out is 0.
         """
-        cls = self._classes["ESEA_WANTED"]
+        cls = self._classes.get("ESEA_WANTED")
+        if cls is None:
+            raise LinkError("this device has no motor: nothing can be wanted of it")
         names = [n for n in cls.fieldnames if n != "deadline_ms"]
         unknown = set(wanted) - set(names)
         if unknown:
