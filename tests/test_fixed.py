@@ -26,9 +26,9 @@ from esea_gen.emit.fixed.table import (
     range_table,
 )
 from esea_gen.emit.fixed.values import LoweringError
+from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable, around, clip, in_range
 from esea_gen.language.stream import Stream
