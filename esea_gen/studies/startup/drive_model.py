@@ -40,7 +40,8 @@ CABLE_NM = 0.5  # below, the cable may lie in its gap
 # (docs/startup.md), added by squares: shares of the value, and what is absolute.
 FLOOR_SHARE = {"J_kgm2": 0.005, "fv_Nms_rad": 0.01, "fc_Nm": 0.005, "tau_c_s": 0.003}
 FLOOR_SHARE |= {"cable_Nm_rad": 0.04}
-FLOOR = {"backlash_rad": 5e-4, "delay_s": 5e-5, "delay_again_s": 5e-5}
+MAP_FLOOR_SHARE = 0.03  # of its effective value
+FLOOR = {"backlash_rad": 5e-4, "delay_s": 5e-5, "delay_again_s": 5e-5, "joint_ratio": 0.002}
 
 
 @dataclass(frozen=True)
@@ -225,12 +226,17 @@ def _cable_of(recording: Recording, signals: Signals, loss: float) -> tuple[Esti
 
 
 def _map_of(fit: _Fit, gain: float) -> DisturbanceMap:
-    angles = np.linspace(fit.series.low, fit.series.high, MAP_POINTS)
+    seen = np.concatenate(
+        [s.gear_rad[s.used] for s in (fit.of["friction"], fit.of["disturbance"])]
+    )
+    angles = np.linspace(float(seen.min()), float(seen.max()), MAP_POINTS)
     waves = fit.series(angles)
     waves = waves - waves.mean(axis=0)
     spread = np.sqrt(np.einsum("ij,jk,ik->i", waves, fit.map.covariance[4:, 4:], waves))
     unit = Estimate.of(0.0, 1.0, fit.map.blocks).half
-    return DisturbanceMap(angles, gain * waves @ fit.map.values[4:], gain * unit * spread)
+    torque = gain * waves @ fit.map.values[4:]
+    half = np.hypot(gain * unit * spread, MAP_FLOOR_SHARE * np.std(torque))
+    return DisturbanceMap(angles, torque, half)
 
 
 def identify_drive(device: Device, recordings: Mapping[str, Recording]) -> DriveModel:

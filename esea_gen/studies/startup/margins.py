@@ -28,7 +28,7 @@ from esea_gen.model.elastomer import stop_grid
 from esea_gen.studies.startup.drive_model import DriveModel
 from esea_gen.studies.startup.regression import Estimate
 
-LOW_HZ, LINES = 0.05, 1500
+LOW_HZ, LINES = 0.1, 500
 STABLE = 1.0
 SWINGS = ("gain", "J_kgm2", "fv_Nms_rad", "tau_c_s", "delay_s")
 
@@ -51,11 +51,7 @@ class LoopDrive:
 
 @dataclass(frozen=True)
 class MarginLimit:
-    """The least that a margin may be.
-
-    key: of :class:`~esea_gen.analysis.frequency.Margins`.
-    scale: from its unit to the one it is shown in.
-    """
+    """The least that a margin may be; ``key`` of :class:`~esea_gen.analysis.frequency.Margins`."""
 
     name: str
     key: str
@@ -67,15 +63,15 @@ class MarginLimit:
 LIMITS = (
     MarginLimit(
         "gain margin", "gain_margin_dB", "dB", 2.0,
-        "a motor's torque constant and a rubber that is 20 % softer or harder are 1.6 dB",
+        "a torque constant or a rubber that is off by 20 % takes 1.6 dB",
     ),
     MarginLimit(
         "phase margin", "phase_margin_deg", "deg", 10.0,
-        "below, a jump of the set-point swings for more than a second",
+        "below, a swing takes a second and more to die away",
     ),
     MarginLimit(
         "delay margin", "delay_margin_s", "s", 0.005,
-        "one run of the control task may be missed, which at 200 Hz is 5 ms",
+        "a run of the control task that is missed takes 5 ms at 200 Hz",
     ),
 )  # fmt: skip
 
@@ -84,10 +80,12 @@ LIMITS = (
 class LoopMargins:
     """Margins of one drive.
 
+    opened: the cut loop.
     radius: largest eigenvalue's magnitude of the closed loop, over one control period.
     """
 
     drive: LoopDrive
+    opened: FrequencyResponse
     margins: Margins
     radius: float
 
@@ -150,8 +148,8 @@ class CutLoop(_Period):
             x |= dict(zip(("theta", "omega", "u_a"), now, strict=True))
         return np.array([x[k] for k in self.names]), command
 
-    def margins(self) -> tuple[Margins, float]:
-        """Margins of the cut loop, and the closed loop's largest eigenvalue."""
+    def judged(self) -> tuple[FrequencyResponse, float]:
+        """The cut loop's response, and the closed loop's largest eigenvalue."""
         unit = np.eye(len(self.names))
         opened = [self.over(x, 0.0) for x in unit]
         a = np.stack([x for x, _ in opened], axis=1)
@@ -159,17 +157,17 @@ class CutLoop(_Period):
         b = self.over(np.zeros(len(unit)), 1.0)[0]
         closed = np.stack([self.over(x, None)[0] for x in unit], axis=1)
         f = np.geomspace(LOW_HZ, 0.499 / self.control_s, LINES)
-        # All lines at once, by the eigenvectors; a loop that has none to spare is solved for.
         z = np.exp(2j * np.pi * f * self.control_s)
         inner = np.linalg.solve(z[:, None, None] * unit - a, b.astype(complex)[None, :, None])
         response = -(inner[:, :, 0] @ c)
-        margins = FrequencyResponse(f, response, None, None, "cut at the motor").margins()
-        return margins, float(np.max(np.abs(np.linalg.eigvals(closed))))
+        opened = FrequencyResponse(f, response, None, None, "cut at the motor")
+        return opened, float(np.max(np.abs(np.linalg.eigvals(closed))))
 
 
 def loop_margins(device: Device, drive: LoopDrive) -> LoopMargins:
     """Margins of a device's gains on a drive."""
-    return LoopMargins(drive, *CutLoop(device, drive).margins())
+    opened, radius = CutLoop(device, drive).judged()
+    return LoopMargins(drive, opened, opened.margins(), radius)
 
 
 def coupling_range_Nm_rad(device: Device) -> tuple[float, float]:
@@ -186,9 +184,10 @@ def _corners(model: DriveModel, softest: float, hardest: float) -> Iterator[Loop
         return e.low, e.high
 
     fv = max(model.fv_Nms_rad.low, 0.0)  # less friction damps less
-    for g, j, lag, delay, k in product(
-        ends(model.gain),
-        ends(model.J_kgm2),
+    # The loop's gain is that of motor over inertia: both ends of it.
+    pairs = (model.gain.low, model.J_kgm2.high), (model.gain.high, model.J_kgm2.low)
+    for (g, j), lag, delay, k in product(
+        pairs,
         ends(model.tau_c_s),
         ends(model.delay_s),
         (softest, hardest),
@@ -201,12 +200,14 @@ class MarginCheck:
     """The shipped gains on what was found.
 
     middle: of the estimates themselves, the coupling at its softest.
+    nearest: the corner that is nearest to swinging.
     worst: least of each margin over the corners of the intervals and the coupling's stiffness;
         the radius is the largest.
     corners: how many were looked at.
     """
 
     middle: LoopMargins
+    nearest: LoopMargins
     worst: Mapping[str, float]
     radius: float
     corners: int
@@ -254,7 +255,8 @@ def check_margins(device: Device, model: DriveModel) -> MarginCheck:
         x.key: min(_size(getattr(m.margins, x.key)) for m in [*found, middle]) for x in LIMITS
     }
     radius = max(m.radius for m in [*found, middle])
-    return MarginCheck(middle, worst, radius, len(found))
+    nearest = min(found, key=lambda m: (m.stable, m.margins.modulus_margin))
+    return MarginCheck(middle, nearest, worst, radius, len(found))
 
 
 def _size(margin: float | None) -> float:

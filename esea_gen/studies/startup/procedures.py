@@ -46,6 +46,20 @@ class Procedure:
     command: Callable[[Device, float, int], Command]
 
 
+def require_drive(device: Device) -> None:
+    """Refuse a device without a drive, or with several."""
+    if device.drive is None:
+        raise UserError(
+            f"{device.origin}: the device has no drive to start up.",
+            'Write extends = "elbow_drive" in it.',
+        )
+    if len(device.axes) > 1:
+        raise UserError(
+            f"{device.origin}: it has {len(device.axes)} axes; a start-up is of one drive.",
+            "Give a device file of one axis alone.",
+        )
+
+
 def travel(device: Device) -> tuple[float, float]:
     """Within what the joint is turned, ends included."""
     s = device.file.safety
@@ -158,8 +172,10 @@ PROCEDURES = (
 BY_NAME: Mapping[str, Procedure] = {p.name: p for p in PROCEDURES}
 
 
-def guide(device: Device, tick_s: float) -> list[str]:
+def guide(device: Device) -> list[str]:
     """What there is to do, as lines of text."""
+    require_drive(device)
+    tick_s = device.period_s
     e = Envelope.of(device)
     lines = [
         f"Start-up of {device.name} ({device.title})",
@@ -185,4 +201,4 @@ def run_procedure(watched: Watched, device: Device, procedure: Procedure, seed: 
     return watched.run(procedure.output, start_rad(device, procedure), command)
 
 
-__all__ = ["BY_NAME", "PROCEDURES", "Procedure", "guide", "run_procedure", "start_rad", "travel"]
+__all__ = ["BY_NAME", "PROCEDURES", "Procedure", "guide", "require_drive", "run_procedure", "start_rad", "travel"]
