@@ -86,7 +86,7 @@ def _beside(m: DriveModel) -> list[str]:
         ("motor's torque over its command", m.gain, ""),
         ("delay from command to encoder", m.delay_s, " s"),
         ("share of the cable's torque that is lost", m.cable_loss, ""),
-        ("stiffness of the cable", m.cable_Nm_rad, " Nm/rad"),
+        ("give of the cable", m.cable_give_rad_Nm, " rad/Nm"),
         ("whole backlash of the cable", m.backlash_rad, " rad"),
     ]
     lines = ["# Found as well, without a key of its own:"]

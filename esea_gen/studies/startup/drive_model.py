@@ -28,18 +28,18 @@ from esea_gen.studies.startup.regression import (
 from esea_gen.studies.startup.signals import Signals
 from esea_gen.studies.startup.watch import Recording
 
-ROUNDS = 3
+ROUNDS = 2
 MOST_WAVE_1_RAD = 90.0
 STRETCH = 1.08  # of the travel: the series' own period, so that its ends need not meet
 LAG_S = (0.002, 0.3)
 DELAY_S = (-0.0009, 0.05)
-MAP_POINTS = 128
+MAP_POINTS = 256
 CABLE_NM = 0.5  # below, the cable may lie in its gap
 # What the equation leaves out (the cable's swing, a load that bounces in its gap) is the same every
 # time, so no spread of blocks shows it.  Half widths that cover it on plants whose truth is known
 # (docs/startup.md), added by squares: shares of the value, and what is absolute.
 FLOOR_SHARE = {"J_kgm2": 0.005, "fv_Nms_rad": 0.01, "fc_Nm": 0.005, "tau_c_s": 0.003}
-FLOOR_SHARE |= {"cable_Nm_rad": 0.04}
+FLOOR_SHARE |= {"cable_give_rad_Nm": 0.04}
 MAP_FLOOR_SHARE = 0.03  # of its effective value
 FLOOR = {"backlash_rad": 5e-4, "delay_s": 5e-5, "delay_again_s": 5e-5, "joint_ratio": 0.002}
 
@@ -72,6 +72,7 @@ class DriveModel:
 
     gain: motor's torque over its command, as far as the rubber's torque is right.
     cable_loss: share of the cable's torque that is lost.
+    cable_give_rad_Nm: one over the cable's stiffness, which a rigid cable has too.
     delay_again_s: delay as the procedure for the inertia saw it.
     joint_ratio: motion of the motor side over that of the gear; 1 where the ratio is right.
     left_Nm: effective value of what each procedure's model leaves, at the joint.
@@ -80,7 +81,7 @@ class DriveModel:
 
     gain: Estimate
     cable_loss: Estimate
-    cable_Nm_rad: Estimate
+    cable_give_rad_Nm: Estimate
     backlash_rad: Estimate
     fv_Nms_rad: Estimate
     fc_Nm: Estimate
@@ -220,15 +221,15 @@ def _cable_of(recording: Recording, signals: Signals, loss: float) -> tuple[Esti
     pulled = np.abs(torque) > CABLE_NM
     terms = np.column_stack([torque, np.sign(torque), np.ones(len(torque))])
     fit = fit_linear(terms[pulled], wound[pulled], s.blocks[pulled])
-    give = float(fit.values[0])
-    stiffness = fit.estimate(np.array([-1 / give**2, 0, 0]), 1 / give)
-    return stiffness, fit.estimate(np.array([0, 2.0, 0]), 2 * float(fit.values[1]))
+    give, half_gap = (float(x) for x in fit.values[:2])
+    return (
+        fit.estimate(np.array([1.0, 0, 0]), give),
+        fit.estimate(np.array([0, 2.0, 0]), 2 * half_gap),
+    )
 
 
 def _map_of(fit: _Fit, gain: float) -> DisturbanceMap:
-    seen = np.concatenate(
-        [s.gear_rad[s.used] for s in (fit.of["friction"], fit.of["disturbance"])]
-    )
+    seen = np.concatenate([s.gear_rad[s.used] for s in (fit.of["friction"], fit.of["disturbance"])])
     angles = np.linspace(float(seen.min()), float(seen.max()), MAP_POINTS)
     waves = fit.series(angles)
     waves = waves - waves.mean(axis=0)
@@ -248,7 +249,7 @@ def identify_drive(device: Device, recordings: Mapping[str, Recording]) -> Drive
         inertia, delay = fit.shaken("inertia"), fit.shaken("delay")
         fit.lag_s, fit.delay_s = float(inertia.values[0]), float(delay.values[1])
     gain, loss = _gain(rubber)
-    stiffness, gap = _cable_of(recordings["gain"], fit.of["gain"], fit.loss)
+    give, gap = _cable_of(recordings["gain"], fit.of["gain"], fit.loss)
     s, r = fit.of["friction"], recordings["friction"]
     follows = fit_linear(
         np.column_stack([s.term(r.gear_rad), s.term(s.way), np.ones(len(s.used))]),
@@ -262,7 +263,7 @@ def identify_drive(device: Device, recordings: Mapping[str, Recording]) -> Drive
     found = {
         "gain": gain,
         "cable_loss": loss,
-        "cable_Nm_rad": stiffness,
+        "cable_give_rad_Nm": give,
         "backlash_rad": gap,
         "fv_Nms_rad": _scaled(gain, turns, 1),
         "fc_Nm": _scaled(gain, turns, 2),
@@ -283,7 +284,7 @@ def identify_drive(device: Device, recordings: Mapping[str, Recording]) -> Drive
 UNITS = {
     "gain": "1",
     "cable_loss": "1",
-    "cable_Nm_rad": "Nm_rad",
+    "cable_give_rad_Nm": "rad_Nm",
     "backlash_rad": "rad",
     "fv_Nms_rad": "Nms_rad",
     "fc_Nm": "Nm",

@@ -59,6 +59,7 @@ def _map(axes: Axes, result: Startup) -> None:
     axes.set_title("torque that gear and cable add over the motor's angle")
     axes.set_xlabel("angle of the gear at the joint, rad")
     axes.set_ylabel("N·m at the joint")
+    axes.set_ylim(top=1.3 * float(np.max(d.torque_Nm - mean)))
     axes.legend(ncols=2, loc="upper right")
 
 

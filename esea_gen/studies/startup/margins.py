@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.analysis.frequency import FrequencyResponse, Margins
-from esea_gen.control.linear_loop import _STATES, _Period
+from esea_gen.control.linear_loop import _STATES, _Period, sliding_mode_numbers
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import Device
 from esea_gen.language.ports import Array
@@ -101,9 +101,8 @@ class CutLoop(_Period):
     def __init__(self, device: Device, drive: LoopDrive, lead: float = LEAD) -> None:
         from scipy.linalg import expm
 
-        super().__init__(
-            device, lead, device.file.sliding_mode.lambda_1_s.value, drive.stiffness_Nm_rad
-        )  # type: ignore[union-attr]
+        slope = sliding_mode_numbers(device).lambda_1_s.value
+        super().__init__(device, lead, slope, drive.stiffness_Nm_rad)
         j, d, h = drive.J_kgm2, drive, self.h
         a = np.zeros((4, 4))
         a[0, 1] = 1.0
@@ -151,9 +150,9 @@ class CutLoop(_Period):
     def judged(self) -> tuple[FrequencyResponse, float]:
         """The cut loop's response, and the closed loop's largest eigenvalue."""
         unit = np.eye(len(self.names))
-        opened = [self.over(x, 0.0) for x in unit]
-        a = np.stack([x for x, _ in opened], axis=1)
-        c = np.array([u for _, u in opened])
+        alone = [self.over(x, 0.0) for x in unit]
+        a = np.stack([x for x, _ in alone], axis=1)
+        c = np.array([u for _, u in alone])
         b = self.over(np.zeros(len(unit)), 1.0)[0]
         closed = np.stack([self.over(x, None)[0] for x in unit], axis=1)
         f = np.geomspace(LOW_HZ, 0.499 / self.control_s, LINES)
@@ -251,9 +250,7 @@ def check_margins(device: Device, model: DriveModel) -> MarginCheck:
     at = (model.gain, model.J_kgm2, model.fv_Nms_rad, model.tau_c_s, model.delay_s)
     g, j, fv, lag, delay = (e.value for e in at)
     middle = loop_margins(device, LoopDrive(g, j, fv, lag, max(delay, 0.0), soft))
-    worst = {
-        x.key: min(_size(getattr(m.margins, x.key)) for m in [*found, middle]) for x in LIMITS
-    }
+    worst = {x.key: min(_size(getattr(m.margins, x.key)) for m in [*found, middle]) for x in LIMITS}
     radius = max(m.radius for m in [*found, middle])
     nearest = min(found, key=lambda m: (m.stable, m.margins.modulus_margin))
     return MarginCheck(middle, nearest, worst, radius, len(found))

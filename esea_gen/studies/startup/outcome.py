@@ -12,7 +12,7 @@ from esea_gen.language.ports import Array
 from esea_gen.studies.startup.checks import StartupCheck
 from esea_gen.studies.startup.drive_model import UNITS, DriveModel
 from esea_gen.studies.startup.margins import LIMITS, MarginCheck
-from esea_gen.studies.startup.procedures import BY_NAME, PROCEDURES
+from esea_gen.studies.startup.procedures import PROCEDURES
 from esea_gen.studies.startup.regression import CONFIDENCE, Estimate
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.waves import Wave
@@ -31,13 +31,13 @@ MEANINGS = {
     "tau_c_s": ("lag of the torque", "tau_c_s"),
     "delay_s": ("delay from command to encoder", ""),
     "cable_loss": ("share of the cable's torque that is lost", ""),
-    "cable_Nm_rad": ("stiffness of the cable", ""),
+    "cable_give_rad_Nm": ("give of the cable", ""),
     "backlash_rad": ("whole backlash of the cable", ""),
 }
 FOUND_BY = {
     "gain": "gain",
     "cable_loss": "gain",
-    "cable_Nm_rad": "gain",
+    "cable_give_rad_Nm": "gain",
     "backlash_rad": "gain",
     "fc_Nm": "friction",
     "fv_Nms_rad": "friction",
@@ -69,7 +69,8 @@ class Startup:
     machine_s: for how long the drive was under command.
     refusal: why it ended early; None when all procedures ran.
     updated: the device with what was found; None when nothing was.
-    law_problem: why the law refuses the updated device; empty when it does not.
+    law_problem: why nothing good is said of the law on the updated device, and the fix; None when
+        there is no such reason.
     truth: of a simulated plant, by estimate; empty on a board.
     true_map_Nm: of a simulated plant, at the map's angles.
     """
@@ -84,7 +85,7 @@ class Startup:
     checks: tuple[StartupCheck, ...]
     updated: Device | None
     margins: MarginCheck | None
-    law_problem: str
+    law_problem: tuple[str, str] | None
     truth: Mapping[str, float]
     true_map_Nm: Array | None
 
@@ -97,8 +98,8 @@ class Startup:
         if self.refusal is not None:
             out.append((f"{self.refusal.procedure}: {self.refusal.reason}", self.refusal.fix))
         out += [(f"{c.procedure}: {c.line()}", c.fix) for c in self.checks if not c.passed]
-        if self.law_problem:
-            out.append((self.law_problem, "Change the gains that it names."))
+        if self.law_problem is not None:
+            out.append(self.law_problem)
         if self.margins is not None:
             out += [(p, _margin_fix(self.model)) for p in self.margins.problems()]
         return out
@@ -146,11 +147,17 @@ class Startup:
     def _said(self, procedure: str) -> str:
         if self.refusal is not None and self.refusal.procedure == procedure:
             return self.refusal.reason
-        if procedure == "sign" and self.sign is not None:
+        if self.passed(procedure) is None:
+            return ""
+        own = [c for c in self.checks if c.procedure == procedure]
+        failed = [c.line() for c in own if not c.passed]
+        if failed:
+            return "; ".join(failed)
+        if procedure == "sign":
             return "command, motor's encoder and joint encoders count the same way"
         if self.model is None:
-            return BY_NAME[procedure].finds if self.passed(procedure) is None else ""
-        return "; ".join(c.line() for c in self.checks if c.procedure == procedure)
+            return "recorded"
+        return f"{len(own)} of {len(own)} values within their limits"
 
     def _estimates(self, m: DriveModel) -> list[str]:
         percent = f"{100 * CONFIDENCE:.0f} %"
@@ -161,7 +168,7 @@ class Startup:
         for name, (text, key) in MEANINGS.items():
             e: Estimate = getattr(m, name)
             scale, unit = (1e3, "ms") if name in ("tau_c_s", "delay_s") else (1.0, UNITS[name])
-            unit = {"1": "", "Nm_rad": "Nm/rad", "Nms_rad": "Nms/rad"}.get(unit, unit)
+            unit = {"1": "", "rad_Nm": "rad/Nm", "Nms_rad": "Nms/rad"}.get(unit, unit)
             shown = "-"
             if key:
                 shown = f"{scale * getattr(self.device.file.actuator, key).value:.4g}"
@@ -175,10 +182,11 @@ class Startup:
 
     def _disturbance(self, m: DriveModel) -> list[str]:
         d = m.disturbance
-        waves = ", ".join(f"{w.amplitude_Nm:.3g} Nm at {w.wave_1_rad:.3g}/rad" for w in self.waves)
+        shown = [f"{w.amplitude_Nm:.3g} Nm at {w.wave_1_rad:.3g}/rad" for w in self.waves]
+        strongest = f"; strongest: {', '.join(shown)}" if shown else ""
         return [
             f"gear's disturbance: {d.rms_Nm:.3g} Nm effective, {d.peak_Nm:.3g} Nm at most, from "
-            f"{d.gear_rad[0]:.2f} to {d.gear_rad[-1]:.2f} rad; strongest: {waves}"
+            f"{d.gear_rad[0]:.2f} to {d.gear_rad[-1]:.2f} rad{strongest}"
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -211,7 +219,7 @@ class Startup:
             "estimates": {},
             "disturbance": None,
             "margins": None if self.margins is None else self.margins.to_dict(),
-            "law_problem": self.law_problem,
+            "law_problem": None if self.law_problem is None else self.law_problem[0],
         }
         if m is not None:
             content["estimates"] = {

@@ -112,7 +112,9 @@ def _shaken(shortest_s: float, longest_s: float, times: int) -> Any:
 
 
 CLAMP = "Clamp the output at {at_deg:.0f} deg, nobody in the joint."
-FREE = "Leave the output free, the joint empty, at {at_deg:.0f} deg; stay clear of its whole travel."
+FREE = (
+    "Leave the output free, the joint empty, at {at_deg:.0f} deg; stay clear of its whole travel."
+)
 PROCEDURES = (
     Procedure(
         "sign",
@@ -201,4 +203,13 @@ def run_procedure(watched: Watched, device: Device, procedure: Procedure, seed: 
     return watched.run(procedure.output, start_rad(device, procedure), command)
 
 
-__all__ = ["BY_NAME", "PROCEDURES", "Procedure", "guide", "require_drive", "run_procedure", "start_rad", "travel"]
+__all__ = [
+    "BY_NAME",
+    "PROCEDURES",
+    "Procedure",
+    "guide",
+    "require_drive",
+    "run_procedure",
+    "start_rad",
+    "travel",
+]

@@ -89,5 +89,3 @@ class SignCheck:
             "motor_side_moved_rad": self.motor_rad,
             "load_side_moved_rad": self.load_rad,
         }
-
-

@@ -25,7 +25,7 @@ from esea_gen.studies.startup.procedures import PROCEDURES, require_drive, run_p
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.watch import Recording, StoppedError, Watched
 from esea_gen.studies.startup.waves import strongest_waves
-from esea_gen.twin.off import NOTHING, deviation, refuse_unknown
+from esea_gen.twin.off import NOTHING, chosen_families, deviation, refuse_unknown
 from esea_gen.twin.parameters import SINES
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import TICK_S
@@ -73,7 +73,14 @@ class SimulatedDrive:
     def made(self, device: Device) -> SteppedPlant:
         """The plant, output and joint as each procedure asks."""
         variant = plant_variant(device, self.plant, "none", self.seed)
-        off = deviation(self.off, device, self.seed)
+        families = chosen_families(self.off)
+        if len(families) != 1:
+            raise UserError(
+                f"--off {self.off}: these are {len(families)} families; a start-up is of one "
+                "machine.",
+                f"Give one of {', '.join(families)}.",
+            )
+        off = deviation(families[0], device, self.seed)
         if off.missed_share:
             raise UserError(
                 f"--off {self.off}: runs of the control task are missed; a start-up has none.",
@@ -82,13 +89,13 @@ class SimulatedDrive:
         probe = SteppedPlant(variant)
         refuse_unknown(self.off, off, {t.name for _, t in probe.system.tunables})
         return SteppedPlant(
-            variant.having(**off.values),
+            variant.having(None, **off.values),
             motor_gain=self.motor_gain,
             delay_s=self.delay_s + TICK_S * off.delay_ticks,
         )
 
 
-def simulated_truth(device: Device, plant: SteppedPlant) -> dict[str, float]:
+def simulated_truth(plant: SteppedPlant) -> dict[str, float]:
     """What the estimates of a simulated plant are to be, by their names."""
     known: dict[str, float] = {t.name: t.default for _, t in plant.system.tunables}
     known |= plant.variant.values
@@ -97,8 +104,7 @@ def simulated_truth(device: Device, plant: SteppedPlant) -> dict[str, float]:
         "gain": plant.gain,
         # The procedures cannot tell the coupling's motor-side part from what drives it.
         "J_kgm2": known["J_kgm2"] + (known["motor_side_inertia_kgm2"] if cable else 0.0),
-        "fv_Nms_rad": known["fv_Nms_rad"]
-        + (known["motor_side_damping_Nms_rad"] if cable else 0.0),
+        "fv_Nms_rad": known["fv_Nms_rad"] + (known["motor_side_damping_Nms_rad"] if cable else 0.0),
         "fc_Nm": known["fc_Nm"],
         "tau_c_s": known["tau_c_s"],
         "delay_s": plant.delay_s,
@@ -106,10 +112,9 @@ def simulated_truth(device: Device, plant: SteppedPlant) -> dict[str, float]:
         "cable_loss": known["cable_loss"] if cable else 0.0,
         "joint_ratio": 1.0,
     }
-    if cable:
-        found["cable_Nm_rad"] = known["cable_stiffness_Nm_rad"]
-        found["backlash_rad"] = known["cable_backlash_rad"]
-    del device
+    stiffness = known["cable_stiffness_Nm_rad"] if cable else math.inf
+    found["cable_give_rad_Nm"] = 1 / stiffness
+    found["backlash_rad"] = known["cable_backlash_rad"] if cable else 0.0
     return found
 
 
@@ -172,7 +177,7 @@ def start_up(
     given: dict[str, Any] = {"truth": dict(truth or {}), "true_map_Nm": None}
     if refusal is not None:
         return Startup(
-            device, source, watched.total_s, sign, refusal, None, (), (), None, None, "", **given
+            device, source, watched.total_s, sign, refusal, None, (), (), None, None, None, **given
         )
     say("least squares")
     model = identify_drive(device, recordings)
@@ -189,7 +194,7 @@ def start_up(
         sign,
         None,
         model,
-        strongest_waves(d.gear_rad, d.torque_Nm),
+        strongest_waves(d.gear_rad, d.torque_Nm, float(np.mean(d.half_Nm))),
         checks_of(device, model),
         updated,
         margins,
@@ -198,18 +203,24 @@ def start_up(
     )
 
 
-def _judged(updated: Device, model: DriveModel) -> tuple[MarginCheck | None, str]:
+def _judged(
+    updated: Device, model: DriveModel
+) -> tuple[MarginCheck | None, tuple[str, str] | None]:
     names = [law.name for law in updated.laws]
     if names != [LAW]:
         return None, (
             f"the margins are known of {LAW} alone, and the device has {', '.join(names)}: "
-            "nothing is said of its gains"
+            "nothing is said of its gains",
+            "Build and simulate the device file that --out writes, with --off delay and rubber.",
         )
     try:
         check_loop(updated, LEAD)
     except UserError as refused:
-        return check_margins(updated, model), str(refused)
-    return check_margins(updated, model), ""
+        return check_margins(updated, model), (
+            str(refused).replace("\n", " "),
+            "Change in the device file what is named there.",
+        )
+    return check_margins(updated, model), None
 
 
 def start_up_simulated(
@@ -228,7 +239,7 @@ def start_up_simulated(
         drive.words(),
         seed=drive.seed,
         say=say,
-        truth=simulated_truth(device, plant),
+        truth=simulated_truth(plant),
         true_map=lambda angles: true_map_Nm(plant.variant, j, angles),
     )
 

@@ -21,14 +21,18 @@ class Wave:
     phase_rad: float
 
 
-def strongest_waves(theta_rad: Array, torque_Nm: Array) -> tuple[Wave, ...]:
-    """One after the other, each time fitting all anew, until the next one is small."""
+def strongest_waves(theta_rad: Array, torque_Nm: Array, least_Nm: float) -> tuple[Wave, ...]:
+    """One after the other, each time fitting all anew, until the next one is small.
+
+    least_Nm: amplitude below which nothing is said.
+    """
     from scipy.optimize import least_squares
 
     torque = torque_Nm - np.mean(torque_Nm)
     grid = np.linspace(LOW_1_RAD, HIGH_1_RAD, 800)
     probe = np.exp(-1j * np.outer(grid, theta_rad)) * np.hanning(len(theta_rad))
     waves = np.zeros(0)
+    apart = np.pi / (theta_rad[-1] - theta_rad[0])
 
     def parts(k: Array) -> Array:
         phase = np.outer(theta_rad, k)
@@ -43,13 +47,16 @@ def strongest_waves(theta_rad: Array, torque_Nm: Array) -> tuple[Wave, ...]:
         more = least_squares(left, more, bounds=(LOW_1_RAD - 1, HIGH_1_RAD + 1), x_scale=1.0).x
         sines = _amplitudes(parts(more), torque, len(more))
         size = np.abs(sines)
-        if len(waves) and size[-1] < LEAST_SHARE * size.max():
+        # Two within what the travel can part are one wave, told badly.
+        gaps = np.diff(np.sort(more))
+        if size[-1] < max(LEAST_SHARE * size.max(), least_Nm) or np.any(gaps < apart):
             break
         waves = more
+    if not len(waves):
+        return ()
     sines = _amplitudes(parts(waves), torque, len(waves))
     found = [
-        Wave(float(k), float(abs(s)), float(np.angle(s)))
-        for k, s in zip(waves, sines, strict=True)
+        Wave(float(k), float(abs(s)), float(np.angle(s))) for k, s in zip(waves, sines, strict=True)
     ]
     return tuple(sorted(found, key=lambda w: -w.amplitude_Nm))
 
