@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.analysis.frequency import FrequencyResponse, Margins
-from esea_gen.control.linear_loop import _STATES, _Period, sliding_mode_numbers
+from esea_gen.control.linear_loop import _STATES, LAMBDA_LOW_1_S, _Period, sliding_mode_numbers
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import Device
 from esea_gen.language.ports import Array
@@ -30,7 +30,7 @@ from esea_gen.studies.startup.regression import Estimate
 
 LOW_HZ, LINES = 0.1, 500
 STABLE = 1.0
-SWINGS = ("gain", "J_kgm2", "fv_Nms_rad", "tau_c_s", "delay_s")
+NOTABLE_DELAY_S = 5e-4
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,16 @@ class LoopMargins:
 class CutLoop(_Period):
     """One control period of the loop on another drive than the controller's, cut at the motor."""
 
-    def __init__(self, device: Device, drive: LoopDrive, lead: float = LEAD) -> None:
+    def __init__(
+        self,
+        device: Device,
+        drive: LoopDrive,
+        lambda_1_s: float | None = None,
+        lead: float = LEAD,
+    ) -> None:
         from scipy.linalg import expm
 
-        slope = sliding_mode_numbers(device).lambda_1_s.value
+        slope = sliding_mode_numbers(device).lambda_1_s.value if lambda_1_s is None else lambda_1_s
         super().__init__(device, lead, slope, drive.stiffness_Nm_rad)
         j, d, h = drive.J_kgm2, drive, self.h
         a = np.zeros((4, 4))
@@ -163,10 +169,27 @@ class CutLoop(_Period):
         return opened, float(np.max(np.abs(np.linalg.eigvals(closed))))
 
 
-def loop_margins(device: Device, drive: LoopDrive) -> LoopMargins:
-    """Margins of a device's gains on a drive."""
-    opened, radius = CutLoop(device, drive).judged()
+def loop_margins(device: Device, drive: LoopDrive, lambda_1_s: float | None = None) -> LoopMargins:
+    """Margins of a device's gains on a drive; ``lambda_1_s`` in place of its own."""
+    opened, radius = CutLoop(device, drive, lambda_1_s).judged()
     return LoopMargins(drive, opened, opened.margins(), radius)
+
+
+def enough(found: LoopMargins) -> bool:
+    """Whether a loop dies away with every margin."""
+    return found.stable and all(_size(getattr(found.margins, x.key)) >= x.least for x in LIMITS)
+
+
+def slope_with_margins(device: Device, drive: LoopDrive) -> float | None:
+    """Largest lambda (1/s) below the device's own that has every margin; None where none has."""
+    low, high = LAMBDA_LOW_1_S, sliding_mode_numbers(device).lambda_1_s.value
+    if high <= low or not enough(loop_margins(device, drive, low)):
+        return None
+    for _ in range(8):
+        middle = math.sqrt(low * high)
+        fits = enough(loop_margins(device, drive, middle))
+        low, high = (middle, high) if fits else (low, middle)
+    return low
 
 
 def coupling_range_Nm_rad(device: Device) -> tuple[float, float]:
@@ -203,6 +226,7 @@ class MarginCheck:
     worst: least of each margin over the corners of the intervals and the coupling's stiffness;
         the radius is the largest.
     corners: how many were looked at.
+    slope_1_s: lambda that would do in the nearest corner; None where none does, or this one does.
     """
 
     middle: LoopMargins
@@ -210,6 +234,22 @@ class MarginCheck:
     worst: Mapping[str, float]
     radius: float
     corners: int
+    asked_1_s: float
+    slope_1_s: float | None
+
+    def fix(self) -> str:
+        """What to do about the problems."""
+        late = self.middle.drive.delay_s
+        out = ""
+        if self.slope_1_s is not None:
+            out = (
+                f"Lower sliding_mode.lambda_1_s from {self.asked_1_s:g} to "
+                f"{0.99 * self.slope_1_s:.3g} 1/s and build again; esea-gen tune shows what that "
+                "costs."
+            )
+        if late > NOTABLE_DELAY_S:
+            out += f"  Better: shorten the {1e3 * late:.2g} ms between command and motor."
+        return out.strip() or "No slope from 1 1/s on has them: a drive with less lag is needed."
 
     def problems(self) -> list[str]:
         """What is below its limit."""
@@ -218,7 +258,8 @@ class MarginCheck:
                 f"the loop grows: its largest eigenvalue over a control period is {self.radius:.4f}"
             ]
         return [
-            f"{x.name} {self.worst[x.key]:.3g} {x.unit}, below {x.least:g} {x.unit} ({x.reason})"
+            f"{x.name} {self.worst[x.key]:.3g} {x.unit} in the worst corner, below {x.least:g} "
+            f"{x.unit} ({x.reason})"
             for x in LIMITS
             if not self.worst[x.key] >= x.least
         ]
@@ -232,6 +273,8 @@ class MarginCheck:
             "worst": dict(self.worst),
             "worst_radius_1": self.radius,
             "corners": self.corners,
+            "lambda_1_s": self.asked_1_s,
+            "lambda_with_margins_1_s": self.slope_1_s,
             "at_the_estimates": _plain(asdict(self.middle.margins)),
             "drive": asdict(self.middle.drive),
         }
@@ -253,7 +296,10 @@ def check_margins(device: Device, model: DriveModel) -> MarginCheck:
     worst = {x.key: min(_size(getattr(m.margins, x.key)) for m in [*found, middle]) for x in LIMITS}
     radius = max(m.radius for m in [*found, middle])
     nearest = min(found, key=lambda m: (m.stable, m.margins.modulus_margin))
-    return MarginCheck(middle, nearest, worst, radius, len(found))
+    short = not all(enough(m) for m in found)
+    slope = slope_with_margins(device, nearest.drive) if short else None
+    asked = sliding_mode_numbers(device).lambda_1_s.value
+    return MarginCheck(middle, nearest, worst, radius, len(found), asked, slope)
 
 
 def _size(margin: float | None) -> float:
@@ -269,5 +315,7 @@ __all__ = [
     "MarginCheck",
     "check_margins",
     "coupling_range_Nm_rad",
+    "enough",
     "loop_margins",
+    "slope_with_margins",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from esea_gen.device import Device
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KIND, VERSION = "esea-gen startup", 1
-NOTABLE_DELAY_S = 5e-4
 # What each estimate is, and the key of [actuator] that it belongs into.
 MEANINGS = {
     "gain": ("motor's torque over its command", ""),
@@ -101,7 +101,7 @@ class Startup:
         if self.law_problem is not None:
             out.append(self.law_problem)
         if self.margins is not None:
-            out += [(p, _margin_fix(self.model)) for p in self.margins.problems()]
+            out += [(p, self.margins.fix()) for p in self.margins.problems()]
         return out
 
     @property
@@ -135,8 +135,11 @@ class Startup:
         if self.margins is not None:
             lines += _margin_lines(self.margins)
         lines.append(self.verdict())
-        for reason, fix in self.reasons:
-            lines += [f"  {reason}", f"    Fix: {fix}"]
+        told = [*self.reasons, ("", "")]
+        for (reason, fix), (_, later) in pairwise(told):
+            lines.append(f"  {reason}")
+            if fix != later:
+                lines.append(f"    Fix: {fix}")
         return lines
 
     def verdict(self) -> str:
@@ -260,14 +263,6 @@ def _margin_lines(check: MarginCheck) -> list[str]:
         end = "-" if math.isinf(worst) else f"{scale * worst:.3g}"
         lines.append(f"{f'{x.name}, {unit}':42}{found:>11}{end:>26}  {scale * x.least:>11.3g}")
     return lines
-
-
-def _margin_fix(model: DriveModel | None) -> str:
-    lower = "ower sliding_mode.lambda_1_s and build again; esea-gen tune shows what that costs."
-    if model is None or model.delay_s.value < NOTABLE_DELAY_S:
-        return "L" + lower
-    late = f"Shorten the {1e3 * model.delay_s.value:.2g} ms between command and motor, or l"
-    return late + lower
 
 
 __all__ = ["MEANINGS", "Refusal", "Startup"]

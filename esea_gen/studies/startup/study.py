@@ -216,10 +216,7 @@ def _judged(
     try:
         check_loop(updated, LEAD)
     except UserError as refused:
-        return check_margins(updated, model), (
-            str(refused).replace("\n", " "),
-            "Change in the device file what is named there.",
-        )
+        return check_margins(updated, model), (refused.what, refused.fix)
     return check_margins(updated, model), None
 
 
