@@ -16,7 +16,7 @@ from esea_gen.studies.startup.bench import Bench, Counts, Output
 
 # Shares of the device's own limits: a start-up has no reason to come near to them.
 COMMAND_SHARE, DEFLECTION_SHARE, SPEED_SHARE = 0.8, 0.8, 0.5
-MOST_JUMP = 3.0  # of what the speed limit allows between two ticks
+SETUP_RAD = 0.35  # as far as people set a joint up by eye
 RATE_TICKS = 5  # over which the rate that the procedures steer by is taken
 
 
@@ -155,6 +155,7 @@ class Watched:
         """
         counts = self.bench.begin(output, at_rad)
         motor, load = (s.angle(c) for s, c in zip(self._sides, _joint(counts), strict=True))
+        self._check_setup(at_rad, motor, load)
         last, gear = counts.gear, self._start(counts.gear, motor)
         behind = [gear] * RATE_TICKS
         u, tick = 0.0, 0
@@ -164,7 +165,7 @@ class Watched:
             while True:
                 rate = (gear - behind[tick % RATE_TICKS]) / (RATE_TICKS * self.tick_s)
                 behind[tick % RATE_TICKS] = gear
-                self._check(output, gear, rate, motor, load, tick)
+                self._check(rate, motor, load, tick)
                 wanted = command(Seen(tick * self.tick_s, gear, rate, motor, load))
                 if wanted is None:
                     break
@@ -194,16 +195,31 @@ class Watched:
         aim = motor_rad - self._offset
         return part + self._turn_rad * math.floor((aim - part) / self._turn_rad + 0.5)
 
-    def _check(
-        self, output: Output, gear: float, rate: float, motor: float, load: float, tick: int
-    ) -> None:
+    def _check_setup(self, at_rad: float, motor: float, load: float) -> None:
+        # Before any torque: the joint stands where it was set up, and both encoders say so.
+        for side, angle in (("motor", motor), ("load", load)):
+            if abs(angle - at_rad) <= SETUP_RAD:
+                continue
+            mirrored = abs(angle + at_rad) <= SETUP_RAD < abs(at_rad)
+            raise StoppedError(
+                f"the {side}-side encoder says {angle:+.3f} rad where the joint is to be set up at "
+                f"{at_rad:+.3f} rad, more than {SETUP_RAD:g} rad off",
+                f"It counts the other way: set encoder.{side}.direction to its opposite and "
+                "calibrate its zero again."
+                if mirrored
+                else "Set the joint up where the procedure says; if it is, calibrate the encoder's "
+                "zero.",
+            )
+
+    def _check(self, rate: float, motor: float, load: float, tick: int) -> None:
         e = self.envelope
         at = f"{tick * self.tick_s:.3f} s after the start"
         if abs(motor - load) > e.deflection_rad:
             raise StoppedError(
                 f"the coupling is deflected by {motor - load:+.3f} rad, more than "
                 f"{e.deflection_rad:g} rad, {at}",
-                "Look for what holds the output, and whether both joint encoders are zeroed.",
+                "Look for what holds the output or pulls at it, and whether both joint encoders are "
+                "zeroed.",
             )
         if abs(rate) > e.omega_rad_s:
             raise StoppedError(
@@ -214,9 +230,8 @@ class Watched:
             raise StoppedError(
                 f"the joint is at {load:.3f} rad (motor side {motor:.3f} rad), outside of "
                 f"{e.low_rad:g} to {e.high_rad:g} rad, {at}",
-                "Set the joint up where the procedure says.",
+                "Look for what moves the joint, or a slipping cable.",
             )
-        del output, gear
 
 
 def _joint(counts: Counts) -> tuple[int, int]:
