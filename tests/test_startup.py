@@ -132,6 +132,9 @@ def test_a_delay_is_found_to_a_fraction_of_a_tick(delay_s):
     assert missed(result) == []
     assert result.model.delay_s.value == pytest.approx(delay_s, abs=5e-5)
     assert result.model.delay_again_s.value == pytest.approx(delay_s, abs=5e-5)
+    # And without any model of the motor: the counts of the first tick behind it, or the next.
+    assert delay_s < result.model.jump.first_s < delay_s + 0.002
+    assert result.model.jump.jumps > 200
 
 
 @pytest.mark.parametrize(
@@ -149,6 +152,19 @@ def test_what_is_off_in_the_machine_is_found(off, name, factor):
     # The plant has the coupling's motor side beside it: 3 g m2 and 0.02 Nms/rad.
     beside = {"J_kgm2": 0.003, "fv_Nms_rad": 0.02, "fc_Nm": 0.0}[name]
     assert getattr(result.model, name).value == pytest.approx(factor * written + beside, rel=0.02)
+
+
+def test_firmware_that_believes_in_another_inertia_is_told_from_one_built_anew():
+    """Half again the loop's gain is more than the 3 dB that the shipped gains have."""
+    result = started(off="inertia-30")
+    assert missed(result) == []
+    assert result.gains_may_be_used
+    assert any("must NOT run here" in line for line in result.table())
+    stiff = replace(NOMINAL, J_kgm2=0.7 * 0.663)
+    assert not loop_margins(DEVICE, stiff).stable
+    content = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert content["margins"]["allowed"] is True
+    assert content["margins_of_firmware_as_it_is"]["allowed"] is False
 
 
 def test_estimates_know_nothing_of_the_truth():
@@ -528,7 +544,7 @@ def test_the_command_writes_all_and_its_exit_code_is_the_verdict(tmp_path):
         cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "Verdict: the gains of elbow_drive may be used." in done.stdout
+    assert "Verdict: the gains of elbow_drive may be used with what was found." in done.stdout
     assert (tmp_path / "a.png").stat().st_size > 20000
     content = json.loads((tmp_path / "a.json").read_text())
     assert content["kind"] == "esea-gen startup"

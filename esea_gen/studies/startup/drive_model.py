@@ -19,6 +19,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.language.ports import Array
+from esea_gen.studies.startup.reaction import JumpResponse, jump_response
 from esea_gen.studies.startup.regression import (
     Estimate,
     LeastSquares,
@@ -74,6 +75,7 @@ class DriveModel:
     cable_loss: share of the cable's torque that is lost.
     cable_give_rad_Nm: one over the cable's stiffness, which a rigid cable has too.
     delay_again_s: delay as the procedure for the inertia saw it.
+    jump: mean reaction to the command's jumps.
     joint_ratio: motion of the motor side over that of the gear; 1 where the ratio is right.
     left_Nm: effective value of what each procedure's model leaves, at the joint.
     moved_Nm: effective value of the torque that it explains.
@@ -91,6 +93,7 @@ class DriveModel:
     delay_again_s: Estimate
     joint_ratio: Estimate
     disturbance: DisturbanceMap
+    jump: JumpResponse
     left_Nm: Mapping[str, float]
     moved_Nm: Mapping[str, float]
 
@@ -184,6 +187,12 @@ class _Fit:
             s.drive_Nm(self.lag_s, self.delay_s),
         )
 
+    def accelerating(self, found: LeastSquares) -> Array:
+        """What the motor's torque alone does to the gear in the procedure for the delay."""
+        s = self.of["delay"]
+        lag, late, inertia = (float(x) for x in found.values[:3])
+        return s.motor_Nm(lag, late) / inertia
+
     def _cable(self, s: Signals) -> Array:
         return s.term(s.cable_Nm(self.loss)) / self.gain
 
@@ -276,6 +285,7 @@ def identify_drive(device: Device, recordings: Mapping[str, Recording]) -> Drive
     return DriveModel(
         **{k: _widened(k, e) for k, e in found.items()},
         disturbance=_map_of(fit, gain.value),
+        jump=jump_response(recordings["delay"], fit.accelerating(delay)),
         left_Nm=dict(fit.left),
         moved_Nm=dict(fit.moved),
     )

@@ -1,4 +1,4 @@
-"""A start-up drawn: the gear's disturbance, the numbers over the device file's, the loop."""
+"""A start-up drawn: the gear's disturbance, numbers over the device file's, a jump, the loop."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ REACH = 2.0  # of the locus, in its plane
 
 
 def startup_figure(result: Startup) -> Figure:
-    """Three panels; nothing to draw where the start-up ended early."""
+    """Four panels; nothing to draw where the start-up ended early."""
     if result.model is None:
         raise UserError(
             "The start-up ended before there was anything to draw.", "Leave --figure out."
         )
     with mpl.rc_context(STYLE):
-        figure, grid = new_figure(9.6, 6.4, nrows=2, ncols=2)
-        for axes in grid[0]:
-            axes.remove()
-        wide = figure.add_subplot(grid[0, 0].get_gridspec()[0, :])
-        _map(wide, result)
-        _numbers(grid[1, 0], result)
-        _locus(grid[1, 1], result)
+        figure, rows = new_figure(10.4, 6.6, nrows=2, gridspec_kw={"height_ratios": [1, 1.05]})
+        _map(rows[0], result)
+        spec = rows[1].get_subplotspec().subgridspec(1, 3, width_ratios=[1.1, 1, 1.15])
+        rows[1].remove()
+        _numbers(figure.add_subplot(spec[0]), result)
+        _jump(figure.add_subplot(spec[1]), result)
+        _locus(figure.add_subplot(spec[2]), result)
         return finished(figure)
 
 
@@ -82,6 +82,19 @@ def _numbers(axes: Axes, result: Startup) -> None:
     axes.set_ylim(-0.6, len(SHOWN) - 0.1)
     axes.set_title("found over the device file's number")
     axes.legend(loc="upper center", ncols=2)
+
+
+def _jump(axes: Axes, result: Startup) -> None:
+    assert result.model is not None
+    j = result.model.jump
+    ms = 1e3 * j.time_s
+    axes.plot(ms, j.seen_rad_s2, "o", color=MEASURED, ms=2.4, label="counts")
+    axes.plot(ms, j.model_rad_s2, color=MODEL, lw=1.2, label="model as found")
+    axes.axvline(1e3 * result.model.delay_s.value, color=ROUNDING, lw=1, ls=(0, (4, 2)))
+    axes.set_title(f"mean of {j.jumps} jumps of the command")
+    axes.set_xlabel("ms after the jump; dashed: delay")
+    axes.set_ylabel("rad/s²")
+    axes.legend(loc="upper left")
 
 
 def _locus(axes: Axes, result: Startup) -> None:

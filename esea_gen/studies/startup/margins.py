@@ -270,7 +270,7 @@ class MarginCheck:
             "allowed": not self.problems(),
             "problems": self.problems(),
             "limits": [asdict(x) for x in LIMITS],
-            "worst": dict(self.worst),
+            "worst": _plain(dict(self.worst)),
             "worst_radius_1": self.radius,
             "corners": self.corners,
             "lambda_1_s": self.asked_1_s,

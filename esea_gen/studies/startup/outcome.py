@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +69,8 @@ class Startup:
     machine_s: for how long the drive was under command.
     refusal: why it ended early; None when all procedures ran.
     updated: the device with what was found; None when nothing was.
+    margins, as_it_stands: of the shipped gains, once in a controller that is built with what was
+        found, once in the controller of the device file as it is.
     law_problem: why nothing good is said of the law on the updated device, and the fix; None when
         there is no such reason.
     truth: of a simulated plant, by estimate; empty on a board.
@@ -80,14 +82,15 @@ class Startup:
     machine_s: float
     sign: SignCheck | None
     refusal: Refusal | None
-    model: DriveModel | None
-    waves: tuple[Wave, ...]
-    checks: tuple[StartupCheck, ...]
-    updated: Device | None
-    margins: MarginCheck | None
-    law_problem: tuple[str, str] | None
-    truth: Mapping[str, float]
-    true_map_Nm: Array | None
+    model: DriveModel | None = None
+    waves: tuple[Wave, ...] = ()
+    checks: tuple[StartupCheck, ...] = ()
+    updated: Device | None = None
+    margins: MarginCheck | None = None
+    as_it_stands: MarginCheck | None = None
+    law_problem: tuple[str, str] | None = None
+    truth: Mapping[str, float] = field(default_factory=dict)
+    true_map_Nm: Array | None = None
 
     # -- verdict ---------------------------------------------------------------------------------
 
@@ -135,6 +138,7 @@ class Startup:
         if self.margins is not None:
             lines += _margin_lines(self.margins)
         lines.append(self.verdict())
+        lines += self._firmware()
         told = [*self.reasons, ("", "")]
         for (reason, fix), (_, later) in pairwise(told):
             lines.append(f"  {reason}")
@@ -145,7 +149,17 @@ class Startup:
     def verdict(self) -> str:
         """One line: whether the shipped gains may be used."""
         word = "may be used" if self.gains_may_be_used else "may NOT be used"
-        return f"Verdict: the gains of {self.device.name} {word}."
+        return f"Verdict: the gains of {self.device.name} {word} with what was found."
+
+    def _firmware(self) -> list[str]:
+        # Of what was built before: its observer and law believe in the old numbers.
+        if self.as_it_stands is None:
+            return []
+        short = self.as_it_stands.problems()
+        name = self.device.name
+        if not short:
+            return [f"Firmware that was built from {name} as it is has its margins as well."]
+        return [f"Firmware that was built from {name} as it is must NOT run here: {short[0]}."]
 
     def _said(self, procedure: str) -> str:
         if self.refusal is not None and self.refusal.procedure == procedure:
@@ -184,12 +198,14 @@ class Startup:
         return lines
 
     def _disturbance(self, m: DriveModel) -> list[str]:
-        d = m.disturbance
+        d, jump = m.disturbance, m.jump
+        first = "no reaction" if jump.first_s is None else f"{1e3 * jump.first_s:.0f} ms"
         shown = [f"{w.amplitude_Nm:.3g} Nm at {w.wave_1_rad:.3g}/rad" for w in self.waves]
         strongest = f"; strongest: {', '.join(shown)}" if shown else ""
         return [
+            f"first reaction in the counts, mean of {jump.jumps} jumps: {first}",
             f"gear's disturbance: {d.rms_Nm:.3g} Nm effective, {d.peak_Nm:.3g} Nm at most, from "
-            f"{d.gear_rad[0]:.2f} to {d.gear_rad[-1]:.2f} rad{strongest}"
+            f"{d.gear_rad[0]:.2f} to {d.gear_rad[-1]:.2f} rad{strongest}",
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -220,14 +236,25 @@ class Startup:
             "refusal": None if self.refusal is None else asdict(self.refusal),
             "sign": None if self.sign is None else self.sign.to_dict(),
             "estimates": {},
+            "first_reaction": None,
             "disturbance": None,
             "margins": None if self.margins is None else self.margins.to_dict(),
+            "margins_of_firmware_as_it_is": None
+            if self.as_it_stands is None
+            else self.as_it_stands.to_dict(),
             "law_problem": None if self.law_problem is None else self.law_problem[0],
         }
         if m is not None:
             content["estimates"] = {
                 k: getattr(m, k).to_dict(unit) | {"procedure": FOUND_BY[k]}
                 for k, unit in UNITS.items()
+            }
+            content["first_reaction"] = {
+                "jumps": m.jump.jumps,
+                "after_s": m.jump.first_s,
+                "time_s": m.jump.time_s.tolist(),
+                "seen_rad_s2": m.jump.seen_rad_s2.tolist(),
+                "model_rad_s2": m.jump.model_rad_s2.tolist(),
             }
             d = m.disturbance
             content["disturbance"] = {

@@ -119,9 +119,13 @@ class Signals:
         """A term through the filter, at the samples that are used."""
         return np.asarray(self.filtered(x)[self.used])
 
+    def motor_Nm(self, lag_s: float, delay_s: float) -> Array:
+        """What the commanded torque is at the joint, at every tick."""
+        return self._n * motor_torque(self.u_Nm, lag_s, delay_s, self.tick_s)
+
     def drive_Nm(self, lag_s: float, delay_s: float) -> Array:
-        """What the commanded torque is at the joint, at the samples that are used."""
-        return self.term(self._n * motor_torque(self.u_Nm, lag_s, delay_s, self.tick_s))
+        """The same through the filter, at the samples that are used."""
+        return self.term(self.motor_Nm(lag_s, delay_s))
 
     def cable_Nm(self, loss: float) -> Array:
         """Torque of the cable on the gear, before the filter: the rubber's and what is lost."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -174,32 +173,25 @@ def start_up(
             if problem is not None:
                 refusal = Refusal(p.name, *problem)
                 break
-    given: dict[str, Any] = {"truth": dict(truth or {}), "true_map_Nm": None}
+    base = Startup(device, source, watched.total_s, sign, refusal, truth=dict(truth or {}))
     if refusal is not None:
-        return Startup(
-            device, source, watched.total_s, sign, refusal, None, (), (), None, None, None, **given
-        )
+        return base
     say("least squares")
     model = identify_drive(device, recordings)
     d = model.disturbance
-    if true_map is not None:
-        given["true_map_Nm"] = true_map(d.gear_rad)
     updated = updated_device(device, model, f"start-up, {source}")
     say("margins")
-    margins, problem_of_law = _judged(updated, model)
-    return Startup(
-        device,
-        source,
-        watched.total_s,
-        sign,
-        None,
-        model,
-        strongest_waves(d.gear_rad, d.torque_Nm, float(np.mean(d.half_Nm))),
-        checks_of(device, model),
-        updated,
-        margins,
-        problem_of_law,
-        **given,
+    margins, problem = _judged(updated, model)
+    return replace(
+        base,
+        model=model,
+        waves=strongest_waves(d.gear_rad, d.torque_Nm, float(np.mean(d.half_Nm))),
+        checks=checks_of(device, model),
+        updated=updated,
+        margins=margins,
+        as_it_stands=None if margins is None else check_margins(device, model),
+        law_problem=problem,
+        true_map_Nm=None if true_map is None else true_map(d.gear_rad),
     )
 
 

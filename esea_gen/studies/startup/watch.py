@@ -218,8 +218,8 @@ class Watched:
             raise StoppedError(
                 f"the coupling is deflected by {motor - load:+.3f} rad, more than "
                 f"{e.deflection_rad:g} rad, {at}",
-                "Look for what holds the output or pulls at it, and whether both joint encoders are "
-                "zeroed.",
+                "Look for what holds the output or pulls at it, and whether both joint encoders "
+                "are zeroed.",
             )
         if abs(rate) > e.omega_rad_s:
             raise StoppedError(
