@@ -19,9 +19,9 @@ from esea_gen.control.linear_loop import least_damped
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
-from esea_gen.studies.startup.bench import Counts, TwinBench
 from esea_gen.studies.startup.checks import checks_of
 from esea_gen.studies.startup.device_text import device_text
+from esea_gen.studies.startup.machine import Counts, SimulatedMachine
 from esea_gen.studies.startup.margins import (
     LIMITS,
     CutLoop,
@@ -31,7 +31,7 @@ from esea_gen.studies.startup.margins import (
     loop_margins,
     slope_with_margins,
 )
-from esea_gen.studies.startup.motions import Path, switching
+from esea_gen.studies.startup.motions import GearPath, switching
 from esea_gen.studies.startup.outcome import Startup
 from esea_gen.studies.startup.procedures import PROCEDURES, guide, run_procedure
 from esea_gen.studies.startup.regression import fit_linear
@@ -39,8 +39,12 @@ from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.signals import motor_torque
 from esea_gen.studies.startup.study import SimulatedDrive, start_up, start_up_simulated
 from esea_gen.studies.startup.watch import Envelope, StoppedError, Watched
+from esea_gen.twin.case import TORQUE
+from esea_gen.twin.judge import above
 from esea_gen.twin.people import real_plant
+from esea_gen.twin.run import compiled_loop, plant_variant, told
 from esea_gen.twin.stepped import SteppedPlant
+from esea_gen.twin.trajectories import tuning
 
 from .test_cli import run
 
@@ -168,7 +172,9 @@ def test_firmware_that_believes_in_another_inertia_is_told_from_one_built_anew()
 
 
 def test_estimates_know_nothing_of_the_truth():
-    blind = start_up(DEVICE, TwinBench(SteppedPlant(real_plant(DEVICE, "uncertain", 0))), "test")
+    blind = start_up(
+        DEVICE, SimulatedMachine(SteppedPlant(real_plant(DEVICE, "uncertain", 0))), "test"
+    )
     for name in NUMBERS:
         assert getattr(blind.model, name) == getattr(started().model, name), name
     assert "simulated_truth" not in blind.to_dict()
@@ -196,12 +202,12 @@ def test_intervals_hold_the_truth_of_twenty_random_plants():
 
 
 class Wrapped:
-    """A bench with something done to it; every command and count is kept."""
+    """A machine with something done to it; every command and count is kept."""
 
     tick_s = 1e-3
 
     def __init__(self, plant: SteppedPlant, *, cut: bool = False, hold: str = "", swap=False):
-        self.inner, self.cut, self.hold, self.swap = TwinBench(plant), cut, hold, swap
+        self.inner, self.cut, self.hold, self.swap = SimulatedMachine(plant), cut, hold, swap
         self.commands: list[list[float]] = []
         self.counts: list[Counts] = []
         self.outputs: list[str] = []
@@ -224,15 +230,15 @@ class Wrapped:
 
 def stopped(**how) -> tuple[Startup, Wrapped]:
     given = {k: how.pop(k) for k in ("motor_gain", "reversed_encoders") if k in how}
-    bench = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0), **given), **how)
-    result = start_up(DEVICE, bench, "test")
+    machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0), **given), **how)
+    result = start_up(DEVICE, machine, "test")
     # However it ended: no torque is left, no numbers are made up, no gains are praised.
-    assert all(row[-1:] in ([], [0.0]) for row in bench.commands)
+    assert all(row[-1:] in ([], [0.0]) for row in machine.commands)
     assert result.model is None
     assert result.updated is None
     assert not result.gains_may_be_used
     json.dumps(result.to_dict(), allow_nan=False)
-    return result, bench
+    return result, machine
 
 
 @pytest.mark.parametrize(
@@ -248,34 +254,34 @@ def stopped(**how) -> tuple[Startup, Wrapped]:
     ],
 )
 def test_what_is_connected_wrongly_is_named_before_anything_turns(how, fix):
-    result, bench = stopped(**how)
+    result, machine = stopped(**how)
     assert result.refusal.procedure == "sign"
     assert fix in result.refusal.fix
     assert [result.passed(p.name) for p in PROCEDURES] == [False, *[None] * 5]
     # By then the motor has been asked for little, and for seconds.
-    assert len(bench.commands) == 1
-    asked = [0.0, *bench.commands[0]]
+    assert len(machine.commands) == 1
+    asked = [0.0, *machine.commands[0]]
     assert np.max(np.abs(asked)) <= 0.5 * Envelope.of(DEVICE).u_Nm + 1e-9
     assert result.machine_s < 4
 
 
 def test_an_output_that_is_held_when_it_should_be_free_ends_the_procedure():
-    result, bench = stopped(hold="clamped")
+    result, machine = stopped(hold="clamped")
     assert result.refusal.procedure == "friction"
     assert "rad" in result.refusal.reason
-    assert bench.outputs == ["clamped", "clamped", "free"]
+    assert machine.outputs == ["clamped", "clamped", "free"]
 
 
 def test_a_joint_that_stands_elsewhere_is_not_moved():
-    bench = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
-    watched = Watched(bench, DEVICE)
-    inner = bench.inner
-    bench.inner = SimpleNamespace(
+    machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
+    watched = Watched(machine, DEVICE)
+    inner = machine.inner
+    machine.inner = SimpleNamespace(
         begin=lambda output, at_rad: inner.begin(output, at_rad - 0.5), step=inner.step
     )
     with pytest.raises(StoppedError, match="where the joint is to be set up"):
         run_procedure(watched, DEVICE, PROCEDURES[0], 0)
-    assert bench.commands == [[]]
+    assert machine.commands == [[]]
 
 
 def test_an_encoder_that_says_the_other_way_from_a_zero_nearby_is_found_by_the_sign_check():
@@ -287,20 +293,20 @@ def test_an_encoder_that_says_the_other_way_from_a_zero_nearby_is_found_by_the_s
 
 
 def test_every_command_is_within_the_limits_and_every_count_is_whole():
-    bench = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
-    watched = Watched(bench, DEVICE)
+    machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
+    watched = Watched(machine, DEVICE)
     for p in PROCEDURES:
         run_procedure(watched, DEVICE, p, 0)
     e = Envelope.of(DEVICE)
     safety = DEVICE.file.safety
-    for row in bench.commands:
+    for row in machine.commands:
         u = np.array([0.0, *row[:-1]])  # the last one takes the torque away at once
         assert np.max(np.abs(u)) <= e.u_Nm < safety.u_max_Nm.value
         assert np.max(np.abs(np.diff(u))) <= safety.u_rate_Nm_s.value * 1e-3 * (1 + 1e-9)
     full = {"motor": 1 << 14, "load": 1 << 14, "gear": 1 << 17}
     full["motor"] = full["load"] = 1 << round(DEVICE.file.encoder.resolution_bits.value)
     for name, most in full.items():
-        values = [getattr(c, name) for c in bench.counts]
+        values = [getattr(c, name) for c in machine.counts]
         assert all(isinstance(v, int) for v in values)
         assert min(values) >= 0
         assert max(values) < most
@@ -315,13 +321,13 @@ def test_every_command_is_within_the_limits_and_every_count_is_whole():
     ],
 )
 def test_each_limit_stops_the_motor(change, words):
-    bench = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
-    watched = Watched(bench, DEVICE)
+    machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
+    watched = Watched(machine, DEVICE)
     watched.envelope = replace(watched.envelope, **change)
     with pytest.raises(StoppedError) as stop:
         run_procedure(watched, DEVICE, PROCEDURES[1], 0)
     assert words in stop.value.reason
-    assert bench.commands[0][-1] == 0.0
+    assert machine.commands[0][-1] == 0.0
 
 
 # -- margins --------------------------------------------------------------------------------------
@@ -451,6 +457,26 @@ def test_3_ms_are_refused_as_the_second_calculation_says():
     assert "3 ms between command and motor" in result.margins.fix()
 
 
+@pytest.mark.slow
+def test_the_shipped_c_begins_to_swing_where_the_check_says():
+    """In closed loop with the ideal plant: quiet a millisecond below the delay margin, not above.
+
+    The check counts the doubt of the inertia as always pushing on, so it is early by a little.
+    """
+    variant = plant_variant(DEVICE, "ideal", "none", 0)
+    loop, path = compiled_loop(DEVICE, variant.cable, "f32"), tuning()
+    signals = told(DEVICE, loop, path, TORQUE)
+    swings = {}
+    margin_s = loop_margins(DEVICE, NOMINAL).margins.delay_margin_s
+    for ms in (0, math.floor(1e3 * margin_s), math.ceil(1e3 * margin_s) + 2):
+        done = loop.run(signals, variant.values, delay_ticks=ms)
+        error = done.plant["tau_e_Nm"] - path.tau_desired_Nm
+        swings[ms] = float(np.std(above(error)[path.window]))
+    quiet, below, beyond = swings.values()
+    assert below < 2 * quiet
+    assert beyond > 10 * below
+
+
 # -- parts ----------------------------------------------------------------------------------------
 
 
@@ -495,7 +521,7 @@ def test_intervals_know_that_neighbours_share_their_errors():
 
 
 def test_a_path_goes_where_it_is_to_go():
-    path = Path.through([(2.0, 0.5), (-0.3, 1.2), (0.0, 0.4)], 1e-3)
+    path = GearPath.through([(2.0, 0.5), (-0.3, 1.2), (0.0, 0.4)], 1e-3)
     ends = path.theta_rad[np.flatnonzero(np.diff((path.omega_rad_s == 0).astype(int)) == 1) + 1]
     assert ends == pytest.approx([2.0, -0.3, 0.0], abs=1e-9)
     assert np.max(np.abs(path.omega_rad_s)) < 1.25
@@ -616,11 +642,11 @@ def test_an_encoder_without_a_zero_is_refused():
     encoder = DEVICE.file.encoder.model_copy(update={"motor": side})
     blind = type(DEVICE)(DEVICE.file.model_copy(update={"encoder": encoder}), "mine.toml")
     with pytest.raises(UserError, match="zero_rad is missing"):
-        start_up(blind, TwinBench(SteppedPlant(real_plant(DEVICE, seed=0))), "test")
+        start_up(blind, SimulatedMachine(SteppedPlant(real_plant(DEVICE, seed=0))), "test")
 
 
 def test_the_sign_check_reads_motions_not_positions():
-    bench = TwinBench(SteppedPlant(real_plant(DEVICE, seed=0)))
-    found = SignCheck.of(run_procedure(Watched(bench, DEVICE), DEVICE, PROCEDURES[0], 0))
+    machine = SimulatedMachine(SteppedPlant(real_plant(DEVICE, seed=0)))
+    found = SignCheck.of(run_procedure(Watched(machine, DEVICE), DEVICE, PROCEDURES[0], 0))
     assert found.problem() is None
     assert found.gear_rad > found.motor_rad > 0 == found.load_rad

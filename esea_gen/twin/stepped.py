@@ -1,4 +1,4 @@
-"""The virtual exoskeleton a tick at a time: what a bench has, command in and encoder counts out.
+"""The virtual exoskeleton a tick at a time: what a board has, command in and encoder counts out.
 
 Beside the plant stand the ways in which a real drive's torque may not be the one commanded: wrong
 sign, wrong gain, late.  Delays are whole steps of the plant, finer than a tick.

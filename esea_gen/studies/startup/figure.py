@@ -81,7 +81,7 @@ def _numbers(axes: Axes, result: Startup) -> None:
     axes.set_yticks(range(len(SHOWN)), [text for _, text in reversed(SHOWN)])
     axes.set_ylim(-0.6, len(SHOWN) - 0.1)
     axes.set_title("found over the device file's number")
-    axes.legend(loc="upper center", ncols=2)
+    axes.legend(loc="lower right")
 
 
 def _jump(axes: Axes, result: Startup) -> None:
@@ -94,7 +94,7 @@ def _jump(axes: Axes, result: Startup) -> None:
     axes.set_title(f"mean of {j.jumps} jumps of the command")
     axes.set_xlabel("ms after the jump; dashed: delay")
     axes.set_ylabel("rad/s²")
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower right")
 
 
 def _locus(axes: Axes, result: Startup) -> None:

@@ -22,7 +22,7 @@ REST_S = 0.3
 
 
 @dataclass(frozen=True)
-class Path:
+class GearPath:
     """Where the gear is to be, from the start of a procedure on; one row a tick."""
 
     theta_rad: Array
@@ -32,7 +32,7 @@ class Path:
     @classmethod
     def through(
         cls, legs: Sequence[tuple[float, float]], tick_s: float, accel_rad_s2: float = 4.0
-    ) -> Path:
+    ) -> GearPath:
         """From 0 through ends: each leg an end and the speed on the way, with a rest behind it.
 
         legs: (end relative to the start in rad, speed in rad/s).
@@ -68,7 +68,7 @@ class Steering:
     def __init__(
         self,
         device: DeviceData,
-        path: Path,
+        path: GearPath,
         *,
         coupling: bool = False,
         added_Nm: Array | None = None,
@@ -171,4 +171,4 @@ def switching(
     return out
 
 
-__all__ = ["Command", "Feel", "Path", "Steering", "switching"]
+__all__ = ["Command", "Feel", "GearPath", "Steering", "switching"]

@@ -15,8 +15,8 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.studies.startup.bench import Output
-from esea_gen.studies.startup.motions import Command, Feel, Path, Steering, switching
+from esea_gen.studies.startup.machine import Output
+from esea_gen.studies.startup.motions import Command, Feel, GearPath, Steering, switching
 from esea_gen.studies.startup.watch import Envelope, Watched
 
 MARGIN_RAD, LEAST_SPAN_RAD = 0.1, 1.0
@@ -88,12 +88,12 @@ def _feel(device: Device, tick_s: float, _seed: int) -> Command:
 def _against_rubber(device: Device, tick_s: float, _seed: int) -> Command:
     reach = min(CLAMPED_RAD, 0.75 * device.file.domain.theta_max_rad.value)
     legs = [(reach, CLAMPED_RAD_S), (-reach, CLAMPED_RAD_S)] * 3 + [(0.0, CLAMPED_RAD_S)]
-    return Steering(device, Path.through(legs, tick_s), coupling=True)
+    return Steering(device, GearPath.through(legs, tick_s), coupling=True)
 
 
-def _to_and_fro(device: Device, tick_s: float, speeds: tuple[float, ...]) -> Path:
+def _to_and_fro(device: Device, tick_s: float, speeds: tuple[float, ...]) -> GearPath:
     low, high = travel(device)
-    return Path.through([(end, v) for v in speeds for end in (high - low, 0.0)], tick_s)
+    return GearPath.through([(end, v) for v in speeds for end in (high - low, 0.0)], tick_s)
 
 
 def _turns(*speeds: float) -> Callable[[Device, float, int], Command]:

@@ -14,10 +14,10 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.studies.registry import Study
-from esea_gen.studies.startup.bench import Bench, TwinBench
 from esea_gen.studies.startup.checks import checks_of
 from esea_gen.studies.startup.device_text import updated_device
 from esea_gen.studies.startup.drive_model import DriveModel, identify_drive
+from esea_gen.studies.startup.machine import Machine, SimulatedMachine
 from esea_gen.studies.startup.margins import MarginCheck, check_margins
 from esea_gen.studies.startup.outcome import Refusal, Startup
 from esea_gen.studies.startup.procedures import PROCEDURES, require_drive, run_procedure, travel
@@ -129,20 +129,20 @@ def true_map_Nm(variant: PlantVariant, default_j: float, gear_rad: Array) -> Arr
     return np.asarray(torque - np.mean(torque))
 
 
-def _fit_for_it(device: Device, bench: Bench) -> None:
+def _fit_for_it(device: Device, machine: Machine) -> None:
     require_drive(device)
-    if abs(device.period_s - bench.tick_s) > 1e-9:
+    if abs(device.period_s - machine.tick_s) > 1e-9:
         raise UserError(
             f"{device.origin}: timing.sense_rate_Hz = {1 / device.period_s:g} Hz; this machine has "
-            f"a tick every {1e3 * bench.tick_s:g} ms.",
-            f"Give {1 / bench.tick_s:g} Hz.",
+            f"a tick every {1e3 * machine.tick_s:g} ms.",
+            f"Give {1 / machine.tick_s:g} Hz.",
         )
     travel(device)
 
 
 def start_up(
     device: Device,
-    bench: Bench,
+    machine: Machine,
     source: str,
     *,
     seed: int = 0,
@@ -150,13 +150,13 @@ def start_up(
     truth: Mapping[str, float] | None = None,
     true_map: Callable[[Array], Array] | None = None,
 ) -> Startup:
-    """All procedures on a bench, one after the other, and what they find.
+    """All procedures on a machine, one after the other, and what they find.
 
     source: of the numbers, in words.
     truth, true_map: of a simulated plant; only shown beside what was found.
     """
-    _fit_for_it(device, bench)
-    watched = Watched(bench, device)
+    _fit_for_it(device, machine)
+    watched = Watched(machine, device)
     recordings: dict[str, Recording] = {}
     sign: SignCheck | None = None
     refusal: Refusal | None = None
@@ -224,7 +224,7 @@ def start_up_simulated(
     j = device.file.actuator.J_kgm2.value
     return start_up(
         device,
-        TwinBench(plant),
+        SimulatedMachine(plant),
         drive.words(),
         seed=drive.seed,
         say=say,

@@ -12,7 +12,7 @@ from esea_gen.devices.fields import EncoderSide
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
-from esea_gen.studies.startup.bench import Bench, Counts, Output
+from esea_gen.studies.startup.machine import Counts, Machine, Output
 
 # Shares of the device's own limits: a start-up has no reason to come near to them.
 COMMAND_SHARE, DEFLECTION_SHARE, SPEED_SHARE = 0.8, 0.8, 0.5
@@ -129,16 +129,16 @@ class _Side:
 
 
 class Watched:
-    """A bench with limits before its motor and a recording of what went through.
+    """A machine with limits before its motor and a recording of what went through.
 
     total_s: how long the machine has been driven by now.
     """
 
-    def __init__(self, bench: Bench, device: DeviceData) -> None:
+    def __init__(self, machine: Machine, device: DeviceData) -> None:
         a = device.file.actuator
         assert a is not None
-        self.bench, self.envelope = bench, Envelope.of(device)
-        self.tick_s = bench.tick_s
+        self.machine, self.envelope = machine, Envelope.of(device)
+        self.tick_s = machine.tick_s
         self._sides = _Side(device, "motor"), _Side(device, "load")
         self._full = 1 << round(a.encoder_bits.value)
         self._turn_rad = 2 * math.pi / a.gear_ratio.value
@@ -153,7 +153,7 @@ class Watched:
 
         command: motor torque from what was seen, once a tick.
         """
-        counts = self.bench.begin(output, at_rad)
+        counts = self.machine.begin(output, at_rad)
         motor, load = (s.angle(c) for s, c in zip(self._sides, _joint(counts), strict=True))
         self._check_setup(at_rad, motor, load)
         last, gear = counts.gear, self._start(counts.gear, motor)
@@ -172,14 +172,14 @@ class Watched:
                 limit = self.envelope.u_Nm
                 u += min(max(min(max(wanted, -limit), limit) - u, -most), most)
                 columns.append((u, gear, motor, load))
-                counts = self.bench.step(tick, u)
+                counts = self.machine.step(tick, u)
                 tick += 1
                 moved = counts.gear - last
                 moved -= self._full * math.floor(moved / self._full + 0.5)
                 last, gear = counts.gear, gear + moved * self._gear_rad
                 motor, load = (s.angle(c) for s, c in zip(self._sides, _joint(counts), strict=True))
         finally:
-            self.bench.step(tick, 0.0)
+            self.machine.step(tick, 0.0)
             self.total_s += tick * self.tick_s
         u_Nm, gear_rad, motor_rad, load_rad = np.array(columns).T
         return Recording(self.tick_s, u_Nm, gear_rad, motor_rad, load_rad)

@@ -1,6 +1,6 @@
 """The machine as the start-up routine sees it: a command in, encoder counts out, nothing else.
 
-A board is a `Bench` as the virtual exoskeleton is: the procedures know no other way to either.
+A board is a `Machine` as the virtual exoskeleton is: the procedures know no other way to either.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Counts:
     gear: int
 
 
-class Bench(Protocol):
+class Machine(Protocol):
     """A drive that takes a command every tick.
 
     tick_s: time between two ticks.
@@ -44,8 +44,8 @@ class Bench(Protocol):
         """Command a motor torque in a tick; what the encoders read in the next one."""
 
 
-class TwinBench:
-    """The virtual exoskeleton as a bench; what is behind the counts stays hidden."""
+class SimulatedMachine:
+    """The virtual exoskeleton as a machine; what is behind the counts stays hidden."""
 
     tick_s = TICK_S
 
@@ -62,4 +62,4 @@ class TwinBench:
         return Counts(*self._plant.step(u_Nm))
 
 
-__all__ = ["Bench", "Counts", "Output", "TwinBench"]
+__all__ = ["Counts", "Machine", "Output", "SimulatedMachine"]
