@@ -29,7 +29,7 @@ from esea_gen.studies.startup.regression import (
 from esea_gen.studies.startup.signals import Signals
 from esea_gen.studies.startup.watch import Recording
 
-ROUNDS = 2
+MOST_ROUNDS, SETTLED = 8, 1e-3  # shares of lag and gain, from one round to the next
 MOST_WAVE_1_RAD = 90.0
 STRETCH = 1.08  # of the travel: the series' own period, so that its ends need not meet
 LAG_S = (0.002, 0.3)
@@ -252,11 +252,14 @@ def _map_of(fit: _Fit, gain: float) -> DisturbanceMap:
 def identify_drive(device: Device, recordings: Mapping[str, Recording]) -> DriveModel:
     """The drive's numbers from the recordings of all procedures."""
     fit = _Fit(device, recordings)
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
+        before = np.array([fit.gain, fit.lag_s])
         turns = fit.turns()
         rubber = fit.against_rubber()
         inertia, delay = fit.shaken("inertia"), fit.shaken("delay")
         fit.lag_s, fit.delay_s = float(inertia.values[0]), float(delay.values[1])
+        if np.max(np.abs(np.array([fit.gain, fit.lag_s]) / before - 1)) < SETTLED:
+            break
     gain, loss = _gain(rubber)
     give, gap = _cable_of(recordings["gain"], fit.of["gain"], fit.loss)
     s, r = fit.of["friction"], recordings["friction"]

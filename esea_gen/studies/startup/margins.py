@@ -255,7 +255,8 @@ class MarginCheck:
         """What is below its limit."""
         if self.radius >= STABLE:
             return [
-                f"the loop grows: its largest eigenvalue over a control period is {self.radius:.4f}"
+                "the loop swings up in the worst corner: its largest eigenvalue over a control "
+                f"period is {self.radius:.5f}"
             ]
         return [
             f"{x.name} {self.worst[x.key]:.3g} {x.unit} in the worst corner, below {x.least:g} "

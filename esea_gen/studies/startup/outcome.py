@@ -199,11 +199,11 @@ class Startup:
 
     def _disturbance(self, m: DriveModel) -> list[str]:
         d, jump = m.disturbance, m.jump
-        first = "no reaction" if jump.first_s is None else f"{1e3 * jump.first_s:.0f} ms"
         shown = [f"{w.amplitude_Nm:.3g} Nm at {w.wave_1_rad:.3g}/rad" for w in self.waves]
         strongest = f"; strongest: {', '.join(shown)}" if shown else ""
         return [
-            f"first reaction in the counts, mean of {jump.jumps} jumps: {first}",
+            f"reaction in the counts, mean of {jump.jumps} jumps: begins in the tick at "
+            f"{1e3 * jump.bend_s:.0f} ms",
             f"gear's disturbance: {d.rms_Nm:.3g} Nm effective, {d.peak_Nm:.3g} Nm at most, from "
             f"{d.gear_rad[0]:.2f} to {d.gear_rad[-1]:.2f} rad{strongest}",
         ]
@@ -236,7 +236,7 @@ class Startup:
             "refusal": None if self.refusal is None else asdict(self.refusal),
             "sign": None if self.sign is None else self.sign.to_dict(),
             "estimates": {},
-            "first_reaction": None,
+            "reaction": None,
             "disturbance": None,
             "margins": None if self.margins is None else self.margins.to_dict(),
             "margins_of_firmware_as_it_is": None
@@ -249,9 +249,9 @@ class Startup:
                 k: getattr(m, k).to_dict(unit) | {"procedure": FOUND_BY[k]}
                 for k, unit in UNITS.items()
             }
-            content["first_reaction"] = {
+            content["reaction"] = {
                 "jumps": m.jump.jumps,
-                "after_s": m.jump.first_s,
+                "bend_s": m.jump.bend_s,
                 "time_s": m.jump.time_s.tolist(),
                 "seen_rad_s2": m.jump.seen_rad_s2.tolist(),
                 "model_rad_s2": m.jump.model_rad_s2.tolist(),

@@ -1,8 +1,9 @@
-"""The drive's first reaction to a jump of the command, seen in counts and not by any model.
+"""The drive's reaction to a jump of the command, seen in counts and not by any model.
 
 The mean over all jumps of a recording, each turned the same way, of the second difference of the
-motor's counts.  Before the jump it goes along a parabola; where it leaves that for good the drive
-has reacted.  That is an upper bound on the delay: the motor's lag lets the torque begin slowly.
+motor's counts.  A motor with a lag does not jump with its command, but from one tick on its
+acceleration grows: the curve has a bend there, the sharpest that it has.  To a tick or two that is
+the delay.
 """
 
 from __future__ import annotations
@@ -15,26 +16,24 @@ from esea_gen.language.ports import Array
 from esea_gen.studies.startup.watch import Recording
 
 BEFORE, AFTER = 20, 50  # ticks
-LEAVES, IN_A_ROW = 4.0, 3  # standard deviations, ticks
+SIDE = 5  # ticks on either side of a bend, for the two slopes
 LEAST_SHARE = 0.5  # of the largest jump, in a tick
 
 
 @dataclass(frozen=True)
 class JumpResponse:
-    """Mean acceleration about a jump, less what it was on the way to before.
+    """Mean acceleration about a jump, less the parabola that it was on before.
 
     time_s: from the start of the tick that commands the jump, shape (n,).
     seen_rad_s2, model_rad_s2: by the counts, and by the numbers that were found.
-    deviation_rad_s2: of the mean, before the jump.
-    first_s: when the counts have left the parabola; None where they never do.
+    bend_s: tick of the sharpest bend.
     jumps: how many.
     """
 
     time_s: Array
     seen_rad_s2: Array
     model_rad_s2: Array
-    deviation_rad_s2: float
-    first_s: float | None
+    bend_s: float
     jumps: int
 
 
@@ -55,21 +54,25 @@ def jump_response(recording: Recording, model_rad_s2: Array) -> JumpResponse:
     ticks = np.arange(-BEFORE, AFTER)
     rows = at[:, None] + ticks
     way = np.sign(step[at])[:, None]
-    curve = np.polynomial.Polynomial.fit
+    # A second difference reaches one tick ahead.
+    early = ticks < -1
 
     def mean(x: Array) -> Array:
         y = np.mean(way * x[rows], axis=0)
-        # Up to two ticks before: a second difference reaches one tick ahead.
-        early = ticks < -1
-        return np.asarray(y - curve(ticks[early], y[early], 2)(ticks))
+        before = np.polynomial.Polynomial.fit(ticks[early], y[early], 2)
+        return np.asarray(y - before(ticks))
 
     found = mean(seen)
-    deviation = float(np.std(found[ticks < -1], ddof=3))
-    after = np.flatnonzero(ticks >= 0)
-    above = np.abs(found[after]) > LEAVES * deviation
-    runs = np.flatnonzero(np.convolve(above, np.ones(IN_A_ROW), "valid") == IN_A_ROW)
-    first = float(ticks[after[runs[0]]] * h) if len(runs) else None
-    return JumpResponse(np.asarray(ticks * h), found, mean(model_rad_s2), deviation, first, len(at))
+    return JumpResponse(
+        np.asarray(ticks * h), found, mean(model_rad_s2), float(ticks[bend(found)] * h), len(at)
+    )
 
 
-__all__ = ["JumpResponse", "jump_response"]
+def bend(curve: Array) -> int:
+    """Where the slope after a point is largest over the slope before it."""
+    line = np.arange(SIDE + 1) - 0.5 * SIDE
+    slope = np.correlate(curve, line, "valid") / (line @ line)
+    return SIDE + int(np.argmax(slope[SIDE:] - slope[:-SIDE]))
+
+
+__all__ = ["JumpResponse", "bend", "jump_response"]
