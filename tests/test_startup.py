@@ -38,7 +38,7 @@ from esea_gen.studies.startup.regression import fit_linear
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.signals import motor_torque
 from esea_gen.studies.startup.study import SimulatedDrive, start_up, start_up_simulated
-from esea_gen.studies.startup.watch import Envelope, StoppedError, Watched
+from esea_gen.studies.startup.watch import Envelope, StoppedError, WatchedMachine
 from esea_gen.twin.case import TORQUE
 from esea_gen.twin.judge import above
 from esea_gen.twin.people import real_plant
@@ -274,7 +274,7 @@ def test_an_output_that_is_held_when_it_should_be_free_ends_the_procedure():
 
 def test_a_joint_that_stands_elsewhere_is_not_moved():
     machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
-    watched = Watched(machine, DEVICE)
+    watched = WatchedMachine(machine, DEVICE)
     inner = machine.inner
     machine.inner = SimpleNamespace(
         begin=lambda output, at_rad: inner.begin(output, at_rad - 0.5), step=inner.step
@@ -294,7 +294,7 @@ def test_an_encoder_that_says_the_other_way_from_a_zero_nearby_is_found_by_the_s
 
 def test_every_command_is_within_the_limits_and_every_count_is_whole():
     machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
-    watched = Watched(machine, DEVICE)
+    watched = WatchedMachine(machine, DEVICE)
     for p in PROCEDURES:
         run_procedure(watched, DEVICE, p, 0)
     e = Envelope.of(DEVICE)
@@ -322,7 +322,7 @@ def test_every_command_is_within_the_limits_and_every_count_is_whole():
 )
 def test_each_limit_stops_the_motor(change, words):
     machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
-    watched = Watched(machine, DEVICE)
+    watched = WatchedMachine(machine, DEVICE)
     watched.envelope = replace(watched.envelope, **change)
     with pytest.raises(StoppedError) as stop:
         run_procedure(watched, DEVICE, PROCEDURES[1], 0)
@@ -647,6 +647,6 @@ def test_an_encoder_without_a_zero_is_refused():
 
 def test_the_sign_check_reads_motions_not_positions():
     machine = SimulatedMachine(SteppedPlant(real_plant(DEVICE, seed=0)))
-    found = SignCheck.of(run_procedure(Watched(machine, DEVICE), DEVICE, PROCEDURES[0], 0))
+    found = SignCheck.of(run_procedure(WatchedMachine(machine, DEVICE), DEVICE, PROCEDURES[0], 0))
     assert found.problem() is None
     assert found.gear_rad > found.motor_rad > 0 == found.load_rad

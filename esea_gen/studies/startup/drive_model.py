@@ -27,7 +27,7 @@ from esea_gen.studies.startup.regression import (
     fit_separable,
 )
 from esea_gen.studies.startup.signals import Signals
-from esea_gen.studies.startup.watch import Recording
+from esea_gen.studies.startup.watch import DriveRecording
 
 MOST_ROUNDS, SETTLED = 8, 1e-3  # shares of lag and gain, from one round to the next
 MOST_WAVE_1_RAD = 90.0
@@ -116,7 +116,7 @@ class _Series:
 class _Fit:
     """What is known so far; each method brings one procedure's part up to date."""
 
-    def __init__(self, device: Device, recordings: Mapping[str, Recording]) -> None:
+    def __init__(self, device: Device, recordings: Mapping[str, DriveRecording]) -> None:
         a = device.file.actuator
         assert a is not None
         first = recordings["gain"]
@@ -222,7 +222,9 @@ def _gain(fit: LeastSquares) -> tuple[Estimate, Estimate]:
     return fit.estimate(of_gain, gain), fit.estimate(of_loss, loss)
 
 
-def _cable_of(recording: Recording, signals: Signals, loss: float) -> tuple[Estimate, Estimate]:
+def _cable_of(
+    recording: DriveRecording, signals: Signals, loss: float
+) -> tuple[Estimate, Estimate]:
     # Wound up by tau / k, and half the gap on either side.
     s, r = signals, recording
     torque = s.term(s.cable_Nm(loss))
@@ -249,7 +251,7 @@ def _map_of(fit: _Fit, gain: float) -> DisturbanceMap:
     return DisturbanceMap(angles, torque, half)
 
 
-def identify_drive(device: Device, recordings: Mapping[str, Recording]) -> DriveModel:
+def identify_drive(device: Device, recordings: Mapping[str, DriveRecording]) -> DriveModel:
     """The drive's numbers from the recordings of all procedures."""
     fit = _Fit(device, recordings)
     for _ in range(MOST_ROUNDS):

@@ -17,7 +17,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.studies.startup.machine import Output
 from esea_gen.studies.startup.motions import Command, Feel, GearPath, Steering, switching
-from esea_gen.studies.startup.watch import Envelope, Watched
+from esea_gen.studies.startup.watch import Envelope, WatchedMachine
 
 MARGIN_RAD, LEAST_SPAN_RAD = 0.1, 1.0
 CLAMPED_RAD, CLAMPED_RAD_S = 0.15, 0.15
@@ -196,7 +196,7 @@ def guide(device: Device) -> list[str]:
     return lines
 
 
-def run_procedure(watched: Watched, device: Device, procedure: Procedure, seed: int) -> Any:
+def run_procedure(watched: WatchedMachine, device: Device, procedure: Procedure, seed: int) -> Any:
     """Drive through one procedure."""
     draw = int(np.random.default_rng([seed, PROCEDURES.index(procedure)]).integers(1 << 30))
     command = procedure.command(device, watched.tick_s, draw)

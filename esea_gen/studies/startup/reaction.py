@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from esea_gen.language.ports import Array
-from esea_gen.studies.startup.watch import Recording
+from esea_gen.studies.startup.watch import DriveRecording
 
 BEFORE, AFTER = 20, 50  # ticks
 SIDE = 5  # ticks on either side of a bend, for the two slopes
@@ -37,7 +37,7 @@ class JumpResponse:
     jumps: int
 
 
-def jump_response(recording: Recording, model_rad_s2: Array) -> JumpResponse:
+def jump_response(recording: DriveRecording, model_rad_s2: Array) -> JumpResponse:
     """From a recording with jumps of the command.
 
     model_rad_s2: what the found numbers say of the acceleration, a row a tick.

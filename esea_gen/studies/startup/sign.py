@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from esea_gen.studies.startup.watch import Recording
+from esea_gen.studies.startup.watch import DriveRecording
 
 FOLLOWS = 0.25  # of the gear's motion, at least, where a side is to have moved with it
 STANDS = 0.1  # of it, at most, where a side is clamped
@@ -26,7 +26,7 @@ class SignCheck:
     load_rad: float
 
     @classmethod
-    def of(cls, recording: Recording) -> SignCheck:
+    def of(cls, recording: DriveRecording) -> SignCheck:
         """From the recording of the procedure."""
         u = recording.u_Nm
         held = np.abs(np.gradient(u)) < 1e-9

@@ -16,7 +16,7 @@ from esea_gen.device import Device
 from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
-from esea_gen.studies.startup.watch import Recording
+from esea_gen.studies.startup.watch import DriveRecording
 
 FILTER_S, RUBBER_S = 0.042, 0.024  # widths of the Hann windows
 SLOW_RAD_S = 0.1  # below, friction is neither Coulomb's full value nor known to be less
@@ -86,7 +86,7 @@ class Signals:
     blocks: of the samples that are used, the number of the block each is in.
     """
 
-    def __init__(self, device: Device, recording: Recording, rest_rad: float) -> None:
+    def __init__(self, device: Device, recording: DriveRecording, rest_rad: float) -> None:
         r, h = recording, recording.tick_s
         self.tick_s = h
         self.u_Nm, self.gear_rad = r.u_Nm, r.gear_rad

@@ -22,7 +22,7 @@ from esea_gen.studies.startup.margins import MarginCheck, check_margins
 from esea_gen.studies.startup.outcome import Refusal, Startup
 from esea_gen.studies.startup.procedures import PROCEDURES, require_drive, run_procedure, travel
 from esea_gen.studies.startup.sign import SignCheck
-from esea_gen.studies.startup.watch import Recording, StoppedError, Watched
+from esea_gen.studies.startup.watch import DriveRecording, StoppedError, WatchedMachine
 from esea_gen.studies.startup.waves import strongest_waves
 from esea_gen.twin.off import NOTHING, chosen_families, deviation, refuse_unknown
 from esea_gen.twin.parameters import SINES
@@ -156,8 +156,8 @@ def start_up(
     truth, true_map: of a simulated plant; only shown beside what was found.
     """
     _fit_for_it(device, machine)
-    watched = Watched(machine, device)
-    recordings: dict[str, Recording] = {}
+    watched = WatchedMachine(machine, device)
+    recordings: dict[str, DriveRecording] = {}
     sign: SignCheck | None = None
     refusal: Refusal | None = None
     for p in PROCEDURES:

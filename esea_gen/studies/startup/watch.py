@@ -79,7 +79,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Recording:
+class DriveRecording:
     """What one procedure recorded, a row a tick; ``u_Nm[k]`` is held from tick k to k + 1.
 
     gear_rad: at the joint, whole turns of the shaft found by the joint's encoder.
@@ -128,7 +128,7 @@ class _Side:
         return theta - turn * math.floor(theta / turn + 0.5) + self.middle
 
 
-class Watched:
+class WatchedMachine:
     """A machine with limits before its motor and a recording of what went through.
 
     total_s: how long the machine has been driven by now.
@@ -148,7 +148,7 @@ class Watched:
 
     def run(
         self, output: Output, at_rad: float, command: Callable[[Seen], float | None]
-    ) -> Recording:
+    ) -> DriveRecording:
         """Drive until the command is None; the motor is left without torque, whatever happens.
 
         command: motor torque from what was seen, once a tick.
@@ -182,7 +182,7 @@ class Watched:
             self.machine.step(tick, 0.0)
             self.total_s += tick * self.tick_s
         u_Nm, gear_rad, motor_rad, load_rad = np.array(columns).T
-        return Recording(self.tick_s, u_Nm, gear_rad, motor_rad, load_rad)
+        return DriveRecording(self.tick_s, u_Nm, gear_rad, motor_rad, load_rad)
 
     def _start(self, count: int, motor_rad: float) -> float:
         # Which of its turns the shaft is in, the joint's encoder tells; where its zero is, the
