@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,7 +13,9 @@ from esea_gen.analysis.plots import finished, new_figure
 from esea_gen.errors import UserError
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, ROUNDING, RULE, STYLE
 from esea_gen.studies.startup.margins import LoopMargins
-from esea_gen.studies.startup.outcome import Startup
+
+if TYPE_CHECKING:
+    from esea_gen.studies.startup.outcome import Startup
 
 SHOWN = (
     ("gain", "motor gain"),
