@@ -61,23 +61,16 @@ class StartupCheck:
 AGAIN = "Do the procedure again; look for what is loose, or touched the joint."
 
 
-def checks_of(device: Device, m: DriveModel) -> tuple[StartupCheck, ...]:
-    """Every comparison that the identified drive allows."""
-    a = device.file.actuator
-    assert a is not None
-    full = a.gear_ratio.value * a.u_max_Nm.value
+def _share(part: float, of: float) -> float:
+    return 100 * part / abs(of) if of else math.inf
+
+
+def _steady(m: DriveModel, full_Nm: float) -> list[StartupCheck]:
     fastest = max(FRICTION_RAD_S)
     lost = m.fc_Nm.value + m.fv_Nms_rad.value * fastest
     set_to = f"multiply the torque constant that is set in the drive by {m.gain.value:.3g}"
-
-    def share(part: float, of: float) -> float:
-        return 100 * part / abs(of) if of else math.inf
-
-    def check(procedure: str, what: str, value: float, limit: float, unit: str, fix: str) -> Any:
-        return StartupCheck(procedure, what, value, limit, unit, fix)
-
-    found = [
-        check(
+    return [
+        StartupCheck(
             "gain",
             "motor's torque off its command, interval included",
             100 * (abs(m.gain.value - 1) + m.gain.half),
@@ -86,16 +79,18 @@ def checks_of(device: Device, m: DriveModel) -> tuple[StartupCheck, ...]:
             "Do the torque check with a hanging mass first, for the gain is told by the rubber's "
             f"torque.  If that passes, {set_to}, and start again.",
         ),
-        check("gain", "half the gain's interval", 100 * m.gain.half, 100 * GAIN_HALF, "%", AGAIN),
-        check(
+        StartupCheck(
+            "gain", "half the gain's interval", 100 * m.gain.half, 100 * GAIN_HALF, "%", AGAIN
+        ),
+        StartupCheck(
             "friction",
             f"friction at {fastest:g} rad/s over the motor's largest torque",
-            share(lost, full),
+            _share(lost, full_Nm),
             100 * FRICTION_SHARE,
             "%",
             "Look for a cable that rubs, a tight bearing, too much tension.",
         ),
-        check(
+        StartupCheck(
             "friction",
             "motion of the joint over that of the gear, off 1",
             100 * abs(m.joint_ratio.value - 1),
@@ -104,24 +99,31 @@ def checks_of(device: Device, m: DriveModel) -> tuple[StartupCheck, ...]:
             "Correct actuator.gear_ratio or actuator.encoder_bits in the device file, or the "
             "joint encoders' correction.",
         ),
-        check(
+    ]
+
+
+def _moving(m: DriveModel, full_Nm: float) -> list[StartupCheck]:
+    return [
+        StartupCheck(
             "inertia",
             "half the inertia's interval",
-            share(m.J_kgm2.half, m.J_kgm2.value),
+            _share(m.J_kgm2.half, m.J_kgm2.value),
             100 * SHARP_SHARE,
             "%",
             AGAIN,
         ),
-        check(
+        StartupCheck(
             "inertia",
             "half the lag's interval",
-            share(m.tau_c_s.half, m.tau_c_s.value),
+            _share(m.tau_c_s.half, m.tau_c_s.value),
             100 * LAG_SHARP_SHARE,
             "%",
             AGAIN,
         ),
-        check("delay", "half the delay's interval", m.delay_s.half, DELAY_HALF_S, "s", AGAIN),
-        check(
+        StartupCheck(
+            "delay", "half the delay's interval", m.delay_s.half, DELAY_HALF_S, "s", AGAIN
+        ),
+        StartupCheck(
             "delay",
             "delay apart from what the inertia's procedure saw",
             abs(m.delay_s.value - m.delay_again_s.value),
@@ -129,7 +131,7 @@ def checks_of(device: Device, m: DriveModel) -> tuple[StartupCheck, ...]:
             "s",
             "The delay changes from command to command: look at the bus and the scheduling.",
         ),
-        check(
+        StartupCheck(
             "delay",
             "delay apart from the bend that the counts show",
             abs(m.delay_s.value - m.jump.bend_s),
@@ -137,20 +139,28 @@ def checks_of(device: Device, m: DriveModel) -> tuple[StartupCheck, ...]:
             "s",
             "The lag is not one of first order: look at the drive's current control.",
         ),
-        check(
+        StartupCheck(
             "disturbance",
             "largest disturbance over the motor's largest torque",
-            share(m.disturbance.peak_Nm, full),
+            _share(m.disturbance.peak_Nm, full_Nm),
             100 * DISTURBANCE_SHARE,
             "%",
             "Look for a cable that climbs on its drum, a damaged gear, cogging.",
         ),
     ]
+
+
+def checks_of(device: Device, m: DriveModel) -> tuple[StartupCheck, ...]:
+    """Every comparison that the identified drive allows."""
+    a = device.file.actuator
+    assert a is not None
+    full_Nm = a.gear_ratio.value * a.u_max_Nm.value
+    found = _steady(m, full_Nm) + _moving(m, full_Nm)
     found += [
-        check(
+        StartupCheck(
             name,
             "torque that the model leaves over what it explains",
-            share(left, m.moved_Nm[name]),
+            _share(left, m.moved_Nm[name]),
             100 * LEFT_SHARE,
             "%",
             "Something moves the drive that is not in the model: look for a loose part, a second "
