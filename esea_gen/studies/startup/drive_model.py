@@ -39,7 +39,7 @@ CABLE_NM = 0.5  # below, the cable may lie in its gap
 # What the equation leaves out (the cable's swing, a load that bounces in its gap) is the same every
 # time, so no spread of blocks shows it.  Half widths that cover it on plants whose truth is known
 # (docs/startup.md), added by squares: shares of the value, and what is absolute.
-FLOOR_SHARE = {"J_kgm2": 0.005, "fv_Nms_rad": 0.01, "fc_Nm": 0.005, "tau_c_s": 0.003}
+FLOOR_SHARE = {"J_kgm2": 0.005, "fv_Nms_rad": 0.01, "fc_Nm": 0.005, "tau_c_s": 0.005}
 FLOOR_SHARE |= {"cable_give_rad_Nm": 0.04}
 MAP_FLOOR_SHARE = 0.03  # of its effective value
 FLOOR = {"backlash_rad": 5e-4, "delay_s": 5e-5, "delay_again_s": 5e-5, "joint_ratio": 0.002}

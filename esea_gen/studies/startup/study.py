@@ -181,7 +181,7 @@ def start_up(
     d = model.disturbance
     updated = updated_device(device, model, f"start-up, {source}")
     say("margins")
-    margins, problem = _judged(updated, model)
+    margins, problem = judged_gains(updated, model)
     return replace(
         base,
         model=model,
@@ -195,9 +195,10 @@ def start_up(
     )
 
 
-def _judged(
+def judged_gains(
     updated: Device, model: DriveModel
 ) -> tuple[MarginCheck | None, tuple[str, str] | None]:
+    """Margins of a device's gains on the drive that was found, and what else is against them."""
     names = [law.name for law in updated.laws]
     if names != [LAW]:
         return None, (
@@ -236,6 +237,7 @@ def start_up_simulated(
 __all__ = [
     "SimulatedDrive",
     "StartupStudy",
+    "judged_gains",
     "simulated_truth",
     "start_up",
     "start_up_simulated",
