@@ -162,7 +162,7 @@ def test_what_is_off_in_the_machine_is_found(off, name, factor):
 
 
 def test_firmware_that_believes_in_another_inertia_is_told_from_one_built_anew():
-    """30 % less inertia than it believes in is 3.1 dB more of the loop's gain: all that there is."""
+    """30 % less inertia than it believes in is 3.1 dB more gain of the loop: all that there is."""
     result = started(off="inertia-30")
     assert missed(result) == []
     assert result.gains_may_be_used

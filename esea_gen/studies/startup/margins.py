@@ -272,7 +272,7 @@ class MarginCheck:
             "problems": self.problems(),
             "limits": [asdict(x) for x in LIMITS],
             "worst": _plain(dict(self.worst)),
-            "worst_radius_1": self.radius,
+            "worst_radius": self.radius,
             "corners": self.corners,
             "lambda_1_s": self.asked_1_s,
             "lambda_with_margins_1_s": self.slope_1_s,

@@ -48,8 +48,9 @@ class Estimate:
         return 0.5 * (self.high - self.low)
 
     def to_dict(self, unit: str) -> dict[str, Any]:
-        """JSON-ready, the unit in every key."""
-        return {f"value_{unit}": self.value, f"low_{unit}": self.low, f"high_{unit}": self.high}
+        """JSON-ready, the unit in every key; none for a plain number."""
+        end = "" if unit == "1" else f"_{unit}"
+        return {f"value{end}": self.value, f"low{end}": self.low, f"high{end}": self.high}
 
 
 @dataclass(frozen=True)
