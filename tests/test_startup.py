@@ -21,6 +21,7 @@ from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.studies.startup.checks import checks_of
 from esea_gen.studies.startup.device_text import device_text
+from esea_gen.studies.startup.drive_model import gain_and_loss
 from esea_gen.studies.startup.machine import Counts, SimulatedMachine
 from esea_gen.studies.startup.margins import (
     LIMITS,
@@ -34,7 +35,7 @@ from esea_gen.studies.startup.margins import (
 from esea_gen.studies.startup.motions import GearPath, switching
 from esea_gen.studies.startup.outcome import Startup
 from esea_gen.studies.startup.procedures import PROCEDURES, guide, run_procedure
-from esea_gen.studies.startup.regression import fit_linear
+from esea_gen.studies.startup.regression import LeastSquares, fit_linear
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.signals import motor_torque
 from esea_gen.studies.startup.study import (
@@ -506,6 +507,21 @@ def test_the_motors_torque_is_that_of_its_equation(delay_s):
         seen[round(t, 9)] = value
     expected = [seen[round(k * h, 9)] for k in range(len(u) - 1)]
     assert motor_torque(u, lag, delay_s, h)[:-1] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(("gain", "loss"), [(1.0, 0.0), (0.8, 0.2), (1.3, 0.1)])
+def test_gain_and_loss_from_loading_and_unloading(gain, loss):
+    """Wound up, the cable has 1 / (1 - loss) of the rubber's torque; giving way 1 / (1 + loss)."""
+    up, down = 1 / (1 - loss) / gain, 1 / (1 + loss) / gain
+    a, b = 0.5 * (up + down), 0.5 * (up - down)
+    spread = np.diag([1e-6, 4e-6, 1.0])
+    found, lost = gain_and_loss(LeastSquares(np.array([a, b, 0.6]), spread, np.zeros(3), 1000))
+    assert (found.value, lost.value) == pytest.approx((gain, loss), abs=1e-12)
+    # First order, by differences: the friction's own coefficient has no say.
+    draws = np.random.default_rng(1).normal([a, b], [1e-3, 2e-3], (200000, 2))
+    drawn = draws[:, 1] / draws[:, 0], draws[:, 0] / (draws[:, 0] ** 2 - draws[:, 1] ** 2)
+    assert lost.half == pytest.approx(1.962 * np.std(drawn[0]), rel=0.02)
+    assert found.half == pytest.approx(1.962 * np.std(drawn[1]), rel=0.02)
 
 
 def test_intervals_know_that_neighbours_share_their_errors():

@@ -211,7 +211,8 @@ def _widened(name: str, e: Estimate) -> Estimate:
     return Estimate(e.value, e.value - half, e.value + half)
 
 
-def _gain(fit: LeastSquares) -> tuple[Estimate, Estimate]:
+def gain_and_loss(fit: LeastSquares) -> tuple[Estimate, Estimate]:
+    """The motor's gain and the cable's loss, from the coefficients of the rubber's torque and magnitude."""
     a, b = (float(x) for x in fit.values[:2])
     loss = b / a
     gain = 1 / (a * (1 - loss**2))
@@ -262,7 +263,7 @@ def identify_drive(device: Device, recordings: Mapping[str, DriveRecording]) -> 
         fit.lag_s, fit.delay_s = float(inertia.values[0]), float(delay.values[1])
         if np.max(np.abs(np.array([fit.gain, fit.lag_s]) / before - 1)) < SETTLED:
             break
-    gain, loss = _gain(rubber)
+    gain, loss = gain_and_loss(rubber)
     give, gap = _cable_of(recordings["gain"], fit.of["gain"], fit.loss)
     s, r = fit.of["friction"], recordings["friction"]
     follows = fit_linear(
@@ -312,4 +313,4 @@ UNITS = {
 """Unit of each estimate, by name."""
 
 
-__all__ = ["UNITS", "DisturbanceMap", "DriveModel", "identify_drive"]
+__all__ = ["UNITS", "DisturbanceMap", "DriveModel", "gain_and_loss", "identify_drive"]
