@@ -212,7 +212,7 @@ def _widened(name: str, e: Estimate) -> Estimate:
 
 
 def gain_and_loss(fit: LeastSquares) -> tuple[Estimate, Estimate]:
-    """The motor's gain and the cable's loss, from the coefficients of the rubber's torque and magnitude."""
+    """Of the motor and of the cable, from the coefficients of the rubber's torque and its size."""
     a, b = (float(x) for x in fit.values[:2])
     loss = b / a
     gain = 1 / (a * (1 - loss**2))
