@@ -20,7 +20,12 @@ from typing import Any
 import numpy as np
 
 from esea_gen.analysis.frequency import FrequencyResponse, Margins
-from esea_gen.control.linear_loop import _STATES, LAMBDA_LOW_1_S, _Period, sliding_mode_numbers
+from esea_gen.control.linear_loop import (
+    LAMBDA_LOW_1_S,
+    LOOP_STATES,
+    LoopPeriod,
+    sliding_mode_numbers,
+)
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import Device
 from esea_gen.language.ports import Array
@@ -95,7 +100,7 @@ class LoopMargins:
         return self.radius < STABLE
 
 
-class CutLoop(_Period):
+class CutLoop(LoopPeriod):
     """One control period of the loop on another drive than the controller's, cut at the motor."""
 
     def __init__(
@@ -123,7 +128,7 @@ class CutLoop(_Period):
         self.newer = rest[:3, 3]
         self.older = whole[:3, 3] - rest[:3, 3]
         self.line = tuple(f"line_{i}" for i in range(self.ticks + 2))
-        self.names = (*_STATES, *self.line)
+        self.names = (*LOOP_STATES, *self.line)
 
     def over(self, state: Array, fed: float | None) -> tuple[Array, float]:
         """State after a control period, and the command released in it.
