@@ -151,7 +151,7 @@ def test_the_whole_system_in_q31(drive, library):
             if x.port.unit == "1":
                 assert np.array_equal(a, b), x.name
                 continue
-            # Measured: 0.29 % of the motor command (the damping that is added is a quotient of small
+            # Measured: 0.29 % of the motor command (the damping added is a quotient of small
             # powers), 0.13 % of what the drive's observers leave over, below 0.05 % of all else.
             full = max(abs(x.port.low), abs(x.port.high))
             share = {"u_": 0.004, "d4_": 0.002, "apart_": 0.002}.get(
