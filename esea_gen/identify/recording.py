@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.identify.cycles import Cycle, DataSet, data_sets, divide
-from esea_gen.identify.mapping import TIME, FileFormat, MappingFile, RecordingTable
+from esea_gen.identify.mapping import TIME, FileFormat, Mapping, MappingFile, RecordingTable
 from esea_gen.identify.reading import read_csv, read_mat
 from esea_gen.language.ports import Array
 
@@ -32,6 +33,7 @@ class Recording:
     time_s, theta_rad, tau_Nm: shape (n,).
     timed: whether the time was recorded (or a period is published), not assumed.
     dropped: samples dropped by the glitch rule.
+    conditions: those of the mapping that the file belongs to.
     """
 
     label: str
@@ -44,6 +46,7 @@ class Recording:
     dropped: int
     cycles: tuple[Cycle, ...]
     sets: tuple[DataSet, ...]
+    conditions: tuple[str, ...] = ()
 
 
 def load_recordings(source: MappingFile) -> list[Recording]:
@@ -54,6 +57,7 @@ def load_recordings(source: MappingFile) -> list[Recording]:
         _load(source, path, name, table, label)
         for (path, name, table), label in zip(files, labels, strict=True)
     ]
+    _check_conditions(source, loaded)
     for what, role in (("train on", "training"), ("hold out", "held_out")):
         if not any(len(getattr(s, role)) for r in loaded for s in r.sets):
             found = ", ".join(f"{r.file}: {len(r.cycles)}" for r in loaded)
@@ -64,6 +68,20 @@ def load_recordings(source: MappingFile) -> list[Recording]:
                 "Lower these, or give whole files use = 'train' and use = 'held_out'.",
             )
     return loaded
+
+
+def _conditions(mapping: Mapping, name: str) -> tuple[str, ...]:
+    return tuple(c.name for c in mapping.condition if any(fnmatch(name, p) for p in c.files))
+
+
+def _check_conditions(source: MappingFile, loaded: list[Recording]) -> None:
+    for c in source.mapping.condition:
+        if not any(c.name in r.conditions for r in loaded):
+            raise UserError(
+                f"{source.origin}: condition '{c.name}': none of the recordings is named "
+                f"{' or '.join(c.files)}.",
+                "Give names or patterns of files that [[recording]] has.",
+            )
 
 
 def _labels(origin: str, files: list[tuple[str, RecordingTable]]) -> list[str]:
@@ -140,6 +158,7 @@ def _load(
         dropped=dropped,
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use),
+        conditions=_conditions(m, name),
     )
 
 

@@ -147,7 +147,9 @@ class Term:
     def __post_init__(self) -> None:
         wanted = {"spring": 0, "offset": 0, "stop": 1, "slip": 1}.get(self.kind)
         count = len(self.numbers)
-        if (count != wanted if wanted is not None else count < 1) or min(self.numbers, default=1) <= 0:
+        if (count != wanted if wanted is not None else count < 1) or min(
+            self.numbers, default=1
+        ) <= 0:
             raise ValueError(f"a {self.kind} cannot have the numbers {self.numbers}")
 
     @property

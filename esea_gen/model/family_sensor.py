@@ -422,11 +422,18 @@ def _outputs(tau_lim: float, full_scale: float) -> tuple[Port, ...]:
 def _equations() -> tuple[Any, ...]:
     x, q, last, inner = sp.symbols("x q q_k-1 F_k-1")
     a, b, r, length, m, moved = sp.symbols("a b r L m s", positive=True)
-    weight, factor, value, index = sp.Symbol("w_i"), sp.Symbol("d_i"), sp.Symbol("z_i"), sp.Symbol("i")
+    weight, factor, value, index = (
+        sp.Symbol("w_i"),
+        sp.Symbol("d_i"),
+        sp.Symbol("z_i"),
+        sp.Symbol("i"),
+    )
     total = sp.Sum(weight * factor * value, (index, 1, sp.Symbol("N")))
     return (
         equation("[family]", "tau", total, "every weight 0 or above"),
-        equation("[rise]", "q", x / (1 + sp.Abs(x) / a), "a rise that bends; others are x, x^3, x^5"),
+        equation(
+            "[rise]", "q", x / (1 + sp.Abs(x) / a), "a rise that bends; others are x, x^3, x^5"
+        ),
         equation("[maxwell]", "F", (1 - a - b) * inner + a * q + b * last, "z = q - F"),
         equation("[stop]", "F", sp.Max(sp.Min(inner, q + r), q - r), "z = q - F"),
         equation("[slip]", "z'", 1 - sp.Symbol("z") * sp.sign(q - last) / length, "over q; Dahl"),

@@ -1,0 +1,309 @@
+"""Models against each other, by conditions left out of their training; the simplest good one.
+
+Every model is fitted anew for every split.  Of those that are as good as the best - whose excess
+over it, condition by condition, is on average within one standard error of that excess - the one
+that costs the board least is chosen [1]_.  The excess is taken condition by condition because some
+conditions are hard for every model, and that says nothing of which is better.
+
+References
+----------
+.. [1] T. Hastie, R. Tibshirani, J. Friedman, "The Elements of Statistical Learning", Springer,
+   2009, section 7.10.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.identify.candidates import members
+from esea_gen.identify.conditions import Split, splits_of
+from esea_gen.identify.drafting import draft
+from esea_gen.identify.family_fit import FamilyDevice, UnitTerms, fit_member
+from esea_gen.identify.fit import Progress
+from esea_gen.identify.identification import FIT_RATE_HZ, fit_split
+from esea_gen.identify.mapping import MappingFile, load_mapping
+from esea_gen.identify.misfit import Misfits
+from esea_gen.identify.peers import PEERS, fit_peer
+from esea_gen.identify.recording import Recording, load_recordings
+from esea_gen.language.ports import Array
+from esea_gen.model.family import FittedMember
+
+THESIS = "thesis"
+THESIS_POPULATION = 256
+Cost = Callable[[Device], float | None]
+
+
+@dataclass(frozen=True)
+class CompareRow:
+    """Errors of one model on one split, % of full scale: mean over data sets of the RMS error.
+
+    condition: what judges; it was left out of the training.
+    instructions: of a step on the Cortex-M4F; None for a model that is no Block.
+    """
+
+    model: str
+    condition: str
+    training: float
+    held_out: float
+    instructions: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """What :func:`compare` found.
+
+    Parameters
+    ----------
+    source : MappingFile
+        What was asked.
+    full_scale_Nm : float
+        100 % of errors.
+    rows : tuple of CompareRow
+        Model by model, split by split.
+    chosen : str
+        The cheapest model within one standard error of the best.
+    best : str
+        The one of least mean error over the conditions left out.
+    standard_error : float
+        Of the chosen one's mean excess over the best one, %.
+    devices : dict of str to Device
+        By model: the device fitted on the file's own division.
+    notes : tuple of str
+        What the reader must know.
+    """
+
+    source: MappingFile
+    full_scale_Nm: float
+    rows: tuple[CompareRow, ...]
+    chosen: str
+    best: str
+    standard_error: float
+    devices: dict[str, Device]
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Report, JSON-ready and the same for the same input.
+
+        Returns
+        -------
+        dict
+            Rows under ``compare``, the choice, the chosen member's terms.
+        """
+        return {
+            "mapping": self.source.origin,
+            "full_scale_Nm": self.full_scale_Nm,
+            "compare": [r.to_dict() for r in self.rows],
+            "chosen": self.chosen,
+            "best": self.best,
+            "standard_error": self.standard_error,
+            "terms": _terms(self.devices[self.chosen]),
+            "notes": list(self.notes),
+        }
+
+    def table(self) -> list[str]:
+        """Lines for the terminal: a model a line, its errors left out by condition.
+
+        Returns
+        -------
+        list of str
+            Held-out error with the training error in brackets, then instructions.
+        """
+        models = list(dict.fromkeys(r.model for r in self.rows))
+        conditions = list(dict.fromkeys(r.condition for r in self.rows))
+        cells = {(r.model, r.condition): r for r in self.rows}
+        width = max(len(m) for m in models) + 2
+        lines = [
+            f"{self.source.mapping.device.title}: held out (training), RMS in % of full scale "
+            f"({self.full_scale_Nm:g} Nm)",
+            " " * width + "".join(f"{c[-18:]:>20}" for c in conditions) + "   instructions",
+        ]
+        for m in models:
+            found = [cells[m, c] for c in conditions]
+            errors = "".join(f"{r.held_out:11.2f} ({r.training:6.2f})" for r in found)
+            count = found[0].instructions
+            mark = "* " if m == self.chosen else "  "
+            lines.append(
+                f"{mark}{m:{width - 2}}{errors}{'-' if count is None else f'{count:.0f}':>15}"
+            )
+        lines.append(
+            f"* chosen: the cheapest that is as good as the best ({self.best}) within one standard "
+            f"error of the difference ({self.standard_error:.2f} %)"
+        )
+        return lines + [f"note: {n}" for n in self.notes]
+
+
+def _terms(device: Device) -> list[dict[str, Any]]:
+    if not isinstance(device, FamilyDevice):
+        return []
+    return [
+        {
+            "kind": t.kind,
+            "rise": [t.rise.kind, t.rise.number, t.rise.side],
+            "numbers": list(t.numbers),
+            "exponent": t.exponent,
+            "softening": None if t.softening is None else [t.softening.kind, t.softening.number],
+            "weight_Nm": w,
+        }
+        for w, t in device.fitted.used
+    ]
+
+
+def compare(
+    mapping_path: str | Path,
+    data_folder: str | Path | None = None,
+    cost: Cost | None = None,
+    progress: Progress | None = None,
+    *,
+    peers: bool = True,
+) -> ModelComparison:
+    """Compare the thesis' model, the members of the family and the peers on recordings.
+
+    Parameters
+    ----------
+    mapping_path : str or Path
+        Mapping file, TOML.
+    data_folder : str or Path, optional
+        Folder of the recordings; the mapping file's own when not given.
+    cost : callable, optional
+        Instructions of the sensor's step of a device; without it, number of operations of the step.
+    progress : callable, optional
+        ``progress(share, text)``.
+    peers : bool
+        Whether to fit the models from the literature too.
+
+    Returns
+    -------
+    ModelComparison
+        A row for each model and split.
+
+    Raises
+    ------
+    UserError
+        For anything wrong in the mapping file or the recordings.
+    """
+    tell: Progress = progress or (lambda share, text: None)
+    source = load_mapping(mapping_path, data_folder)
+    recordings = load_recordings(source)
+    splits = splits_of(recordings)
+    full = draft(source, recordings, False).tau_full_scale_Nm
+    price = cost or _operations
+    rows: list[CompareRow] = []
+    devices: dict[str, Device] = {}
+    timed = all(r.timed for r in recordings)
+    able = [m for m in members() if timed or not m.timed]
+    others = list(PEERS) if peers else []
+    total = len(splits) * (1 + len(able) + len(others))
+
+    def add(name: str, split: Split, errors: Misfits, instructions: float | None) -> None:
+        trained, held_out = (100 * errors.mean_rms(held) / full for held in (False, True))
+        rows.append(CompareRow(name, split.condition, trained, held_out, instructions))
+        tell(len(rows) / total, f"{name}, {split.condition}")
+
+    counted: float | None = None
+    for split in splits:
+        device, errors = _thesis(source, split)
+        if split.declared:
+            devices[THESIS], counted = device, price(device)
+        add(THESIS, split, errors, counted)
+    rate = _grid_rate(source)
+    for member in able:
+        terms = UnitTerms(member, recordings, rate)
+        for split in splits:
+            fitted = fit_member(terms, split.recordings, full)
+            if split.declared:
+                template = draft(source, list(split.recordings), False)
+                own = FamilyDevice(template.file, template.origin, fitted)
+                devices[member.name], counted = own, price(own)
+            add(member.name, split, _misfits(terms, split, fitted), counted)
+    for name in others:
+        for split in splits:
+            torque = fit_peer(name, split.recordings, source.mapping.search.seed)
+            add(name, split, _errors(split.recordings, torque), None)
+    chosen, best, spread = choose(rows, {s.condition for s in splits if s.whole})
+    return ModelComparison(
+        source, full, tuple(rows), chosen, best, spread, devices, _notes(timed, splits, able)
+    )
+
+
+def _grid_rate(source: MappingFile) -> float:
+    fine = source.mapping.device.sense_rate_Hz.value
+    return source.mapping.sampling.fit_rate_Hz or min(FIT_RATE_HZ, fine)
+
+
+def _thesis(source: MappingFile, split: Split) -> tuple[Device, Misfits]:
+    recordings = list(split.recordings)
+    if source.mapping.search.population is None:  # as many searches as there are splits
+        search = source.mapping.search.model_copy(update={"population": THESIS_POPULATION})
+        source = replace(source, mapping=source.mapping.model_copy(update={"search": search}))
+    template = draft(source, recordings, source.mapping.device.rate_terms)
+    _, _, device, verdict = fit_split(source, recordings, template, lambda share, text: None)
+    return device, verdict.misfits
+
+
+def _errors(recordings: Sequence[Recording], torque: Sequence[Array]) -> Misfits:
+    return Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in zip(recordings, torque, strict=True)))
+
+
+def _misfits(terms: UnitTerms, split: Split, fitted: FittedMember) -> Misfits:
+    weights = np.array(fitted.weights_Nm)
+    return _errors(split.recordings, [c @ weights for c in terms.over(fitted.scale_rad)])
+
+
+def _operations(device: Device) -> float:
+    return float(device.sensor.step.n_instructions())
+
+
+def choose(rows: Sequence[CompareRow], whole: set[str]) -> tuple[str, str, float]:
+    """The cheapest model that is within one standard error as good as the best.
+
+    whole: conditions left out as a whole, which count; where there is none, all do.
+    return: it, the best one, the standard error of its mean excess over the best one.
+    """
+    left_out = [r for r in rows if r.condition in whole] or list(rows)
+    errors: dict[str, list[float]] = {}
+    costs: dict[str, float] = {}
+    for r in left_out:
+        if r.instructions is not None:
+            errors.setdefault(r.model, []).append(r.held_out)
+            costs[r.model] = r.instructions
+    if not errors:
+        raise UserError("No model has a cost to choose by.", "Compare models that are Blocks.")
+    mean = {m: float(np.mean(e)) for m, e in errors.items()}
+    best = min(mean, key=lambda m: mean[m])
+    excess = {m: np.array(e) - np.array(errors[best]) for m, e in errors.items()}
+    good = [m for m, e in excess.items() if e.mean() <= _standard_error(e)]
+    chosen = min(good, key=lambda m: (costs[m], mean[m]))
+    return chosen, best, _standard_error(excess[chosen])
+
+
+def _standard_error(values: Array) -> float:
+    return float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+
+
+def _notes(timed: bool, splits: Sequence[Split], able: Sequence[Any]) -> tuple[str, ...]:
+    notes = [
+        f"{len(able)} members of the family were tried with fixed outer numbers; the best of "
+        "several carries selection."
+    ]
+    if not timed:
+        notes.append("Time was not recorded: members with Maxwell branches are left out.")
+    if not any(s.whole for s in splits):
+        notes.append(
+            "There is one condition only: nothing could be left out as a whole. Give conditions."
+        )
+    return tuple(notes)
+
+
+__all__ = ["CompareRow", "ModelComparison", "choose", "compare"]
