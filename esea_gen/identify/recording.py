@@ -20,6 +20,7 @@ from esea_gen.language.ports import Array
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
+HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
@@ -222,8 +223,9 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
                 f"limit of {limit:.4g} {unit}.",
                 f"Check {what}.unit and {what}.scale in {source.origin}.",
             )
-    x, y = theta - theta.mean(), tau - tau.mean()
-    slope = float(x @ y / (x @ x))
+    # Where the deflection is held the torque relaxes; what counts is how it rose before.
+    end = int(np.flatnonzero(_at_end(theta))[0]) + 1 if _held(theta) else len(theta)
+    slope = _slope(theta[:end], tau[:end])
     if slope <= 0:
         raise UserError(
             f"{name}: {'negative' if slope < 0 else 'no'} stiffness: torque against deflection has "
@@ -237,6 +239,22 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
             f"{MAX_STIFFNESS_NM_RAD:g} Nm/rad.",
             f"Check units and scales in {source.origin}.",
         )
+
+
+def _slope(theta: Array, tau: Array) -> float:
+    x, y = theta - theta.mean(), tau - tau.mean()
+    return float(x @ y / (x @ x)) if np.any(x) else 0.0
+
+
+def _at_end(theta: Array) -> npt.NDArray[np.bool_]:
+    """Samples at the deflection farthest from the first one."""
+    way = np.abs(theta - theta[0])
+    return np.asarray(way >= (1 - HELD_BAND) * way.max())
+
+
+def _held(theta: Array) -> bool:
+    """Whether most of a recording holds one deflection: a test of relaxation."""
+    return bool(np.mean(_at_end(theta)) > 0.5)
 
 
 def _zeroed(x: Array, zero: str) -> Array:
