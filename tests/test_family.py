@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from esea_gen.devices.fields import DeviceFile
 from esea_gen.emit.fixed.errors import any_bound
@@ -18,7 +19,9 @@ from esea_gen.identify.candidates import members
 from esea_gen.identify.family_fit import FamilyDevice
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
+from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor, maxwell_shares, unit_terms
+from esea_gen.model.inverse import inverse_system
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare as compare_c
 from esea_gen.verify.fixed import compare_fixed
@@ -315,8 +318,18 @@ def test_the_c_is_the_model(name, hdrb_device):
 
 
 def test_the_whole_number_c_is_its_executor(hdrb_device):
+    """One operator of each kind, both softenings."""
     require_tool("gcc")
-    device = family_device(hdrb_device.file, "slips, worn")
+    strain, path = Softening("strain", 0.3), Softening("path", 8.0)
+    terms = (
+        Term("spring", LINEAR),
+        Term("spring", BENT, softening=strain),
+        Term("slip", CUBIC, (0.3,), softening=path),
+        Term("stop", LINEAR, (0.1,)),
+        Term("maxwell", LINEAR, (3.0,)),
+    )
+    fitted = FittedMember(Member("few", "few", terms), 0.2, (1.0, 0.5, 2.0, 0.4, 0.3))
+    device = FamilyDevice(hdrb_device.file, "tried", fitted)
     plan = plan_block(device.sensor)
     runner, bound = compile_device(device, "q31").block("sensor"), any_bound(plan)
     for stream in streams(device.sensor, 5, 150)[:2]:
@@ -339,3 +352,69 @@ def test_a_conditioned_start_is_softer_than_a_virgin_one(hdrb_device):
         for start in ("virgin", "conditioned")
     )
     assert np.all(later[1:] < first[1:])
+
+
+# Its exact inverse.
+
+SWEEP_Nm = 2.0 * np.sin(2 * np.pi * (0.2 * np.arange(4000) / 1000 + (np.arange(4000) / 1000) ** 2))
+
+
+@pytest.mark.parametrize("name", ["slips, worn", "stops, worn", *TIMED])
+def test_the_inverse_gives_the_request_back(name, hdrb_device):
+    """The sensor Block at its set-points, on a sweep to 2 Hz that turns back and softens."""
+    device = family_device(hdrb_device.file, name)
+    inverse = family_inverse(device, device.fitted)
+    y, _ = inverse.simulator().run({"tau_Nm": SWEEP_Nm})
+    felt, _ = device.sensor.simulator().run(
+        {"theta_rad": y["theta_rad"], "omega_rad_s": 0 * SWEEP_Nm}
+    )
+    limit = next(f.threshold for f in inverse.status_port.flags if f.name == "NOT_CONVERGED")
+    assert np.abs(felt["tau_Nm"] - SWEEP_Nm).max() <= limit < 1e-3
+    assert np.all(y["status"].astype(int) & 0b1100011 == 0)
+
+
+def test_the_inverse_finds_the_one_root(hdrb_device):
+    """Brent's method on the sensor's own torque, from the same memory, jumps included."""
+    device = family_device(hdrb_device.file, "slips, worn")
+    inverse = family_inverse(device, device.fitted, steps=30).simulator()
+    sensor = device.sensor.simulator()
+    limit = device.sensor.inputs[0].high
+    step = device.sensor.step
+    rng = np.random.default_rng(11)
+    inverse.step(tau_Nm=0.0)
+    sensor.step(theta_rad=0.0, omega_rad_s=0.0)
+    for wanted in rng.uniform(-2, 2, 40):
+        memory = list(sensor.state.values())
+
+        def missing(theta: float, memory: list = memory, wanted: float = wanted) -> float:
+            return float(step(*memory, theta, 0.0)[len(memory)]) - wanted
+
+        root = brentq(missing, -limit, limit, xtol=1e-13)
+        found = float(inverse.step(tau_Nm=wanted)["theta_rad"])
+        assert found == pytest.approx(root, abs=5e-6)
+        sensor.step(theta_rad=found, omega_rad_s=0.0)
+
+
+def test_what_cannot_be_reached_ends_at_the_limit_and_says_so(hdrb_device):
+    device = family_device(hdrb_device.file, "slips, worn")
+    inverse = family_inverse(device, device.fitted)
+    runner = inverse.simulator()
+    names = [f.name for f in inverse.status_port.flags]
+    for _ in range(20):
+        y = runner.step(tau_Nm=100.0)
+    assert y["theta_rad"] == device.sensor.inputs[0].high
+    assert int(y["status"]) >> names.index("REQUEST_CLAMPED") & 1
+    held = runner.step(tau_Nm=np.nan)
+    assert held["theta_rad"] == y["theta_rad"]
+    assert int(held["status"]) & 1
+
+
+def test_the_inverse_in_single_precision(hdrb_device):
+    require_tool("gcc")
+    device = family_device(hdrb_device.file, "slips, worn")
+    inverse = family_inverse(device, device.fitted)
+    wanted = SWEEP_Nm.astype(np.float32).astype(float)
+    exact, _ = inverse.simulator().run({"tau_Nm": wanted})
+    library = compile_system(inverse_system(device, inverse), "f32")
+    found, _ = library.block("inverse").run({"tau_Nm": wanted}, trace=False)
+    assert np.abs(found["theta_rad"] - exact["theta_rad"]).max() < 1e-5

@@ -15,7 +15,7 @@ THRESHOLDS = (0.02, 0.07, 0.15, 0.3, 0.6, 1.1)
 PATHS = (0.03, 0.1, 0.3, 1.0, 3.0)
 TIMES_s = (3.0, 30.0, 300.0)
 FRACTIONAL_s = tuple(10 ** (-1 + 4 * k / 7) for k in range(8))
-EXPONENT = 0.25
+EXPONENT = 0.2
 
 STRAIN = Softening("strain", 0.3)
 WORN = (STRAIN, Softening("path", 8.0), Softening("path", 40.0))

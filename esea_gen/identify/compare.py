@@ -26,7 +26,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.candidates import members
 from esea_gen.identify.conditions import Split, splits_of
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.family_fit import FamilyDevice, UnitTerms, fit_member
+from esea_gen.identify.family_fit import FamilyDevice, UnitTerms, fit_member, misfits_of
 from esea_gen.identify.fit import Progress
 from esea_gen.identify.identification import FIT_RATE_HZ, fit_split
 from esea_gen.identify.mapping import MappingFile, load_mapping
@@ -34,11 +34,10 @@ from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.peers import PEERS, fit_peer
 from esea_gen.identify.recording import Recording, load_recordings
 from esea_gen.language.ports import Array
-from esea_gen.model.family import FittedMember
 
 THESIS = "thesis"
 THESIS_POPULATION = 256
-Cost = Callable[[Device], float | None]
+Cost = Callable[[Device], float]
 
 
 @dataclass(frozen=True)
@@ -211,8 +210,10 @@ def compare(
         rows.append(CompareRow(name, split.condition, trained, held_out, instructions))
         tell(len(rows) / total, f"{name}, {split.condition}")
 
-    counted: float | None = None
-    for split in splits:
+    # The file's own division first: what its fit costs stands for the model.
+    ordered = sorted(splits, key=lambda s: not s.declared)
+    counted = 0.0
+    for split in ordered:
         device, errors = _thesis(source, split)
         if split.declared:
             devices[THESIS], counted = device, price(device)
@@ -220,15 +221,15 @@ def compare(
     rate = _grid_rate(source)
     for member in able:
         terms = UnitTerms(member, recordings, rate)
-        for split in splits:
+        for split in ordered:
             fitted = fit_member(terms, split.recordings, full)
             if split.declared:
                 template = draft(source, list(split.recordings), False)
                 own = FamilyDevice(template.file, template.origin, fitted)
                 devices[member.name], counted = own, price(own)
-            add(member.name, split, _misfits(terms, split, fitted), counted)
+            add(member.name, split, misfits_of(terms, split.recordings, fitted), counted)
     for name in others:
-        for split in splits:
+        for split in ordered:
             torque = fit_peer(name, split.recordings, source.mapping.search.seed)
             add(name, split, _errors(split.recordings, torque), None)
     chosen, best, spread = choose(rows, {s.condition for s in splits if s.whole})
@@ -254,11 +255,6 @@ def _thesis(source: MappingFile, split: Split) -> tuple[Device, Misfits]:
 
 def _errors(recordings: Sequence[Recording], torque: Sequence[Array]) -> Misfits:
     return Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in zip(recordings, torque, strict=True)))
-
-
-def _misfits(terms: UnitTerms, split: Split, fitted: FittedMember) -> Misfits:
-    weights = np.array(fitted.weights_Nm)
-    return _errors(split.recordings, [c @ weights for c in terms.over(fitted.scale_rad)])
 
 
 def _operations(device: Device) -> float:

@@ -23,6 +23,7 @@ from esea_gen.devices.fields import DeviceFile
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.fit import solve_linear
+from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recording import Recording, resample
 from esea_gen.language.block import Block
@@ -140,6 +141,14 @@ def fit_member(
     return FittedMember(member, scale, tuple(float(w) for w in final))
 
 
+def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember) -> Misfits:
+    """Errors of a fitted member on the recordings that its terms were run over."""
+    weights = np.array(fitted.weights_Nm)
+    columns = terms.over(fitted.scale_rad)
+    errors = ((r, c @ weights - r.tau_Nm) for r, c in zip(recordings, columns, strict=True))
+    return Misfits.of("Nm", errors)
+
+
 def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
     # The unsoftened linear spring of a member keeps a little.
     term = member.terms[i]
@@ -170,4 +179,11 @@ class FamilyDevice(Device):
         return f"{super().canonical()}\n{self.fitted!r}"
 
 
-__all__ = ["FamilyDevice", "UnitTerms", "fit_member", "solve_weights", "trained_scale"]
+__all__ = [
+    "FamilyDevice",
+    "UnitTerms",
+    "fit_member",
+    "misfits_of",
+    "solve_weights",
+    "trained_scale",
+]

@@ -29,6 +29,7 @@ from esea_gen.model.symbolic import equation
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
+_PARTS = {"spring": "spring", "offset": "spring", "maxwell": "rate"}
 # Ranges of states are this much wider than what arithmetic without rounding can reach.
 ROOM = 1.01
 # A slip operator's longest step, over its path.
@@ -66,7 +67,7 @@ def _unit_elements(member: Member) -> tuple[_Element, ...]:
     return tuple(out)
 
 
-def _merged_elements(fitted: FittedMember) -> tuple[_Element, ...]:
+def merged_elements(fitted: FittedMember) -> tuple[_Element, ...]:
     """As few operators as give the same torque."""
     linear: dict[tuple[Any, ...], list[tuple[float, Rise]]] = {}
     other: dict[tuple[Any, ...], list[Gain]] = {}
@@ -109,7 +110,7 @@ def maxwell_shares(ratio: float) -> tuple[float, float]:
     return 1 - mean, mean - decay
 
 
-class _FamilyStep:
+class FamilyStep:
     """The step of any member: operators, softening, memory."""
 
     def __init__(
@@ -151,6 +152,20 @@ class _FamilyStep:
         factors = self.soften(s, x, primed, state, label)
         values = self.operate(s, x, x_last, primed, state, label)
         return state, [(e, values[i], factors) for i, e in enumerate(self.elements)]
+
+    def torque(
+        self, s: Any, theta: ca.SX, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, ca.SX]]:
+        """The next state, and the torque of the springs, of the branches and of the hysteresis."""
+        state, parts = self.run(s, theta, guard, label)
+        sums = {"spring": ca.SX(0), "rate": ca.SX(0), "hysteresis": ca.SX(0)}
+        for e, value, factors in parts:
+            gain = ca.SX(0)
+            for weight, softening, _ in e.gains:
+                gain = gain + weight * factors[softening]
+            part = _PARTS.get(e.kind, "hysteresis")
+            sums[part] = sums[part] + gain * value
+        return state, sums
 
     def soften(
         self, s: Any, x: ca.SX, primed: ca.SX, state: dict[str, Any], label: Labels
@@ -273,7 +288,7 @@ def unit_terms(member: Member, period_s: float) -> Block:
     Block
         Input ``theta_rad``, here the scaled deflection x; output ``terms_Nm``, one element a term.
     """
-    steps = _FamilyStep(
+    steps = FamilyStep(
         _unit_elements(member),
         scale_rad=1.0,
         theta_lim=UNIT_REACH,
@@ -304,7 +319,49 @@ def unit_terms(member: Member, period_s: float) -> Block:
     )
 
 
-_PARTS = {"spring": "spring", "offset": "spring", "maxwell": "rate"}
+def torque_limit(device: DeviceData, fitted: FittedMember) -> float:
+    """The device's limit, or what the model can reach: the inverse is of an unclipped torque.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Limits.
+    fitted : FittedMember
+        The model.
+
+    Returns
+    -------
+    float
+        Nm, a float32 number.
+    """
+    reach = fitted.most_Nm(device.file.limits.theta_rad.value)
+    return threshold(max(device.file.limits.tau_Nm.value, ROOM * reach))
+
+
+def family_step(device: DeviceData, fitted: FittedMember, start: Start) -> FamilyStep:
+    """The step of a fitted member: the one place where sensor and inverse have it from.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Limits and rate.
+    fitted : FittedMember
+        The model.
+    start : {"virgin", "conditioned"}
+        As in :func:`family_sensor`.
+
+    Returns
+    -------
+    FamilyStep
+        With the weights folded in, terms merged.
+    """
+    return FamilyStep(
+        merged_elements(fitted),
+        scale_rad=fitted.scale_rad,
+        theta_lim=threshold(device.file.limits.theta_rad.value),
+        period_s=device.period_s,
+        start=start,
+    )
 
 
 def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
@@ -329,16 +386,9 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
     file = device.file
     theta_lim = threshold(file.limits.theta_rad.value)
     omega_lim = threshold(file.limits.omega_rad_s.value)
-    # What the model can reach must not be clipped: the inverse is of the unclipped torque.
-    tau_lim = threshold(max(file.limits.tau_Nm.value, 1.01 * fitted.most_Nm(theta_lim)))
+    tau_lim = torque_limit(device, fitted)
     domain = file.domain
-    steps = _FamilyStep(
-        _merged_elements(fitted),
-        scale_rad=fitted.scale_rad,
-        theta_lim=theta_lim,
-        period_s=device.period_s,
-        start=start,
-    )
+    steps = family_step(device, fitted, start)
     full_scale = threshold(domain.tau_full_scale_Nm.value)
     theta_most = threshold(domain.theta_max_rad.value)
     omega_most = threshold(domain.omega_max_rad_s.value)
@@ -346,14 +396,7 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
     def step(
         c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        state, parts = steps.run(s, u.theta_rad, guard, label)
-        sums = {"spring": ca.SX(0), "rate": ca.SX(0), "hysteresis": ca.SX(0)}
-        for e, value, factors in parts:
-            gain = ca.SX(0)
-            for weight, softening, _ in e.gains:
-                gain = gain + weight * factors[softening]
-            part = _PARTS.get(e.kind, "hysteresis")
-            sums[part] = sums[part] + gain * value
+        state, sums = steps.torque(s, u.theta_rad, guard, label)
         sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
         tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
         status = flag_word(
@@ -442,4 +485,11 @@ def _equations() -> tuple[Any, ...]:
     )
 
 
-__all__ = ["family_sensor", "maxwell_shares", "unit_terms"]
+__all__ = [
+    "FamilyStep",
+    "family_sensor",
+    "family_step",
+    "maxwell_shares",
+    "torque_limit",
+    "unit_terms",
+]
