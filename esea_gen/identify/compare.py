@@ -44,8 +44,14 @@ Cost = Callable[[Device], float]
 class CompareRow:
     """Errors of one model on one split, % of full scale: mean over data sets of the RMS error.
 
-    condition: what judges; it was left out of the training.
-    instructions: of a step on the Cortex-M4F; None for a model that is no Block.
+    Parameters
+    ----------
+    model, condition : str
+        What was fitted, and what judges it: left out of the training.
+    training, held_out : float
+        Errors.
+    instructions : float, optional
+        Of a step on the Cortex-M4F; None for a model that is no Block.
     """
 
     model: str
@@ -55,7 +61,13 @@ class CompareRow:
     instructions: float | None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """JSON-ready.
+
+        Returns
+        -------
+        dict
+            Its fields.
+        """
         return dict(vars(self))
 
 
@@ -112,30 +124,29 @@ class ModelComparison:
         }
 
     def table(self) -> list[str]:
-        """Lines for the terminal: a model a line, its errors left out by condition.
+        """Lines for the terminal: a model a line, its errors by condition.
 
         Returns
         -------
         list of str
-            Held-out error with the training error in brackets, then instructions.
+            Held-out error and, after the stroke, training error; then instructions.
         """
         models = list(dict.fromkeys(r.model for r in self.rows))
         conditions = list(dict.fromkeys(r.condition for r in self.rows))
         cells = {(r.model, r.condition): r for r in self.rows}
-        width = max(len(m) for m in models) + 2
+        first = max(len(m) for m in models) + 2
+        width = max(13, *(len(c) + 2 for c in conditions))
         lines = [
-            f"{self.source.mapping.device.title}: held out (training), RMS in % of full scale "
+            f"{self.source.mapping.device.title}: held out / training, RMS in % of full scale "
             f"({self.full_scale_Nm:g} Nm)",
-            " " * width + "".join(f"{c[-18:]:>20}" for c in conditions) + "   instructions",
+            " " * first + "".join(f"{c:>{width}}" for c in conditions) + "  instructions",
         ]
         for m in models:
             found = [cells[m, c] for c in conditions]
-            errors = "".join(f"{r.held_out:11.2f} ({r.training:6.2f})" for r in found)
-            count = found[0].instructions
+            errors = "".join(f"{f'{r.held_out:.2f} / {r.training:.2f}':>{width}}" for r in found)
+            count = "-" if found[0].instructions is None else f"{found[0].instructions:.0f}"
             mark = "* " if m == self.chosen else "  "
-            lines.append(
-                f"{mark}{m:{width - 2}}{errors}{'-' if count is None else f'{count:.0f}':>15}"
-            )
+            lines.append(f"{mark}{m:{first - 2}}{errors}{count:>14}")
         lines.append(
             f"* chosen: the cheapest that is as good as the best ({self.best}) within one standard "
             f"error of the difference ({self.standard_error:.2f} %)"
@@ -264,8 +275,19 @@ def _operations(device: Device) -> float:
 def choose(rows: Sequence[CompareRow], whole: set[str]) -> tuple[str, str, float]:
     """The cheapest model that is within one standard error as good as the best.
 
-    whole: conditions left out as a whole, which count; where there is none, all do.
-    return: it, the best one, the standard error of its mean excess over the best one.
+    Parameters
+    ----------
+    rows : sequence of CompareRow
+        Of every model the same conditions.
+    whole : set of str
+        Conditions left out as a whole, which count; where there is none, all do.
+
+    Returns
+    -------
+    chosen, best : str
+        Models.
+    standard_error : float
+        Of the chosen one's mean excess over the best one.
     """
     left_out = [r for r in rows if r.condition in whole] or list(rows)
     errors: dict[str, list[float]] = {}

@@ -286,7 +286,24 @@ def _part(tell: Progress, low: float, high: float) -> Progress:
 def fit_split(
     source: MappingFile, recordings: list[Recording], template: Device, tell: Progress
 ) -> tuple[Fit, FittedPlant, Device, Verdict]:
-    """Search the thesis' parameters on the training samples, and judge the device's C."""
+    """Search the thesis' parameters on the training samples, and judge the device's C.
+
+    Parameters
+    ----------
+    source : MappingFile
+        What was asked.
+    recordings : list of Recording
+        Divided into training and held-out samples.
+    template : Device
+        Ranges, and whether there are rate terms.
+    tell : callable
+        As ``progress`` of :func:`identify`.
+
+    Returns
+    -------
+    tuple of Fit, FittedPlant, Device, Verdict
+        Parameters, what they were fitted with, the device, its errors.
+    """
     rate_terms = template.file.elastomer.maxwell is not None
     rate = None
     if rate_terms:

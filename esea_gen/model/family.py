@@ -83,12 +83,34 @@ class Rise:
         return ca.fmax(value, 0) if self.side == "positive" else ca.fmin(value, 0)
 
     def most(self, reach: float) -> float:
-        """Its largest magnitude up to |x| = reach."""
+        """Its largest magnitude.
+
+        Parameters
+        ----------
+        reach : float
+            Largest |x|.
+
+        Returns
+        -------
+        float
+            There.
+        """
         power = reach ** int(self.number) if self.kind == "power" else 0.0
         return power or reach / (1 + reach / self.number)
 
     def least_slope(self, reach: float) -> float:
-        """Its smallest slope up to |x| = reach."""
+        """Its smallest slope.
+
+        Parameters
+        ----------
+        reach : float
+            Largest |x|.
+
+        Returns
+        -------
+        float
+            Over x, up to there; 0 where it may be flat.
+        """
         if self.side != "both" or (self.kind == "power" and self.number > 1):
             return 0.0
         return 1.0 if self.kind == "power" else (1 + reach / self.number) ** -2
@@ -114,7 +136,18 @@ class Softening:
             raise ValueError(f"a softening's number must be above 0, not {self.number:g}")
 
     def least(self, reach: float) -> float:
-        """What is left of it at worst, up to |x| = reach."""
+        """What is left of it at worst.
+
+        Parameters
+        ----------
+        reach : float
+            Largest |x|.
+
+        Returns
+        -------
+        float
+            From 0 to 1.
+        """
         return 1 / (1 + reach / self.number) if self.kind == "strain" else 0.0
 
 
