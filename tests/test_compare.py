@@ -15,6 +15,7 @@ import esea_gen.bench.sensor_cost
 import esea_gen.identify.compare as comparing
 from esea_gen.bench.sensor_cost import sensor_instructions
 from esea_gen.cli.app import app
+from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.candidates import members
@@ -230,6 +231,8 @@ def test_the_emitted_c_draws_the_fitted_torque(hdrb):
     assert means["held_out_percent"] < 1.5
     assert fitted.least_slope_Nm_rad(device.file.limits.theta_rad.value) > 1.0
     assert len(fitted.used) <= 14
+    header = next(b for b in render_device(device, ["f32"])).files["esea_hdrb.h"]
+    assert "slip of x, path 0.03" in header
 
 
 def test_its_step_is_within_the_aim_on_the_emulated_board(hdrb):

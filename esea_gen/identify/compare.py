@@ -147,10 +147,13 @@ class ModelComparison:
             count = "-" if found[0].instructions is None else f"{found[0].instructions:.0f}"
             mark = "* " if m == self.chosen else "  "
             lines.append(f"{mark}{m:{first - 2}}{errors}{count:>14}")
-        lines.append(
-            f"* chosen: the cheapest that is as good as the best ({self.best}) within one standard "
-            f"error of the difference ({self.standard_error:.2f} %)"
-        )
+        chosen = "* chosen: the best; no cheaper one is as good within one standard error"
+        if self.chosen != self.best:
+            chosen = (
+                f"* chosen: the cheapest that is as good as the best ({self.best}) within one "
+                f"standard error of the difference ({self.standard_error:.2f} %)"
+            )
+        lines.append(chosen)
         return lines + [f"note: {n}" for n in self.notes]
 
 
@@ -159,6 +162,7 @@ def _terms(device: Device) -> list[dict[str, Any]]:
         return []
     return [
         {
+            "term": t.text,
             "kind": t.kind,
             "rise": [t.rise.kind, t.rise.number, t.rise.side],
             "numbers": list(t.numbers),

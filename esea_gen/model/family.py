@@ -70,6 +70,14 @@ class Rise:
         if not self.number > 0:
             raise ValueError(f"the number of a rise must be above 0, not {self.number:g}")
 
+    @property
+    def text(self) -> str:
+        """As a formula."""
+        formula = "x" if self.number == 1 else f"x^{self.number:g}"
+        if self.kind == "bend":
+            formula = f"x/(1+|x|/{self.number:g})"
+        return formula if self.side == "both" else f"{formula}, {self.side} side"
+
     def __call__(self, x: ca.SX) -> ca.SX:
         """Its value."""
         if self.kind == "bend":
@@ -135,6 +143,12 @@ class Softening:
         if not self.number > 0:
             raise ValueError(f"a softening's number must be above 0, not {self.number:g}")
 
+    @property
+    def text(self) -> str:
+        """As a formula."""
+        n = f"{self.number:g}"
+        return f"1/(1+m/{n})" if self.kind == "strain" else f"exp(-s/{n})"
+
     def least(self, reach: float) -> float:
         """What is left of it at worst.
 
@@ -184,6 +198,19 @@ class Term:
             self.numbers, default=1
         ) <= 0:
             raise ValueError(f"a {self.kind} cannot have the numbers {self.numbers}")
+
+    @property
+    def text(self) -> str:
+        """One line for headers and reports."""
+        if self.kind == "offset":
+            return "offset"
+        words = {"maxwell": "time, s", "stop": "threshold", "slip": "path"}.get(self.kind)
+        text = f"{self.kind} of {self.rise.text}"
+        if words:
+            text += f", {words} " + " ".join(f"{n:.4g}" for n in self.numbers)
+        if self.exponent:
+            text += f", shares T^-{self.exponent:g}"
+        return f"{text}, times {self.softening.text}" if self.softening else text
 
     @property
     def shares(self) -> tuple[tuple[float, float], ...]:

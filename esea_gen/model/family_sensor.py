@@ -426,11 +426,9 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
 
 
 def _constants(fitted: FittedMember) -> tuple[Constant, ...]:
-    source = "identification"
     scale = Constant("scale_rad", fitted.scale_rad, "largest trained deflection", "identified")
     weights = (
-        Constant(f"w{i}_{t.kind}_Nm", w, source, "identified")
-        for i, (w, t) in enumerate(fitted.used, 1)
+        Constant(f"w{i}_Nm", w, t.text, "identified") for i, (w, t) in enumerate(fitted.used, 1)
     )
     return (scale, *weights)
 
