@@ -250,11 +250,9 @@ def test_its_step_is_within_the_aim_on_the_emulated_board(hdrb):
 # The choice, and the whole command.
 
 
-def rows(errors: dict[str, list[float]], costs: dict[str, float | None]) -> list[CompareRow]:
+def rows(errors: dict[str, list[float]]) -> list[CompareRow]:
     return [
-        CompareRow(m, f"c{i}", 1.0, e, costs[m])
-        for m, es in errors.items()
-        for i, e in enumerate(es)
+        CompareRow(m, f"c{i}", 1.0, e, None) for m, es in errors.items() for i, e in enumerate(es)
     ]
 
 
@@ -262,7 +260,7 @@ def test_the_cheapest_of_those_that_are_as_good_is_chosen():
     """Excess of "plain": 0.2, -0.15, 0.2, mean 0.083, standard error 0.117; "poor" 2.2."""
     errors = {"rich": [1.0, 5.0, 2.0], "plain": [1.2, 4.85, 2.2], "poor": [3.0, 8.0, 3.6]}
     costs = {"rich": 500.0, "plain": 300.0, "poor": 100.0}
-    chosen, best, spread = choose(rows(errors, costs), {"c0", "c1", "c2"})
+    chosen, best, spread = choose(rows(errors), {"c0", "c1", "c2"}, costs)
     assert (chosen, best) == ("plain", "rich")
     assert spread == pytest.approx(0.11667, rel=1e-4)
 
@@ -270,12 +268,13 @@ def test_the_cheapest_of_those_that_are_as_good_is_chosen():
 def test_a_model_that_is_worse_everywhere_is_not_as_good_however_hard_one_condition_is():
     """Conditions differ by 9 %, models by 0.3 %: the latter decides."""
     errors = {"rich": [1.0, 10.0, 2.0], "plain": [1.3, 10.32, 2.29]}
-    assert choose(rows(errors, {"rich": 500.0, "plain": 300.0}), {"c0", "c1", "c2"})[0] == "rich"
+    costs = {"rich": 500.0, "plain": 300.0}
+    assert choose(rows(errors), {"c0", "c1", "c2"}, costs)[0] == "rich"
 
 
 def test_a_model_that_no_board_runs_is_never_chosen():
     errors = {"rich": [2.0, 3.0], "peer": [1.0, 1.0]}
-    assert choose(rows(errors, {"rich": 500.0, "peer": None}), {"c0", "c1"})[0] == "rich"
+    assert choose(rows(errors), {"c0", "c1"}, {"rich": 500.0})[0] == "rich"
 
 
 @pytest.mark.parametrize("name", PEERS)
@@ -309,6 +308,21 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path, monkeypatch):
         assert 0 < r["held_out"] < 20
     assert found["chosen"] in done.output
     assert f"{found['compare'][0]['held_out']:.2f}" in done.output
+
+
+def test_without_an_emulator_the_comparison_goes_on(tmp_path, monkeypatch):
+    """Instructions are not counted, which is said; the choice goes by operations."""
+    require_tool("gcc")
+    monkeypatch.setattr(comparing, "members", lambda: (member("stops"),))
+    monkeypatch.setattr(comparing, "PEERS", {})
+    monkeypatch.setattr(esea_gen.bench.sensor_cost, "missing_tool", lambda: "No emulator.")
+    path, target = write_rig(tmp_path, {"small": 2.0, "large": 5.0}), tmp_path / "found.json"
+    done = CliRunner().invoke(app, ["identify", str(path), "--compare", "--json", str(target)])
+    assert done.exit_code == 0
+    assert "instructions are not counted. No emulator." in " ".join(done.output.split())
+    found = json.loads(target.read_text())
+    assert {r["instructions"] for r in found["compare"]} == {None}
+    assert found["chosen"] in ("thesis", "stops")
 
 
 def test_the_same_input_gives_the_same_comparison(tmp_path, monkeypatch):

@@ -10,9 +10,24 @@ from esea_gen.bench.steps import AIM_BOARD
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
+from esea_gen.errors import UserError
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.targets import ARM_GCC
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 STEPS = 400
+
+
+def missing_tool() -> str:
+    """What is not installed that counting needs, and how to get it; empty where all is there."""
+    from esea_gen.verify.emulator import find_qemu
+
+    try:
+        find_qemu()
+        find_compiler(*ARM_GCC.gcc)
+    except UserError as error:
+        return str(error)
+    return ""
 
 
 def sensor_instructions(device: Device) -> float:
@@ -34,4 +49,4 @@ def sensor_instructions(device: Device) -> float:
     return found.mean
 
 
-__all__ = ["sensor_instructions"]
+__all__ = ["missing_tool", "sensor_instructions"]

@@ -70,14 +70,17 @@ def identify(
 
 
 def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) -> None:
-    from esea_gen.bench.sensor_cost import sensor_instructions
+    from esea_gen.bench.sensor_cost import missing_tool, sensor_instructions
     from esea_gen.identify.compare import compare
 
+    missing = missing_tool()
+    if missing:
+        out.print(f"note: instructions are not counted. {missing}")
     with progress_line() as say:
         result = compare(
             mapping,
             data,
-            sensor_instructions,
+            None if missing else sensor_instructions,
             lambda share, what: say(f"{100 * share:.0f} % {what}"),
         )
     show(result, json_file)

@@ -14,7 +14,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.errors import UserError
 from esea_gen.identify.candidates import members
 from esea_gen.identify.conditions import Split, splits_of
 from esea_gen.identify.drafting import draft
@@ -34,6 +33,7 @@ from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.peers import PEERS, fit_peer
 from esea_gen.identify.recording import Recording, load_recordings
 from esea_gen.language.ports import Array
+from esea_gen.model.family import Member
 
 THESIS = "thesis"
 THESIS_POPULATION = 256
@@ -51,7 +51,7 @@ class CompareRow:
     training, held_out : float
         Errors.
     instructions : float, optional
-        Of a step on the Cortex-M4F; None for a model that is no Block.
+        Of a step on the Cortex-M4F; None for a model that is no Block, or not counted.
     """
 
     model: str
@@ -191,7 +191,8 @@ def compare(
     data_folder : str or Path, optional
         Folder of the recordings; the mapping file's own when not given.
     cost : callable, optional
-        Instructions of the sensor's step of a device; without it, number of operations of the step.
+        Instructions of the sensor's step of a device; without it the choice goes by the step's
+        number of operations.
     progress : callable, optional
         ``progress(share, text)``.
     peers : bool
@@ -207,50 +208,88 @@ def compare(
     UserError
         For anything wrong in the mapping file or the recordings.
     """
-    tell: Progress = progress or (lambda share, text: None)
     source = load_mapping(mapping_path, data_folder)
     recordings = load_recordings(source)
     splits = splits_of(recordings)
-    full = draft(source, recordings, False).tau_full_scale_Nm
-    price = cost or _operations
-    rows: list[CompareRow] = []
-    devices: dict[str, Device] = {}
     timed = all(r.timed for r in recordings)
     able = [m for m in members() if timed or not m.timed]
     others = list(PEERS) if peers else []
-    total = len(splits) * (1 + len(able) + len(others))
-
-    def add(name: str, split: Split, errors: Misfits, instructions: float | None) -> None:
-        trained, held_out = (100 * errors.mean_rms(held) / full for held in (False, True))
-        rows.append(CompareRow(name, split.condition, trained, held_out, instructions))
-        tell(len(rows) / total, f"{name}, {split.condition}")
-
-    # The file's own division first: what its fit costs stands for the model.
-    ordered = sorted(splits, key=lambda s: not s.declared)
-    counted = 0.0
-    for split in ordered:
-        device, errors = _thesis(source, split)
-        if split.declared:
-            devices[THESIS], counted = device, price(device)
-        add(THESIS, split, errors, counted)
-    rate = _grid_rate(source)
+    run = _Run(source, recordings, splits, cost, progress or (lambda share, text: None))
+    run.total = len(splits) * (1 + len(able) + len(others))
+    run.thesis()
     for member in able:
-        terms = UnitTerms(member, recordings, rate)
-        for split in ordered:
-            fitted = fit_member(terms, split.recordings, full)
-            if split.declared:
-                template = draft(source, list(split.recordings), False)
-                own = FamilyDevice(template.file, template.origin, fitted)
-                devices[member.name], counted = own, price(own)
-            add(member.name, split, misfits_of(terms, split.recordings, fitted), counted)
+        run.member(member)
     for name in others:
-        for split in ordered:
-            torque = fit_peer(name, split.recordings, source.mapping.search.seed)
-            add(name, split, _errors(split.recordings, torque), None)
-    chosen, best, spread = choose(rows, {s.condition for s in splits if s.whole})
+        run.peer(name)
+    whole = {s.condition for s in splits if s.whole}
+    chosen, best, spread = choose(run.rows, whole, run.costs)
     return ModelComparison(
-        source, full, tuple(rows), chosen, best, spread, devices, _notes(timed, splits, able)
+        source,
+        run.full_scale_Nm,
+        tuple(run.rows),
+        chosen,
+        best,
+        spread,
+        run.devices,
+        _notes(timed, splits, able),
     )
+
+
+class _Run:
+    """One comparison under way: its rows so far."""
+
+    def __init__(
+        self,
+        source: MappingFile,
+        recordings: list[Recording],
+        splits: Sequence[Split],
+        cost: Cost | None,
+        tell: Progress,
+    ) -> None:
+        self.source, self.recordings, self.cost, self.tell = source, recordings, cost, tell
+        # The file's own division first: what its fit costs stands for the model.
+        self.splits = sorted(splits, key=lambda s: not s.declared)
+        self.full_scale_Nm = draft(source, recordings, False).tau_full_scale_Nm
+        self.total = 0
+        self.rows: list[CompareRow] = []
+        self.devices: dict[str, Device] = {}
+        self.costs: dict[str, float] = {}
+        self.instructions: dict[str, float] = {}
+
+    def price(self, name: str, device: Device) -> None:
+        self.devices[name] = device
+        if self.cost is not None:
+            self.instructions[name] = self.cost(device)
+        self.costs[name] = self.instructions.get(name, float(device.sensor.step.n_instructions()))
+
+    def add(self, name: str, split: Split, errors: Misfits) -> None:
+        trained, held_out = (
+            100 * errors.mean_rms(held) / self.full_scale_Nm for held in (False, True)
+        )
+        counted = self.instructions.get(name)
+        self.rows.append(CompareRow(name, split.condition, trained, held_out, counted))
+        self.tell(len(self.rows) / self.total, f"{name}, {split.condition}")
+
+    def thesis(self) -> None:
+        for split in self.splits:
+            device, errors = _thesis(self.source, split)
+            if split.declared:
+                self.price(THESIS, device)
+            self.add(THESIS, split, errors)
+
+    def member(self, member: Member) -> None:
+        terms = UnitTerms(member, self.recordings, _grid_rate(self.source))
+        for split in self.splits:
+            fitted = fit_member(terms, split.recordings, self.full_scale_Nm)
+            if split.declared:
+                template = draft(self.source, list(split.recordings), False)
+                self.price(member.name, FamilyDevice(template.file, template.origin, fitted))
+            self.add(member.name, split, misfits_of(terms, split.recordings, fitted))
+
+    def peer(self, name: str) -> None:
+        for split in self.splits:
+            torque = fit_peer(name, split.recordings, self.source.mapping.search.seed)
+            self.add(name, split, _errors(split.recordings, torque))
 
 
 def _grid_rate(source: MappingFile) -> float:
@@ -272,11 +311,9 @@ def _errors(recordings: Sequence[Recording], torque: Sequence[Array]) -> Misfits
     return Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in zip(recordings, torque, strict=True)))
 
 
-def _operations(device: Device) -> float:
-    return float(device.sensor.step.n_instructions())
-
-
-def choose(rows: Sequence[CompareRow], whole: set[str]) -> tuple[str, str, float]:
+def choose(
+    rows: Sequence[CompareRow], whole: set[str], costs: Mapping[str, float]
+) -> tuple[str, str, float]:
     """The cheapest model that is within one standard error as good as the best.
 
     Parameters
@@ -285,6 +322,8 @@ def choose(rows: Sequence[CompareRow], whole: set[str]) -> tuple[str, str, float
         Of every model the same conditions.
     whole : set of str
         Conditions left out as a whole, which count; where there is none, all do.
+    costs : mapping of str to float
+        Of every model that may be chosen.
 
     Returns
     -------
@@ -295,13 +334,9 @@ def choose(rows: Sequence[CompareRow], whole: set[str]) -> tuple[str, str, float
     """
     left_out = [r for r in rows if r.condition in whole] or list(rows)
     errors: dict[str, list[float]] = {}
-    costs: dict[str, float] = {}
     for r in left_out:
-        if r.instructions is not None:
+        if r.model in costs:
             errors.setdefault(r.model, []).append(r.held_out)
-            costs[r.model] = r.instructions
-    if not errors:
-        raise UserError("No model has a cost to choose by.", "Compare models that are Blocks.")
     mean = {m: float(np.mean(e)) for m, e in errors.items()}
     best = min(mean, key=lambda m: mean[m])
     excess = {m: np.array(e) - np.array(errors[best]) for m, e in errors.items()}
