@@ -36,7 +36,8 @@ class _FamilyInverse:
 
     def __init__(self, device: DeviceData, fitted: FittedMember, start: Start, steps: int) -> None:
         file = device.file
-        self.model, self.steps, self.h = family_step(device, fitted, start), steps, device.period_s
+        self.model = family_step(device, fitted, start, derived=True)
+        self.steps, self.h = steps, device.period_s
         self.theta_lim = threshold(file.limits.theta_rad.value)
         self.tau_lim = torque_limit(device, fitted)
         self.omega_lim = threshold(2 * self.theta_lim / self.h)

@@ -111,7 +111,10 @@ def maxwell_shares(ratio: float) -> tuple[float, float]:
 
 
 class FamilyStep:
-    """The step of any member: operators, softening, memory."""
+    """The step of any member: operators, softening, memory.
+
+    derived: whether its derivative will be taken; the values are the same.
+    """
 
     def __init__(
         self,
@@ -121,8 +124,10 @@ class FamilyStep:
         theta_lim: float,
         period_s: float,
         start: Start,
+        derived: bool = False,
     ) -> None:
         self.elements = elements
+        self.derived = derived
         self.h, self.scale, self.theta_lim = period_s, scale_rad, theta_lim
         self.reach = theta_lim / scale_rad
         self.start = start
@@ -130,6 +135,15 @@ class FamilyStep:
         found = {s for e in elements for _, s, _ in e.gains if s}
         self.strains = sorted({s.number for s in found if s.kind == "strain"})
         self.paths = sorted({s.number for s in found if s.kind == "path"})
+
+    def larger(self, a: Any, b: Any) -> ca.SX:
+        # CasADi's derivative of a maximum divides by the number of sides that attain it.
+        return ca.if_else(a > b, a, b) if self.derived else ca.fmax(a, b)
+
+    def clip(self, x: ca.SX, low: Any, high: Any) -> ca.SX:
+        if not self.derived:
+            return clip(x, low, high)
+        return ca.if_else(x > high, high, ca.if_else(x < low, low, x))
 
     def drive(self, e: _Element, x: ca.SX) -> ca.SX:
         total = ca.SX(0)
@@ -173,16 +187,18 @@ class FamilyStep:
         """Factors of this step, from the memory of the last one; then the memory itself."""
         factors: dict[Softening | None, ca.SX] = {None: ca.SX(1)}
         if self.strains:
-            reached = ca.fmax(s.reached, ca.if_else(primed, 0, ca.fabs(x)))
+            reached = self.larger(s.reached, ca.if_else(primed, 0, ca.fabs(x)))
             label("reached_before", reached, "m, largest |x| before this step")
             for i, a in enumerate(self.strains, 1):
                 factor = 1 / (1 + reached * (1 / a))
                 text = f"softening by strain, 1/(1 + m/{a:g})"
                 factors[Softening("strain", a)] = label(f"strain_{i}", factor, text)
-            state["reached"] = label("reached_now", ca.fmax(reached, ca.fabs(x)), "m")
+            state["reached"] = label("reached_now", self.larger(reached, ca.fabs(x)), "m")
         if self.paths:
             before = ca.if_else(primed, s.band, x)
-            band = label("band_now", clip(before, x - PATH_BAND, x + PATH_BAND), "play of the path")
+            band = label(
+                "band_now", self.clip(before, x - PATH_BAND, x + PATH_BAND), "play of the path"
+            )
             moved = label("moved", ca.fabs(band - before), "path of this step")
             kept = []
             for i, length in enumerate(self.paths):
@@ -228,7 +244,7 @@ class FamilyStep:
     def stop(
         self, e: _Element, s: Any, i: int, q: ca.SX, _q_last: ca.SX, primed: ca.SX
     ) -> tuple[ca.SX, ca.SX]:
-        inner = clip(ca.if_else(primed, s.play[i], q), q - e.number, q + e.number)
+        inner = self.clip(ca.if_else(primed, s.play[i], q), q - e.number, q + e.number)
         return inner, q - inner
 
     def slip(
@@ -236,12 +252,12 @@ class FamilyStep:
     ) -> tuple[ca.SX, ca.SX]:
         # Of a larger step it remembers next to nothing; so far the series' rounding stays small.
         most = threshold(SLIP_STEP * e.number)
-        went = clip(q - q_last, -most, most)
+        went = self.clip(q - q_last, -most, most)
         v = ca.fabs(went) * (1 / e.number)
         series = 1 + v * (0.5 + v * (1 / 6))
         raw = (ca.if_else(primed, s.slip[i], 0) + went * series) / (1 + v * series)
         limit = threshold(e.number)  # only rounding is clipped
-        return clip(raw, -limit, limit), q
+        return self.clip(raw, -limit, limit), q
 
     def state(self) -> tuple[Port, ...]:
         rested = self.start == "virgin"
@@ -338,7 +354,9 @@ def torque_limit(device: DeviceData, fitted: FittedMember) -> float:
     return threshold(max(device.file.limits.tau_Nm.value, ROOM * reach))
 
 
-def family_step(device: DeviceData, fitted: FittedMember, start: Start) -> FamilyStep:
+def family_step(
+    device: DeviceData, fitted: FittedMember, start: Start, derived: bool = False
+) -> FamilyStep:
     """The step of a fitted member: the one place where sensor and inverse have it from.
 
     Parameters
@@ -349,6 +367,8 @@ def family_step(device: DeviceData, fitted: FittedMember, start: Start) -> Famil
         The model.
     start : {"virgin", "conditioned"}
         As in :func:`family_sensor`.
+    derived : bool
+        Whether its derivative will be taken.
 
     Returns
     -------
@@ -361,6 +381,7 @@ def family_step(device: DeviceData, fitted: FittedMember, start: Start) -> Famil
         theta_lim=threshold(device.file.limits.theta_rad.value),
         period_s=device.period_s,
         start=start,
+        derived=derived,
     )
 
 
