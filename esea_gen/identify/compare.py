@@ -135,7 +135,7 @@ class ModelComparison:
         conditions = list(dict.fromkeys(r.condition for r in self.rows))
         cells = {(r.model, r.condition): r for r in self.rows}
         first = max(len(m) for m in models) + 2
-        width = max(13, *(len(c) + 2 for c in conditions))
+        width = max(16, *(len(c) + 2 for c in conditions))
         lines = [
             f"{self.source.mapping.device.title}: held out / training, RMS in % of full scale "
             f"({self.full_scale_Nm:g} Nm)",
