@@ -20,7 +20,8 @@ from esea_gen.identify.family_fit import FamilyDevice
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
 from esea_gen.model.family_inverse import family_inverse
-from esea_gen.model.family_sensor import family_sensor, maxwell_shares, unit_terms
+from esea_gen.model.family_sensor import family_sensor, unit_terms
+from esea_gen.model.family_step import maxwell_shares
 from esea_gen.model.inverse import inverse_system
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare as compare_c
