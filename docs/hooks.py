@@ -44,6 +44,8 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
             *(f"model.{m}" for m in ("sensing", "symbolic", "velocity_properties")),
             "model.gear_encoder",
+            "model.family",
+            "model.family_inverse",
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
             *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
             *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
@@ -56,6 +58,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Identification, twin, analysis",
         (
             *(f"identify.{m}" for m in ("mapping", "replay", "identification", "verdict")),
+            "identify.compare",
             "twin.closed_loop",
             *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),
             *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),

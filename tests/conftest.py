@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import shutil
 from pathlib import Path
 from typing import NoReturn
@@ -82,3 +83,11 @@ def elbow_f64(elbow: Device) -> HostLibrary:
 def elbow_f32(elbow: Device) -> HostLibrary:
     require_tool("gcc")
     return compile_device(elbow, "f32")
+
+
+def without(text: str, *sections: str) -> str:
+    """A device file's text less some sections, each up to the next one."""
+    for name in sections:
+        text, found = re.subn(rf"(?ms)^\[{re.escape(name)}\]\n.*?(?=^\[|\Z)", "", text)
+        assert found == 1, name
+    return text

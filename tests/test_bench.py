@@ -325,7 +325,7 @@ def test_a_task_is_counted_and_computes_the_closed_loops_bits(elbow_drive, recor
         for t in elbow_drive.system.tasks
         for i in t.blocks
     ]
-    sums = {"sense": 18, "control": 4}
+    sums = {"sense": 19, "control": 4}
     seen = iter(
         checksum(
             np.column_stack(

@@ -28,11 +28,11 @@ from esea_gen.verify.ties import aimed_stream
 from .conftest import require_tool
 
 # Sides that no input can take, per Block, in f32.  None of the others has any.
-IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "torque_lead": 1}
+IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "torque_lead": 1, "passivity": 3}
 BLOCKS = [
     *("encoder", "joint", "velocity", "sensor", "rate"),
     *("reference", "inverse", "setpoint_rates", "limits", "drive_observer", "human_eso"),
-    *("encoder_gear", "gear_observer", "redundancy"),
+    *("encoder_gear", "gear_observer", "redundancy", "passivity"),
     *("torque_lead", "smoothed_setpoint", "set_trend", "sliding_mode", "stamp"),
 ]
 

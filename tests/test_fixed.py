@@ -26,6 +26,7 @@ from esea_gen.emit.fixed.table import (
     range_table,
 )
 from esea_gen.emit.fixed.values import LoweringError
+from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
@@ -191,6 +192,9 @@ def test_what_cannot_be_lowered_says_what_where_and_what_would_do(expression, wo
         Planner(block).plan()
     for word in words:
         assert word in str(error.value)
+    # Every command prints it as bad input, without a traceback.
+    assert isinstance(error.value, UserError)
+    assert "--real f32" in error.value.fix
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,10 @@ from .test_fixed import header_problems
 HDRB = Path(__file__).parent / "data" / "hdrb" / "hdrb.toml"
 # Rate limits and integrals keep what rounding adds, as would a sum of counts, were they not whole;
 # the set-point's error is one step's by nature.
-FORGETFUL = {"limits", "sliding_mode", "inverse", "reference", "set_trend", "encoder_gear"}
+FORGETFUL = {
+    *("limits", "sliding_mode", "inverse", "reference", "set_trend", "encoder_gear"),
+    "passivity",
+}
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +100,10 @@ def test_bounds_of_torque_control(drive, bounds):
             # An extrapolation: what its rate is off by is one step's, over its square.
             if not p.flags and block.name != "set_trend":
                 share = bounds[block.name].outputs[p.name] / max(abs(p.low), abs(p.high))
-                # The inverse's model torque carries its set-point's error times the stiffness.
-                assert share < (4e-4 if block.name == "inverse" else 1.1e-4), (block.name, p.name)
+                # The inverse's model torque carries its set-point's error times the stiffness; the
+                # damping is a quotient of small powers.
+                most = {"inverse": 4e-4, "passivity": 2.5e-3}.get(block.name, 1.1e-4)
+                assert share < most, (block.name, p.name)
 
 
 def test_a_wrong_decision_is_not_explained_by_rounding(drive, library):
@@ -146,10 +151,12 @@ def test_the_whole_system_in_q31(drive, library):
             if x.port.unit == "1":
                 assert np.array_equal(a, b), x.name
                 continue
-            # Measured: 0.16 % of the motor command, 0.13 % of what the drive's observers leave over
-            # (from the rates), below 0.03 % of all else.
+            # Measured: 0.29 % of the motor command (the damping added is a quotient of small
+            # powers), 0.13 % of what the drive's observers leave over, below 0.05 % of all else.
             full = max(abs(x.port.low), abs(x.port.high))
-            share = 0.002 if x.name.startswith(("u_", "d4_", "apart_")) else 0.001
+            share = {"u_": 0.004, "d4_": 0.002, "apart_": 0.002}.get(
+                x.name.split("_")[0] + "_", 0.001
+            )
             assert np.max(np.abs(a - b)) < share * full, x.name
             moved += np.ptp(b) > 0
     assert moved > 10

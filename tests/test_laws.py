@@ -33,7 +33,7 @@ from esea_gen.twin.run import run_case, run_on
 from .conftest import ROOT, require_tool
 
 EXAMPLE = f"{ROOT / 'examples' / 'proportional.py'}:LAW"
-CHANGE_S = (3.0, 5.0)
+CHANGE_S = (3.4, 5.0)
 
 
 # -- the table -------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import sympy as sp
 
 import esea_gen
 from esea_gen.analysis.passivity import Hand
+from esea_gen.control.limits import limits
 from esea_gen.control.passivity import passivity
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
@@ -21,7 +22,7 @@ from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import run_case
 from esea_gen.verify.tools import tool
 
-from .conftest import require_tool
+from .conftest import require_tool, without
 
 H, J, RATIO, LAG_S, U_MAX, U_STEP = 1e-3, 0.663, 74.0, 0.03488, 0.221, 0.05
 ENERGY_J = 4.0
@@ -50,6 +51,7 @@ def sample(**changed: float) -> dict[str, float]:
     rest = {
         "mode": 1.0,
         "sensing_ok": 1.0,
+        "request_ok": 1.0,
         "tau_set_Nm": 0.0,
         "Kp_Nm_rad": 0.0,
         "Kd_Nms_rad": 0.0,
@@ -143,7 +145,9 @@ def test_given_is_the_work_of_the_torque_less_that_of_the_wanted_one(drive):
     assert y["given_J"] == 0
 
 
-def runaway(device: Device, command, seconds: float = 1.5, gate: bool = True) -> np.ndarray:
+def runaway(
+    device: Device, command, seconds: float = 1.5, gate: bool = True, rate: float = 1.0
+) -> np.ndarray:
     """Energy of the drive alone, without friction, with commands as they come; shape (n,).
 
     The worst there is: all that the motor gives stays.  The speed is seen at once.
@@ -155,7 +159,7 @@ def runaway(device: Device, command, seconds: float = 1.5, gate: bool = True) ->
         asked = float(np.clip(command(k, speed), -U_MAX, U_MAX))
         y = block.step(**sample(omega_motor_rad_s=speed, u_command_Nm=asked))
         let = float(y["u_command_Nm"]) if gate else asked
-        last += float(np.clip(let - last, -U_STEP, U_STEP))
+        last += float(np.clip(let - last, -rate * U_STEP, rate * U_STEP))
         # (5.1) exactly, and J omega' = n v by its mean over the tick.
         keep = math.exp(-H / LAG_S)
         mean = last + (v - last) * (1 - keep) * LAG_S / H
@@ -184,6 +188,29 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 def test_no_law_brings_the_drive_beyond_its_energy(drive, name):
     assert np.max(runaway(drive, LAWS[name])) <= ENERGY_J * (1 + 1e-6)
+
+
+def test_a_slower_rate_is_allowed_as_far_as_the_bound_holds(drive):
+    """A command that may not come down fast goes on pushing: less than a tenth is refused."""
+    (tunable,) = [t for t in limits(drive).tunables if t.name == "u_rate_Nm_s"]
+    slowest = tunable.low / tunable.high
+    assert slowest == pytest.approx(0.1)
+    law = LAWS["all there is"]
+    assert np.max(runaway(drive, law, 6.0, rate=slowest)) <= ENERGY_J * (1 + 1e-3)
+    # Armed.
+    assert np.max(runaway(drive, law, 6.0, rate=0.1 * slowest)) > 1.5 * ENERGY_J
+
+
+def test_a_corrupt_memory_is_a_request_that_is_not_sound(drive):
+    """What was given is forgotten with it, so the limits have to latch."""
+    block = passivity(drive).simulator()
+    assert block.step(**sample())["request_ok"] == 1
+    assert block.step(**sample(request_ok=0.0))["request_ok"] == 0
+    for name in ("given_J", "v_Nm", "most_Nm", "damping_Nms_rad"):
+        block.state = {name: np.nan}
+        y = block.step(**sample())
+        assert (y["request_ok"], int(y["status"]) & 2) == (0, 2)
+        assert block.step(**sample())["request_ok"] == 1
 
 
 def test_the_bound_is_used_and_it_is_the_block_that_holds_it(drive):
@@ -278,6 +305,8 @@ def test_the_proof_is_of_the_blocks_own_constants(drive):
     assert found["omega_most_rad_s"] == pytest.approx(OMEGA)
     assert found["by_lag_J_Nm"] == pytest.approx(OMEGA * (LAG_S + LATE_S) * RATIO, rel=1e-3)
     assert found["by_rate_J_Nm"] == pytest.approx(OMEGA * H * ticks * RATIO, rel=1e-3)
+    opened = OMEGA * H * RATIO * (1 + LATE_S * (1 - a) / H + ticks)
+    assert found["open_Nm_J"] == pytest.approx(1 / opened, rel=1e-3)
 
 
 # -- on the twin -----------------------------------------------------------------------------------
@@ -288,7 +317,7 @@ def bare(tmp_path_factory) -> str:
     """The same device without the section, and so without the Block."""
     text = SHIPPED.read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("bare") / "bare.toml"
-    text = text[: text.index("[passivity]")].replace('name = "elbow_drive"', 'name = "bare"')
+    text = without(text, "passivity").replace('name = "elbow_drive"', 'name = "bare"')
     path.write_text(text, encoding="utf-8")
     return str(path)
 

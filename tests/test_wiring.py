@@ -37,7 +37,7 @@ LIMITS = """
     # same latch.
     limits.u_command_Nm           passivity.u_command_Nm
     limits.control_beat           stamp.control_beat
-    limits.request_ok             reference.request_ok
+    limits.request_ok             passivity.request_ok
     limits.sensing_ok             joint.sensing_ok
     limits.theta_rad              joint.theta_rad
     limits.theta_motor_rad        encoder_motor.theta_rad
@@ -63,6 +63,7 @@ PASSIVE = """
     passivity.mode                reference.mode
     passivity.sensing_ok          joint.sensing_ok
     passivity.tau_set_Nm          reference.tau_set_Nm
+    passivity.request_ok          reference.request_ok
     passivity.Kp_Nm_rad           reference.stiffness_Nm_rad
     passivity.Kd_Nms_rad          reference.damping_Nms_rad
     passivity.tau_Nm              sensor.tau_Nm

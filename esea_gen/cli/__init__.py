@@ -1,6 +1,6 @@
 """``esea-gen``: the command line.  One file a group of commands; each registers itself."""
 
-from esea_gen.cli import boards, evidence, experiments, generate, identification, pages
+from esea_gen.cli import boards, evidence, experiments, generate, identification, pages, startup
 from esea_gen.cli.app import app, main
 
 __all__ = [
@@ -12,4 +12,5 @@ __all__ = [
     "identification",
     "main",
     "pages",
+    "startup",
 ]

@@ -29,9 +29,20 @@ def identify(
     inverse: Annotated[
         bool, typer.Option("--inverse", help="Refit the published inverse's play operators too.")
     ] = False,
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare", help="Compare models by conditions left out, and write no device file."
+        ),
+    ] = False,
     json_file: JsonOption = None,
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
+    if compare:
+        if inverse or folder is not None:
+            raise UserError("--compare writes no device file.", "Leave --inverse and --out out.")
+        _compare_models(mapping, data, json_file)
+        return
     from esea_gen.identify import identify as identify_recording
     from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page
@@ -56,6 +67,23 @@ def identify(
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
     write_json(json_file, content)
+
+
+def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) -> None:
+    from esea_gen.bench.sensor_cost import missing_tool, sensor_instructions
+    from esea_gen.identify.compare import compare
+
+    missing = missing_tool()
+    if missing:
+        out.print(f"note: instructions are not counted. {missing}")
+    with progress_line() as say:
+        result = compare(
+            mapping,
+            data,
+            None if missing else sensor_instructions,
+            lambda share, what: say(f"{100 * share:.0f} % {what}"),
+        )
+    show(result, json_file)
 
 
 @app.command(cls=StudyCommand)

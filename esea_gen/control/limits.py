@@ -181,7 +181,12 @@ def _tunables(n: LimitNumbers) -> tuple[Tunable, ...]:
 
     return (
         narrowed("u_max_Nm", n.u_max, 0.01, "largest |motor command|: lower is weaker"),
-        narrowed("u_rate_Nm_s", n.u_rate, 0.01, "fastest change of the command: lower is softer"),
+        narrowed(
+            "u_rate_Nm_s",
+            n.u_rate,
+            n.least_rate_share,
+            "fastest change of the command: lower is softer",
+        ),
         narrowed("tau_max_Nm", n.tau_max, 0.05, "interaction torque that trips"),
         narrowed("theta_max_rad", n.theta_max, 0.05, "deflection that trips"),
         end("rom_min_rad", n.rom_min, "joint angle below which nothing pushes further: up narrows"),

@@ -32,7 +32,7 @@ LEAST_DAMPING = 0.02
 LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S, LAMBDA_SHARE = 1.0, 25.0, 0.125
 SLOW_HZ = 0.5
 """Below, a mode is the integral's or an estimate's creep and no swing."""
-_STATES: tuple[str, ...] = (
+LOOP_STATES: tuple[str, ...] = (
     "theta",
     "omega",
     "u_a",
@@ -44,7 +44,7 @@ _STATES: tuple[str, ...] = (
     "omega_last",
     "passive",
 )
-_STATES += ("u_held", "u_a_model", "d4", "integral", "u_pending", "u_now")
+LOOP_STATES += ("u_held", "u_a_model", "d4", "integral", "u_pending", "u_now")
 
 
 def sliding_mode_numbers(device: DeviceData) -> SlidingMode:
@@ -134,8 +134,8 @@ def check_loop(device: DeviceData, lead: float) -> None:
 
 
 def _worst(device: DeviceData, lead: float, slope: float, stiffness: float) -> Mode:
-    period = _Period(device, lead, slope, stiffness)
-    matrix = np.stack([period(x) for x in np.eye(len(_STATES))], axis=1)
+    period = LoopPeriod(device, lead, slope, stiffness)
+    matrix = np.stack([period(x) for x in np.eye(len(LOOP_STATES))], axis=1)
     poles = np.linalg.eigvals(matrix)
     s = np.log(poles[np.abs(poles) > 1e-6].astype(complex)) / period.control_s
     frequency = np.abs(s) / (2 * np.pi)
@@ -145,7 +145,7 @@ def _worst(device: DeviceData, lead: float, slope: float, stiffness: float) -> M
     return Mode(float(damping[i]), float(frequency[swings][i]))
 
 
-class _Period:
+class LoopPeriod:
     # One control period, from its first tick to the next one's, on numbers that enter linearly.
 
     def __init__(self, device: DeviceData, lead: float, slope: float, stiffness: float) -> None:
@@ -179,7 +179,7 @@ class _Period:
         self.share = 1 - math.exp(-drive.disturbance.drive_1_s.value * h)
 
     def __call__(self, state: Array) -> Array:
-        x = dict(zip(_STATES, state.tolist(), strict=True))
+        x = dict(zip(LOOP_STATES, state.tolist(), strict=True))
         fa, fb, fc, fd = self.filter
         for tick in range(self.every):
             if tick == 0:
@@ -195,7 +195,7 @@ class _Period:
             now = np.array([x["theta"], x["omega"], x["u_a"]])
             now = self.moved @ now + self.pushed * x["u_now"]
             x |= dict(zip(("theta", "omega", "u_a"), now, strict=True))
-        return np.array([x[k] for k in _STATES])
+        return np.array([x[k] for k in LOOP_STATES])
 
     def _observe(self, x: dict[str, Any], rate: float) -> None:
         passive = -(self.fv * rate + self.k * x["theta"]) / self.j

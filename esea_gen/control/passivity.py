@@ -189,6 +189,7 @@ class _Passivity:
             derived("omega_most_rad_s", self.omega_most, "speed of the drive at energy_J"),
             derived("by_lag_J_Nm", self.by_lag_J_Nm, "what the motor's lag may still bring"),
             derived("by_rate_J_Nm", self.by_rate_J_Nm, "what the rate limit may still bring"),
+            derived("open_Nm_J", self.open_Nm_J, "[pas 6] command let by for the energy left"),
         )
 
     def step(
@@ -229,6 +230,8 @@ class _Passivity:
             ca.fabs(u.omega_motor_rad_s) > self.omega_most,
         ]
         outputs = told | {
+            # What was given is forgotten with the memory: the limits latch.
+            "request_ok": ca.logic_and(u.request_ok == 1, guard.state_ok),
             "u_command_Nm": passed,
             "given_J": held["given_J"],
             "held_J": gated.held_J,
@@ -360,6 +363,7 @@ class _Passivity:
         return (
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
+            Port("request_ok", 0.0, 1.0, "1 while what is wanted is sound"),
             around("tau_set_Nm", self.tau_set_lim, "set torque"),
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness of the impedance law"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
@@ -374,7 +378,11 @@ class _Passivity:
     def outputs(self) -> tuple[Port, ...]:
         flags = (
             Flag("INPUT_INVALID", "an input was NaN or outside its range; the command is 0", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; all is counted afresh", True),
+            Flag(
+                "STATE_REPAIRED",
+                "the state was corrupt, all is forgotten: the limits latch",
+                True,
+            ),
             Flag("DAMPED", "damping is added to what is wanted"),
             Flag("COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"),
             Flag("FAST", "the drive is faster than the bound reckons with"),
@@ -383,6 +391,7 @@ class _Passivity:
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
             Port("mode_ahead", 0.0, 2.0, "mode; 2 while the set torque follows the limb's motion"),
+            Port("request_ok", 0.0, 1.0, "that of the input, and 0 with a corrupt state"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),

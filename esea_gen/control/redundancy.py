@@ -112,7 +112,9 @@ class _Redundancy:
         label: Labels,
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
-        ready = label("ready", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
+        # A repaired memory has no zero: the limits latch, and the person who rearms takes it anew.
+        sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
+        ready = label("ready", ca.logic_and(sound, both), "both angles can be compared")
         zeroed = s.zeroed > 0.5
         found = label(
             "found_rad",
@@ -205,7 +207,11 @@ def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Arra
 def _flags() -> tuple[Flag, ...]:
     return (
         Flag("INPUT_INVALID", "an input was NaN or outside its range", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the angles are compared afresh", True),
+        Flag(
+            "STATE_REPAIRED",
+            "the state was corrupt, the zero is lost: the limits latch",
+            True,
+        ),
         Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
         Flag("ANGLES_PART", "the motor's encoder and the motor-side one contradict each other"),
         Flag("TORQUES_PART", "the drive moves otherwise than motor and coupling would move it"),

@@ -96,6 +96,8 @@ class LimitNumbers:
         )
         self.command_lim = command_range(device)
         self.stale_ticks = float(STALE_PERIODS * every)
+        # The bound of what a drive gives reckons with the compiled rate: it holds down to a tenth.
+        self.least_rate_share = 0.01 if device.file.passivity is None else 0.1
         self.slot_ticks = max(
             1, math.ceil(self.safety.energy_window_s.value / (SLOTS * self.h) - 1e-9)
         )

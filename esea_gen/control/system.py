@@ -91,9 +91,13 @@ INPUTS_REDUNDANT = {
 }
 # What a device with [passivity] has besides: the Block stands between set torque and law, and
 # between command and limits.
-SIGNALS_PASSIVE = {"tau_set_Nm": "passivity.tau_set_Nm"}
+SIGNALS_PASSIVE = {
+    "tau_set_Nm": "passivity.tau_set_Nm",
+    "request_ok": "passivity.request_ok",
+}
 WIRES_PASSIVE = {
     "passivity.tau_set_Nm": "reference.tau_set_Nm",
+    "passivity.request_ok": "reference.request_ok",
     "passivity.Kp_Nm_rad": "reference.stiffness_Nm_rad",
     "passivity.Kd_Nms_rad": "reference.damping_Nms_rad",
     "passivity.u_command_Nm": "stamp.u_command_Nm",

@@ -374,13 +374,11 @@ class PassiveInteraction(Section):
     """What keeps every law from giving a hand energy that is not wanted."""
 
     damping_Nms_rad: Quantity = _number(
-        1e-3, 5, "Largest damping added to what is wanted; less where Kd is there already."
+        1e-3, 5, "Largest damping added; Kd counts as a part of it."
     )
     least_Nms_rad: Quantity = _number(0, 1, "Damping that a hand feels at least.")
     window_s: Quantity = _number(1e-2, 10, "Time over which power and speed are averaged.")
-    energy_J: Quantity = _number(
-        0.1, 1e3, "Energy that drive and command may hold before the command is closed."
-    )
+    energy_J: Quantity = _number(0.1, 1e3, "Energy that drive and command may hold.")
     Kp_max_Nm_rad: Quantity = _number(0, 20, "Largest stiffness that is passive; compiled in.")
     Kd_max_Nms_rad: Quantity = _number(1e-3, 5, "Largest damping that is passive; compiled in.")
 

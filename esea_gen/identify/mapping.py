@@ -171,6 +171,13 @@ class RecordingTable(_Table):
     format: FileFormat | None = Field(default=None, description="Where it differs from [format].")
 
 
+class ConditionTable(_Table):
+    """What several files have in common: a rate, an amplitude, a specimen."""
+
+    name: str = Field(min_length=1, description="Name in reports.")
+    files: list[str] = Field(min_length=1, description="Names or patterns, as in [[recording]].")
+
+
 class Mapping(_Table):
     """A mapping file, as written."""
 
@@ -186,6 +193,9 @@ class Mapping(_Table):
         1e-3, 1000, "100 % of errors; the largest recorded |torque| by default.", default=None
     )
     recording: list[RecordingTable] = Field(min_length=1)
+    condition: list[ConditionTable] = Field(
+        default=[], description="What a comparison of models leaves out as a whole."
+    )
 
 
 @dataclass(frozen=True)

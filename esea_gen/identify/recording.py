@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,13 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.identify.cycles import Cycle, DataSet, data_sets, divide
-from esea_gen.identify.mapping import TIME, FileFormat, MappingFile, RecordingTable
+from esea_gen.identify.mapping import TIME, FileFormat, Mapping, MappingFile, RecordingTable
 from esea_gen.identify.reading import read_csv, read_mat
 from esea_gen.language.ports import Array
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
+HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
@@ -32,6 +34,7 @@ class Recording:
     time_s, theta_rad, tau_Nm: shape (n,).
     timed: whether the time was recorded (or a period is published), not assumed.
     dropped: samples dropped by the glitch rule.
+    conditions: those of the mapping that the file belongs to.
     """
 
     label: str
@@ -44,6 +47,7 @@ class Recording:
     dropped: int
     cycles: tuple[Cycle, ...]
     sets: tuple[DataSet, ...]
+    conditions: tuple[str, ...] = ()
 
 
 def load_recordings(source: MappingFile) -> list[Recording]:
@@ -54,6 +58,7 @@ def load_recordings(source: MappingFile) -> list[Recording]:
         _load(source, path, name, table, label)
         for (path, name, table), label in zip(files, labels, strict=True)
     ]
+    _check_conditions(source, loaded)
     for what, role in (("train on", "training"), ("hold out", "held_out")):
         if not any(len(getattr(s, role)) for r in loaded for s in r.sets):
             found = ", ".join(f"{r.file}: {len(r.cycles)}" for r in loaded)
@@ -64,6 +69,20 @@ def load_recordings(source: MappingFile) -> list[Recording]:
                 "Lower these, or give whole files use = 'train' and use = 'held_out'.",
             )
     return loaded
+
+
+def _conditions(mapping: Mapping, name: str) -> tuple[str, ...]:
+    return tuple(c.name for c in mapping.condition if any(fnmatch(name, p) for p in c.files))
+
+
+def _check_conditions(source: MappingFile, loaded: list[Recording]) -> None:
+    for c in source.mapping.condition:
+        if not any(c.name in r.conditions for r in loaded):
+            raise UserError(
+                f"{source.origin}: condition '{c.name}': none of the recordings is named "
+                f"{' or '.join(c.files)}.",
+                "Give names or patterns of files that [[recording]] has.",
+            )
 
 
 def _labels(origin: str, files: list[tuple[str, RecordingTable]]) -> list[str]:
@@ -140,6 +159,7 @@ def _load(
         dropped=dropped,
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use),
+        conditions=_conditions(m, name),
     )
 
 
@@ -203,8 +223,9 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
                 f"limit of {limit:.4g} {unit}.",
                 f"Check {what}.unit and {what}.scale in {source.origin}.",
             )
-    x, y = theta - theta.mean(), tau - tau.mean()
-    slope = float(x @ y / (x @ x))
+    # Where the deflection is held the torque relaxes; what counts is how it rose before.
+    end = int(np.flatnonzero(_at_end(theta))[0]) + 1 if _held(theta) else len(theta)
+    slope = _slope(theta[:end], tau[:end])
     if slope <= 0:
         raise UserError(
             f"{name}: {'negative' if slope < 0 else 'no'} stiffness: torque against deflection has "
@@ -218,6 +239,22 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
             f"{MAX_STIFFNESS_NM_RAD:g} Nm/rad.",
             f"Check units and scales in {source.origin}.",
         )
+
+
+def _slope(theta: Array, tau: Array) -> float:
+    x, y = theta - theta.mean(), tau - tau.mean()
+    return float(x @ y / (x @ x)) if np.any(x) else 0.0
+
+
+def _at_end(theta: Array) -> npt.NDArray[np.bool_]:
+    """Samples at the deflection farthest from the first one."""
+    way = np.abs(theta - theta[0])
+    return np.asarray(way >= (1 - HELD_BAND) * way.max())
+
+
+def _held(theta: Array) -> bool:
+    """Whether most of a recording holds one deflection: a test of relaxation."""
+    return bool(np.mean(_at_end(theta)) > 0.5)
 
 
 def _zeroed(x: Array, zero: str) -> Array:

@@ -151,8 +151,10 @@ def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
                 colour = COLOURS[k % len(COLOURS)]
                 axes.barh(y, np.nan_to_num(x), 0.9 * high, color=colour, label=controller)
                 gone = np.isnan(x)
+                if not gone.any():
+                    continue  # a line without points has no place, and upsets the layout
                 axes.plot(np.zeros(gone.sum()), y[gone], "x", color=colour, ms=5, clip_on=False)
-                if gone.any() and k == 0:
+                if k == 0:
                     label = "most runs tripped or latched"
                     axes.plot([], [], "x", color=INK, ms=5, label=label)
             axes.grid(visible=False, axis="y")

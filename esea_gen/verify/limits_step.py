@@ -26,6 +26,10 @@ Change = Callable[[str, str], str]
 GROUPS = {"coeffs": "coefficients", "state": "state", "in": "inputs", "out": "outputs"}
 
 
+# Control periods without a new stamp that are a fault, as docs/limits.md states it.
+SILENT_PERIODS = 5
+
+
 @dataclass(frozen=True)
 class Compiled:
     """The largest of everything, as the device file has it."""
@@ -63,7 +67,7 @@ def compiled(device: Device) -> Compiled:
         number("rom_max_rad"),
         number("rom_margin_rad"),
         number("energy_J"),
-        round(2 * sense / control),
+        round(SILENT_PERIODS * sense / control),
     )
 
 

@@ -209,7 +209,8 @@ class LoweringBase:
         near = self._nearest_label(i)
         return LoweringError(
             f"block {self.block}: operation '{n.op}' (value v{i}{near}) cannot be lowered to q31: "
-            f"{why}. {remedy}"
+            f"{why}.",
+            f"{remedy} Or try --real f32.",
         )
 
     def _nearest_label(self, i: int) -> str:

@@ -278,7 +278,7 @@ typedef enum ESEA_ELBOW_MPC_REFERENCE_STATUS
 typedef enum ESEA_ELBOW_MPC_PASSIVITY_STATUS
 {
    ESEA_ELBOW_MPC_PASSIVITY_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; the command is 0 | */
-   ESEA_ELBOW_MPC_PASSIVITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; all is counted afresh | */
+   ESEA_ELBOW_MPC_PASSIVITY_STATUS_STATE_REPAIRED=2, /* the state was corrupt, all is forgotten: the limits latch | */
    ESEA_ELBOW_MPC_PASSIVITY_STATUS_DAMPED=4, /* damping is added to what is wanted | */
    ESEA_ELBOW_MPC_PASSIVITY_STATUS_COMMAND_CLOSED=8, /* the command was cut: the drive holds as much as it may give | */
    ESEA_ELBOW_MPC_PASSIVITY_STATUS_FAST=16, /* the drive is faster than the bound reckons with | */
@@ -409,7 +409,7 @@ typedef enum ESEA_ELBOW_MPC_PREDICTIVE_STATUS
 typedef enum ESEA_ELBOW_MPC_REDUNDANCY_STATUS
 {
    ESEA_ELBOW_MPC_REDUNDANCY_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range | */
-   ESEA_ELBOW_MPC_REDUNDANCY_STATUS_STATE_REPAIRED=2, /* the state was corrupt; the angles are compared afresh | */
+   ESEA_ELBOW_MPC_REDUNDANCY_STATUS_STATE_REPAIRED=2, /* the state was corrupt, the zero is lost: the limits latch | */
    ESEA_ELBOW_MPC_REDUNDANCY_STATUS_NOT_COMPARED=4, /* an encoder cannot be used: nothing is vouched for | */
    ESEA_ELBOW_MPC_REDUNDANCY_STATUS_ANGLES_PART=8, /* the motor's encoder and the motor-side one contradict each other | */
    ESEA_ELBOW_MPC_REDUNDANCY_STATUS_TORQUES_PART=16, /* the drive moves otherwise than motor and coupling would move it | */

@@ -1,0 +1,366 @@
+"""Models against each other, by conditions left out of their training; the simplest good one.
+
+Every model is fitted anew for every split.  Of those that are as good as the best - whose excess
+over it, condition by condition, is on average within one standard error of that excess - the one
+that costs the board least is chosen [1]_.  The excess is taken condition by condition because some
+conditions are hard for every model, and that says nothing of which is better.
+
+References
+----------
+.. [1] T. Hastie, R. Tibshirani, J. Friedman, "The Elements of Statistical Learning", Springer,
+   2009, section 7.10.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.identify.candidates import members
+from esea_gen.identify.conditions import Split, splits_of
+from esea_gen.identify.drafting import draft
+from esea_gen.identify.family_fit import FamilyDevice, UnitTerms, fit_member, misfits_of
+from esea_gen.identify.fit import Progress
+from esea_gen.identify.identification import FIT_RATE_HZ, fit_split
+from esea_gen.identify.mapping import MappingFile, load_mapping
+from esea_gen.identify.misfit import Misfits
+from esea_gen.identify.peers import PEERS, fit_peer
+from esea_gen.identify.recording import Recording, load_recordings
+from esea_gen.language.ports import Array
+from esea_gen.model.family import Member
+
+THESIS = "thesis"
+THESIS_POPULATION = 256
+Cost = Callable[[Device], float]
+
+
+@dataclass(frozen=True)
+class CompareRow:
+    """Errors of one model on one split, % of full scale: mean over data sets of the RMS error.
+
+    Parameters
+    ----------
+    model, condition : str
+        What was fitted, and what judges it: left out of the training.
+    training, held_out : float
+        Errors.
+    instructions : float, optional
+        Of a step on the Cortex-M4F; None for a model that is no Block, or not counted.
+    """
+
+    model: str
+    condition: str
+    training: float
+    held_out: float
+    instructions: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready.
+
+        Returns
+        -------
+        dict
+            Its fields.
+        """
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """What :func:`compare` found.
+
+    Parameters
+    ----------
+    source : MappingFile
+        What was asked.
+    full_scale_Nm : float
+        100 % of errors.
+    rows : tuple of CompareRow
+        Model by model, split by split.
+    chosen : str
+        The cheapest model within one standard error of the best.
+    best : str
+        The one of least mean error over the conditions left out.
+    standard_error : float
+        Of the chosen one's mean excess over the best one, %.
+    devices : dict of str to Device
+        By model: the device fitted on the file's own division.
+    notes : tuple of str
+        What the reader must know.
+    """
+
+    source: MappingFile
+    full_scale_Nm: float
+    rows: tuple[CompareRow, ...]
+    chosen: str
+    best: str
+    standard_error: float
+    devices: dict[str, Device]
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Report, JSON-ready and the same for the same input.
+
+        Returns
+        -------
+        dict
+            Rows under ``compare``, the choice, the chosen member's terms.
+        """
+        return {
+            "mapping": self.source.origin,
+            "full_scale_Nm": self.full_scale_Nm,
+            "compare": [r.to_dict() for r in self.rows],
+            "chosen": self.chosen,
+            "best": self.best,
+            "standard_error": self.standard_error,
+            "terms": _terms(self.devices[self.chosen]),
+            "notes": list(self.notes),
+        }
+
+    def table(self) -> list[str]:
+        """Lines for the terminal: a model a line, its errors by condition.
+
+        Returns
+        -------
+        list of str
+            Held-out error and, after the stroke, training error; then instructions.
+        """
+        models = list(dict.fromkeys(r.model for r in self.rows))
+        conditions = list(dict.fromkeys(r.condition for r in self.rows))
+        cells = {(r.model, r.condition): r for r in self.rows}
+        first = max(len(m) for m in models) + 2
+        width = max(16, *(len(c) + 2 for c in conditions))
+        lines = [
+            f"{self.source.mapping.device.title}: held out / training, RMS in % of full scale "
+            f"({self.full_scale_Nm:g} Nm)",
+            " " * first + "".join(f"{c:>{width}}" for c in conditions) + "  instructions",
+        ]
+        for m in models:
+            found = [cells[m, c] for c in conditions]
+            errors = "".join(f"{f'{r.held_out:.2f} / {r.training:.2f}':>{width}}" for r in found)
+            count = "-" if found[0].instructions is None else f"{found[0].instructions:.0f}"
+            mark = "* " if m == self.chosen else "  "
+            lines.append(f"{mark}{m:{first - 2}}{errors}{count:>14}")
+        chosen = "* chosen: the best; no cheaper one is as good within one standard error"
+        if self.chosen != self.best:
+            chosen = (
+                f"* chosen: the cheapest that is as good as the best ({self.best}) within one "
+                f"standard error of the difference ({self.standard_error:.2f} %)"
+            )
+        lines.append(chosen)
+        return lines + [f"note: {n}" for n in self.notes]
+
+
+def _terms(device: Device) -> list[dict[str, Any]]:
+    if not isinstance(device, FamilyDevice):
+        return []
+    return [
+        {
+            "term": t.text,
+            "kind": t.kind,
+            "rise": [t.rise.kind, t.rise.number, t.rise.side],
+            "numbers": list(t.numbers),
+            "exponent": t.exponent,
+            "softening": None if t.softening is None else [t.softening.kind, t.softening.number],
+            "weight_Nm": w,
+        }
+        for w, t in device.fitted.used
+    ]
+
+
+def compare(
+    mapping_path: str | Path,
+    data_folder: str | Path | None = None,
+    cost: Cost | None = None,
+    progress: Progress | None = None,
+    *,
+    peers: bool = True,
+) -> ModelComparison:
+    """Compare the thesis' model, the members of the family and the peers on recordings.
+
+    Parameters
+    ----------
+    mapping_path : str or Path
+        Mapping file, TOML.
+    data_folder : str or Path, optional
+        Folder of the recordings; the mapping file's own when not given.
+    cost : callable, optional
+        Instructions of the sensor's step of a device; without it the choice goes by the step's
+        number of operations.
+    progress : callable, optional
+        ``progress(share, text)``.
+    peers : bool
+        Whether to fit the models from the literature too.
+
+    Returns
+    -------
+    ModelComparison
+        A row for each model and split.
+
+    Raises
+    ------
+    UserError
+        For anything wrong in the mapping file or the recordings.
+    """
+    source = load_mapping(mapping_path, data_folder)
+    recordings = load_recordings(source)
+    splits = splits_of(recordings)
+    timed = all(r.timed for r in recordings)
+    able = [m for m in members() if timed or not m.timed]
+    others = list(PEERS) if peers else []
+    run = _Run(source, recordings, splits, cost, progress or (lambda share, text: None))
+    run.total = len(splits) * (1 + len(able) + len(others))
+    run.thesis()
+    for member in able:
+        run.member(member)
+    for name in others:
+        run.peer(name)
+    whole = {s.condition for s in splits if s.whole}
+    chosen, best, spread = choose(run.rows, whole, run.costs)
+    return ModelComparison(
+        source,
+        run.full_scale_Nm,
+        tuple(run.rows),
+        chosen,
+        best,
+        spread,
+        run.devices,
+        _notes(timed, splits, able),
+    )
+
+
+class _Run:
+    """One comparison under way: its rows so far."""
+
+    def __init__(
+        self,
+        source: MappingFile,
+        recordings: list[Recording],
+        splits: Sequence[Split],
+        cost: Cost | None,
+        tell: Progress,
+    ) -> None:
+        self.source, self.recordings, self.cost, self.tell = source, recordings, cost, tell
+        # The file's own division first: what its fit costs stands for the model.
+        self.splits = sorted(splits, key=lambda s: not s.declared)
+        self.full_scale_Nm = draft(source, recordings, False).tau_full_scale_Nm
+        self.total = 0
+        self.rows: list[CompareRow] = []
+        self.devices: dict[str, Device] = {}
+        self.costs: dict[str, float] = {}
+        self.instructions: dict[str, float] = {}
+
+    def price(self, name: str, device: Device) -> None:
+        self.devices[name] = device
+        if self.cost is not None:
+            self.instructions[name] = self.cost(device)
+        self.costs[name] = self.instructions.get(name, float(device.sensor.step.n_instructions()))
+
+    def add(self, name: str, split: Split, errors: Misfits) -> None:
+        trained, held_out = (
+            100 * errors.mean_rms(held) / self.full_scale_Nm for held in (False, True)
+        )
+        counted = self.instructions.get(name)
+        self.rows.append(CompareRow(name, split.condition, trained, held_out, counted))
+        self.tell(len(self.rows) / self.total, f"{name}, {split.condition}")
+
+    def thesis(self) -> None:
+        for split in self.splits:
+            device, errors = _thesis(self.source, split)
+            if split.declared:
+                self.price(THESIS, device)
+            self.add(THESIS, split, errors)
+
+    def member(self, member: Member) -> None:
+        terms = UnitTerms(member, self.recordings, _grid_rate(self.source))
+        for split in self.splits:
+            fitted = fit_member(terms, split.recordings, self.full_scale_Nm)
+            if split.declared:
+                template = draft(self.source, list(split.recordings), False)
+                self.price(member.name, FamilyDevice(template.file, template.origin, fitted))
+            self.add(member.name, split, misfits_of(terms, split.recordings, fitted))
+
+    def peer(self, name: str) -> None:
+        for split in self.splits:
+            torque = fit_peer(name, split.recordings, self.source.mapping.search.seed)
+            self.add(name, split, _errors(split.recordings, torque))
+
+
+def _grid_rate(source: MappingFile) -> float:
+    fine = source.mapping.device.sense_rate_Hz.value
+    return source.mapping.sampling.fit_rate_Hz or min(FIT_RATE_HZ, fine)
+
+
+def _thesis(source: MappingFile, split: Split) -> tuple[Device, Misfits]:
+    recordings = list(split.recordings)
+    if source.mapping.search.population is None:  # as many searches as there are splits
+        search = source.mapping.search.model_copy(update={"population": THESIS_POPULATION})
+        source = replace(source, mapping=source.mapping.model_copy(update={"search": search}))
+    template = draft(source, recordings, source.mapping.device.rate_terms)
+    _, _, device, verdict = fit_split(source, recordings, template, lambda share, text: None)
+    return device, verdict.misfits
+
+
+def _errors(recordings: Sequence[Recording], torque: Sequence[Array]) -> Misfits:
+    return Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in zip(recordings, torque, strict=True)))
+
+
+def choose(
+    rows: Sequence[CompareRow], whole: set[str], costs: Mapping[str, float]
+) -> tuple[str, str, float]:
+    """The cheapest model that is within one standard error as good as the best.
+
+    Parameters
+    ----------
+    rows : sequence of CompareRow
+        Of every model the same conditions.
+    whole : set of str
+        Conditions left out as a whole, which count; where there is none, all do.
+    costs : mapping of str to float
+        Of every model that may be chosen.
+
+    Returns
+    -------
+    chosen, best : str
+        Models.
+    standard_error : float
+        Of the chosen one's mean excess over the best one.
+    """
+    left_out = [r for r in rows if r.condition in whole] or list(rows)
+    errors: dict[str, list[float]] = {}
+    for r in left_out:
+        if r.model in costs:
+            errors.setdefault(r.model, []).append(r.held_out)
+    mean = {m: float(np.mean(e)) for m, e in errors.items()}
+    best = min(mean, key=lambda m: mean[m])
+    excess = {m: np.array(e) - np.array(errors[best]) for m, e in errors.items()}
+    good = [m for m, e in excess.items() if e.mean() <= _standard_error(e)]
+    chosen = min(good, key=lambda m: (costs[m], mean[m]))
+    return chosen, best, _standard_error(excess[chosen])
+
+
+def _standard_error(values: Array) -> float:
+    return float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+
+
+def _notes(timed: bool, splits: Sequence[Split], able: Sequence[Any]) -> tuple[str, ...]:
+    notes = [
+        f"{len(able)} members of the family were tried with fixed outer numbers; the best of "
+        "several carries selection."
+    ]
+    if not timed:
+        notes.append("Time was not recorded: members with Maxwell branches are left out.")
+    if not any(s.whole for s in splits):
+        notes.append(
+            "There is one condition only: nothing could be left out as a whole. Give conditions."
+        )
+    return tuple(notes)
+
+
+__all__ = ["CompareRow", "ModelComparison", "choose", "compare"]

@@ -1,0 +1,66 @@
+"""Conditions of recordings (rates, amplitudes, specimens), and splits that leave one out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from esea_gen.identify.cycles import DataSet
+from esea_gen.identify.recording import Recording
+
+
+@dataclass(frozen=True)
+class Split:
+    """Recordings, divided into what trains and what judges.
+
+    condition: what judges; of the file's own division "last cycles" or "as declared".
+    declared: whether it is the file's own division.
+    whole: whether a whole condition is left out.
+    """
+
+    condition: str
+    recordings: tuple[Recording, ...]
+    declared: bool
+    whole: bool
+
+
+def conditions_of(recording: Recording, data: DataSet) -> tuple[str, ...]:
+    """The conditions of a data set: the mapping's, else its own label."""
+    return recording.conditions or (data.label,)
+
+
+def splits_of(recordings: Sequence[Recording]) -> tuple[Split, ...]:
+    """The file's own division, and one split for each condition left out as a whole.
+
+    A condition that is just what the file holds out stands for both.
+    """
+    used = [(r, s) for r in recordings for s in r.sets if len(s.training) or len(s.held_out)]
+    known = list(dict.fromkeys(c for r, s in used for c in conditions_of(r, s)))
+    mixed = any(len(s.training) and len(s.held_out) for _, s in used)
+    judged = {s.label for _, s in used if len(s.held_out)}
+    splits = []
+    for c in known:
+        inside = {s.label for r, s in used if c in conditions_of(r, s)}
+        if len(inside) == len(used):  # nothing would be left to train on
+            continue
+        same = not mixed and inside == judged
+        splits.append(Split(c, tuple(_without(r, c) for r in recordings), same, True))
+    if not any(s.declared for s in splits):
+        name = "last cycles" if mixed else "as declared"
+        splits.insert(0, Split(name, tuple(recordings), True, False))
+    return tuple(splits)
+
+
+def _without(recording: Recording, condition: str) -> Recording:
+    sets = []
+    for s in recording.sets:
+        every = np.union1d(s.training, s.held_out).astype(np.intp)
+        out = condition in conditions_of(recording, s)
+        training, held_out = (every[:0], every) if out else (every, every[:0])
+        sets.append(replace(s, training=training, held_out=held_out))
+    return replace(recording, sets=tuple(sets))
+
+
+__all__ = ["Split", "conditions_of", "splits_of"]

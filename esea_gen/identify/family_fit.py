@@ -1,0 +1,189 @@
+"""Fit of a member of the elastomer family: its weights are solved, not searched.
+
+The Block of unit terms is compiled and run over the recordings, so that what is fitted is what the
+board computes.  The torque is linear in the weights; of the recordings' mean square error over data
+sets these are then the solution of one least-squares problem with weights of 0 or above [1]_.  What
+contributes next to nothing is left out, and the rest solved again.
+
+References
+----------
+.. [1] C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", Prentice-Hall, 1974.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.devices.fields import DeviceFile
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.identify.fit import solve_linear
+from esea_gen.identify.misfit import Misfits
+from esea_gen.identify.plant import equal_weights
+from esea_gen.identify.recording import Recording, resample
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
+from esea_gen.language.system import System, Task
+from esea_gen.model.family import FittedMember, Member
+from esea_gen.model.family_sensor import family_sensor, unit_terms
+
+# A term whose RMS torque is below this share of full scale is left out.
+LEAST_SHARE = 1e-3
+# Of the secant stiffness that the linear spring keeps at least, so that the inverse is unique.
+LEAST_STIFFNESS = 0.01
+
+
+class UnitTerms:
+    """A member's terms over recordings, each with weight 1.
+
+    rate_Hz: grid on which the recordings are run; their own samples where the member does not need
+        time.
+    """
+
+    def __init__(self, member: Member, recordings: Sequence[Recording], rate_Hz: float) -> None:
+        self.member, self.recordings = member, tuple(recordings)
+        self.rate_Hz = rate_Hz
+        block = unit_terms(member, 1 / rate_Hz)
+        system = System(
+            "terms",
+            block.period_s,
+            {"terms": block},
+            (Task("run", ("terms",)),),
+            {},
+            {"theta_rad": ("terms.theta_rad",)},
+            {"terms_Nm": "terms.terms_Nm"},
+        )
+        self._runner = compile_system(system, "f64").block("terms")
+        self._known: dict[float, list[Array]] = {}
+
+    def over(self, scale_rad: float) -> list[Array]:
+        """Terms at each recording's samples, shape (samples, terms).
+
+        scale_rad: deflection for which x is 1.
+        """
+        if scale_rad not in self._known:
+            self._known[scale_rad] = [self._run(r, scale_rad) for r in self.recordings]
+        return self._known[scale_rad]
+
+    def _run(self, r: Recording, scale_rad: float) -> Array:
+        x, grid = r.theta_rad, None
+        if self.member.timed:
+            grid = np.arange(math.ceil(r.time_s[-1] * self.rate_Hz) + 1) / self.rate_Hz
+            x = resample(r.time_s, r.theta_rad, grid)
+        self._runner.reset()
+        terms = self._runner.run({"theta_rad": x / scale_rad}, trace=False)[0]["terms_Nm"]
+        terms = np.asarray(terms, dtype=np.float64).reshape(len(x), -1)
+        if grid is None:
+            return terms
+        return np.stack([resample(grid, c, r.time_s) for c in terms.T], axis=1)
+
+
+def trained_scale(recordings: Sequence[Recording]) -> float:
+    """Largest deflection in training."""
+    return max(
+        float(np.abs(r.theta_rad[s.training]).max())
+        for r in recordings
+        for s in r.sets
+        if len(s.training)
+    )
+
+
+def solve_weights(basis: Array, target: Array, free: Sequence[bool], floor: Array) -> Array:
+    """Weights of least square error, each at its floor or above, a free one of either sign.
+
+    basis: shape (rows, terms).
+    target: shape (rows,).
+    free, floor: one a term; the floor of a free one does not count.
+    """
+    both = np.flatnonzero(free)
+    low = np.where(free, 0.0, floor)
+    wide = np.concatenate([basis, -basis[:, both]], axis=1)
+    high = np.full(wide.shape[1], np.inf)
+    found = solve_linear(wide, target - basis @ low, np.zeros(wide.shape[1]), high)
+    weights = low + found[: basis.shape[1]]
+    weights[both] -= found[basis.shape[1] :]
+    return np.asarray(weights)
+
+
+def fit_member(
+    terms: UnitTerms, recordings: Sequence[Recording], full_scale_Nm: float
+) -> FittedMember:
+    """Solve a member's weights on the training samples of recordings.
+
+    terms: of the same recordings, however these are divided.
+    full_scale_Nm: by which a term is called negligible.
+    """
+    member, scale = terms.member, trained_scale(recordings)
+    columns = terms.over(scale)
+    sets = [
+        (c[s.training], r.tau_Nm[s.training])
+        for r, c in zip(recordings, columns, strict=True)
+        for s in r.sets
+        if len(s.training)
+    ]
+    rows = equal_weights([y for _, y in sets])
+    target = np.concatenate([y for _, y in sets]) * rows
+    basis = np.concatenate([b for b, _ in sets]) * rows[:, None]
+    free = [t.kind == "offset" for t in member.terms]
+    floor = np.array([_floor(member, i, full_scale_Nm) for i in range(len(member.terms))])
+    weights = solve_weights(basis, target, free, floor)
+    # The rows' squares sum to 1: these are root mean squares over the data sets.
+    size = np.abs(weights) * np.sqrt(np.einsum("ij,ij->j", basis, basis))
+    kept = (size >= LEAST_SHARE * full_scale_Nm) | (floor > 0)
+    final = np.zeros(len(weights))
+    where = np.flatnonzero(kept)
+    final[where] = solve_weights(basis[:, where], target, [free[i] for i in where], floor[where])
+    return FittedMember(member, scale, tuple(float(w) for w in final))
+
+
+def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember) -> Misfits:
+    """Errors of a fitted member on the recordings that its terms were run over."""
+    weights = np.array(fitted.weights_Nm)
+    columns = terms.over(fitted.scale_rad)
+    errors = ((r, c @ weights - r.tau_Nm) for r, c in zip(recordings, columns, strict=True))
+    return Misfits.of("Nm", errors)
+
+
+def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
+    # The unsoftened linear spring of a member keeps a little.
+    term = member.terms[i]
+    linear = term.kind == "spring" and term.softening is None and term.rise.least_slope(1.0) == 1.0
+    return LEAST_STIFFNESS * full_scale_Nm if linear else 0.0
+
+
+class FamilyDevice(Device):
+    """A device whose torque sensor is a member of the family."""
+
+    def __init__(self, file: DeviceFile, origin: str, fitted: FittedMember) -> None:
+        super().__init__(file, origin)
+        self.fitted = fitted
+        limit = file.limits.theta_rad.value
+        if not fitted.least_slope_Nm_rad(limit) > 0:
+            raise UserError(
+                f"{origin}: {fitted.member.name}: the torque need not rise with the deflection.",
+                "Give the member a linear spring without softening.",
+            )
+
+    @cached_property
+    def sensor(self) -> Block:
+        """The member's Block."""
+        return family_sensor(self, self.fitted)
+
+    def canonical(self) -> str:
+        """The content with the model: the hash covers both."""
+        return f"{super().canonical()}\n{self.fitted!r}"
+
+
+__all__ = [
+    "FamilyDevice",
+    "UnitTerms",
+    "fit_member",
+    "misfits_of",
+    "solve_weights",
+    "trained_scale",
+]

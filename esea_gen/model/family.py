@@ -1,0 +1,347 @@
+"""A family of elastomer models: what a member is made of, and what holds for every one of them.
+
+With x the deflection over the largest trained one, a member's torque is a sum of terms
+
+    w d(m, s) op[q(x)],   w >= 0,
+
+of which ``q`` is an increasing function through the origin, ``op`` a spring (q itself), a Maxwell
+branch, a stop operator or a slip operator driven by q, and ``d`` a softening that can only fall:
+with the largest |x| so far (m) or with the path travelled (s).  At most an offset is added.
+
+Three things follow from that form, whatever the numbers are:
+
+* **No closed path gives energy.**  Each operator is q(x) - F with an inner value F that only moves
+  towards q(x): in time (Maxwell [1]_), where |q - F| would exceed a threshold (stop), or with the
+  path of q (slip, Dahl's friction [2]_).  With Q the integral of q and Q* its conjugate, the stored
+  energy is Q(x) - F x + Q*(F) >= 0, and F moving towards q(x) can only lower it.  Multiplied by a d
+  that only falls, it falls faster.
+* **The torque rises with the deflection**, whatever has happened before: q rises, the operators are
+  monotone in the present q, and d is that of the step before.  Its slope is at least that of the
+  springs (:attr:`FittedMember.least_slope_Nm_rad`), so that the inverse is unique.
+* **Outside the trained range** nothing bends back, because nothing is negative there either.
+
+Softening does not recover while the model runs: stiffness that came back under load would be energy
+from nowhere.  It recovers where the coupling rests unloaded, and for the model that is its start: a
+start is either ``virgin`` or ``conditioned``.
+
+References
+----------
+.. [1] N. W. Tschoegl, "The Phenomenological Theory of Linear Viscoelastic Behavior", Springer 1989.
+.. [2] P. R. Dahl, "A solid friction model", Aerospace Corp. TOR-0158(3107-18)-1, 1968.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+
+Kind = Literal["spring", "maxwell", "stop", "slip", "offset"]
+Start = Literal["virgin", "conditioned"]
+
+# The path counts once the deflection has left a band of this half width, so that an encoder that
+# flickers between two counts does not soften the rubber.  Of the largest trained deflection.
+PATH_BAND = 0.02
+
+
+@dataclass(frozen=True)
+class Rise:
+    """An increasing odd function of the scaled deflection, or one side of it.
+
+    Parameters
+    ----------
+    kind : {"power", "bend"}
+        x^number (number 1, 3 or 5), or x / (1 + |x| / number), which is steep near 0.
+    number : float
+        Above 0.
+    side : {"both", "positive", "negative"}
+        An asymmetric spring is one with a term for each side.
+    """
+
+    kind: Literal["power", "bend"]
+    number: float
+    side: Literal["both", "positive", "negative"] = "both"
+
+    def __post_init__(self) -> None:
+        if self.kind == "power" and self.number not in (1, 3, 5):
+            raise ValueError(f"x^{self.number:g} is no odd power up to 5")
+        if not self.number > 0:
+            raise ValueError(f"the number of a rise must be above 0, not {self.number:g}")
+
+    @property
+    def text(self) -> str:
+        """As a formula."""
+        formula = "x" if self.number == 1 else f"x^{self.number:g}"
+        if self.kind == "bend":
+            formula = f"x/(1+|x|/{self.number:g})"
+        return formula if self.side == "both" else f"{formula}, {self.side} side"
+
+    def __call__(self, x: ca.SX) -> ca.SX:
+        """Its value."""
+        if self.kind == "bend":
+            value = x / (1 + ca.fabs(x) * (1 / self.number))
+        else:
+            value = x
+            for _ in range(int(self.number) // 2):
+                value = value * (x * x)
+        if self.side == "both":
+            return value
+        return ca.fmax(value, 0) if self.side == "positive" else ca.fmin(value, 0)
+
+    def most(self, reach: float) -> float:
+        """Its largest magnitude.
+
+        Parameters
+        ----------
+        reach : float
+            Largest |x|.
+
+        Returns
+        -------
+        float
+            There.
+        """
+        power = reach ** int(self.number) if self.kind == "power" else 0.0
+        return power or reach / (1 + reach / self.number)
+
+    def least_slope(self, reach: float) -> float:
+        """Its smallest slope.
+
+        Parameters
+        ----------
+        reach : float
+            Largest |x|.
+
+        Returns
+        -------
+        float
+            Over x, up to there; 0 where it may be flat.
+        """
+        if self.side != "both" or (self.kind == "power" and self.number > 1):
+            return 0.0
+        return 1.0 if self.kind == "power" else (1 + reach / self.number) ** -2
+
+
+@dataclass(frozen=True)
+class Softening:
+    """A factor from 1 downwards.
+
+    Parameters
+    ----------
+    kind : {"strain", "path"}
+        1 / (1 + m / number), m the largest |x| so far; or exp(-s / number), s the path travelled.
+    number : float
+        Above 0; in units of x.
+    """
+
+    kind: Literal["strain", "path"]
+    number: float
+
+    def __post_init__(self) -> None:
+        if not self.number > 0:
+            raise ValueError(f"a softening's number must be above 0, not {self.number:g}")
+
+    @property
+    def text(self) -> str:
+        """As a formula."""
+        n = f"{self.number:g}"
+        return f"1/(1+m/{n})" if self.kind == "strain" else f"exp(-s/{n})"
+
+    def least(self, reach: float) -> float:
+        """What is left of it at worst.
+
+        Parameters
+        ----------
+        reach : float
+            Largest |x|.
+
+        Returns
+        -------
+        float
+            From 0 to 1.
+        """
+        return 1 / (1 + reach / self.number) if self.kind == "strain" else 0.0
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of a member: one weight, which is solved for.
+
+    Parameters
+    ----------
+    kind : {"spring", "maxwell", "stop", "slip", "offset"}
+        The operator.
+    rise : Rise
+        What drives it.
+    numbers : tuple of float
+        Maxwell: relaxation times in s, several for a fractional element.  Stop: threshold of q.
+        Slip: path of q over which it forgets.
+    exponent : float
+        Of a fractional element: its branches have the fixed shares T^-exponent (1 for a single
+        branch).
+    softening : Softening, optional
+        Its factor.
+    """
+
+    kind: Kind
+    rise: Rise = Rise("power", 1)
+    numbers: tuple[float, ...] = ()
+    exponent: float = 0.0
+    softening: Softening | None = None
+
+    def __post_init__(self) -> None:
+        wanted = {"spring": 0, "offset": 0, "stop": 1, "slip": 1}.get(self.kind)
+        count = len(self.numbers)
+        if (count != wanted if wanted is not None else count < 1) or min(
+            self.numbers, default=1
+        ) <= 0:
+            raise ValueError(f"a {self.kind} cannot have the numbers {self.numbers}")
+
+    @property
+    def text(self) -> str:
+        """One line for headers and reports."""
+        if self.kind == "offset":
+            return "offset"
+        words = {"maxwell": "time, s", "stop": "threshold", "slip": "path"}.get(self.kind)
+        text = f"{self.kind} of {self.rise.text}"
+        if words:
+            text += f", {words} " + " ".join(f"{n:.4g}" for n in self.numbers)
+        if self.exponent:
+            text += f", shares T^-{self.exponent:g}"
+        return f"{text}, times {self.softening.text}" if self.softening else text
+
+    @property
+    def shares(self) -> tuple[tuple[float, float], ...]:
+        """Numbers with their fixed shares."""
+        return tuple((n, n**-self.exponent) for n in self.numbers)
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member of the family, its weights still unknown.
+
+    Parameters
+    ----------
+    name : str
+        Short, for tables.
+    title : str
+        One line for reports.
+    terms : tuple of Term
+        Its terms.
+    """
+
+    name: str
+    title: str
+    terms: tuple[Term, ...]
+
+    @property
+    def timed(self) -> bool:
+        """Whether it needs time."""
+        return any(t.kind == "maxwell" for t in self.terms)
+
+
+@dataclass(frozen=True)
+class FittedMember:
+    """A member with its weights.
+
+    Parameters
+    ----------
+    member : Member
+        Its form.
+    scale_rad : float
+        Deflection for which x is 1.
+    weights_Nm : tuple of float
+        One a term; 0 or above, except an offset's.
+
+    Raises
+    ------
+    ValueError
+        For a weight below 0, or of another number than terms.
+    """
+
+    member: Member
+    scale_rad: float
+    weights_Nm: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.weights_Nm) != len(self.member.terms) or not self.scale_rad > 0:
+            raise ValueError(f"{self.member.name}: not one weight a term, or no scale")
+        for term, weight in zip(self.member.terms, self.weights_Nm, strict=True):
+            if term.kind != "offset" and not weight >= 0:
+                raise ValueError(
+                    f"{self.member.name}: a {term.kind} of weight {weight:g} would give energy away"
+                )
+
+    @property
+    def used(self) -> tuple[tuple[float, Term], ...]:
+        """Weights above 0, with their terms: the others cost nothing."""
+        pairs = zip(self.weights_Nm, self.member.terms, strict=True)
+        return tuple((w, t) for w, t in pairs if w)
+
+    def least_slope_Nm_rad(self, theta_rad: float) -> float:
+        """Least slope of the torque over the present deflection.
+
+        Parameters
+        ----------
+        theta_rad : float
+            For deflections up to this magnitude.
+
+        Returns
+        -------
+        float
+            What the springs have at least; the other terms rise too or stay.
+        """
+        reach = theta_rad / self.scale_rad
+        total = 0.0
+        for weight, term in self.used:
+            if term.kind == "spring":
+                left = term.softening.least(reach) if term.softening else 1.0
+                total += weight * term.rise.least_slope(reach) * left
+        return total / self.scale_rad
+
+    def most_Nm(self, theta_rad: float) -> float:
+        """Largest torque there can be.
+
+        Parameters
+        ----------
+        theta_rad : float
+            For deflections up to this magnitude.
+
+        Returns
+        -------
+        float
+            Sum of the terms' own largest magnitudes.
+        """
+        reach, total = theta_rad / self.scale_rad, 0.0
+        for weight, term in self.used:
+            size = 1.0 if term.kind == "offset" else term.rise.most(reach)
+            if term.kind == "maxwell":
+                size *= 2 * sum(share for _, share in term.shares)
+            elif term.numbers:
+                size = min(2 * size, term.numbers[0])
+            total += abs(weight) * size
+        return total
+
+
+def softened(terms: Sequence[Term], *softenings: Softening) -> tuple[Term, ...]:
+    """Every term as it is, and once for each softening.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        Without softening.
+    *softenings : Softening
+        Any.
+
+    Returns
+    -------
+    tuple of Term
+        One and as many more as there are softenings, for each term.
+    """
+    return tuple(
+        Term(t.kind, t.rise, t.numbers, t.exponent, s)
+        for t in terms
+        for s in ((None,) if t.kind == "offset" else (None, *softenings))
+    )

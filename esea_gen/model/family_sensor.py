@@ -1,0 +1,249 @@
+"""A member of the elastomer family as a Block, and the Block of its unit terms, which fits it.
+
+Both are the same step.  The first has the weights folded in, and terms that share an operator
+merged: Maxwell branches are linear in what drives them, so that those of one time and one softening
+need one state, whatever number of rises drives them.  The second gives one output for each term, so
+that the weights can be solved for from what the very code makes of a recording.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.model.family import FittedMember, Member, Start
+from esea_gen.model.family_step import ROOM, FamilyStep, merged_elements, unit_elements
+from esea_gen.model.symbolic import equation
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+# Of the Block of unit terms: x, far beyond any recording.
+UNIT_REACH = 16.0
+
+
+def unit_terms(member: Member, period_s: float) -> Block:
+    """A member's terms, each with weight 1: what its weights are solved from.
+
+    Parameters
+    ----------
+    member : Member
+        Its form.
+    period_s : float
+        Of the grid of the recordings.
+
+    Returns
+    -------
+    Block
+        Input ``theta_rad``, here the scaled deflection x; output ``terms_Nm``, one element a term.
+    """
+    steps = FamilyStep(
+        unit_elements(member),
+        scale_rad=1.0,
+        theta_lim=UNIT_REACH,
+        period_s=period_s,
+        start="virgin",
+    )
+    count = len(member.terms)
+
+    def step(
+        c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        state, parts = steps.run(s, u.theta_rad, guard, label)
+        columns = [ca.SX(0)] * count
+        for e, value, factors in parts:
+            for weight, softening, column in e.gains:
+                columns[column] = columns[column] + weight * value * factors[softening]
+        return state, {"terms_Nm": ca.vertcat(*columns)}
+
+    reach = 4 * max(1.0, *(e.most(UNIT_REACH) * len(steps.elements) for e in steps.elements))
+    return Block.define(
+        "terms",
+        f"Unit terms of {member.name}",
+        period_s=period_s,
+        state=steps.state(),
+        inputs=(around("theta_rad", UNIT_REACH, "x", on_invalid="theta_prev_rad"),),
+        outputs=(around("terms_Nm", reach, "terms of weight 1", count),),
+        step=step,
+    )
+
+
+def torque_limit(device: DeviceData, fitted: FittedMember) -> float:
+    """The device's limit, or what the model can reach: the inverse is of an unclipped torque.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Limits.
+    fitted : FittedMember
+        The model.
+
+    Returns
+    -------
+    float
+        Nm, a float32 number.
+    """
+    reach = fitted.most_Nm(device.file.limits.theta_rad.value)
+    return threshold(max(device.file.limits.tau_Nm.value, ROOM * reach))
+
+
+def family_step(
+    device: DeviceData, fitted: FittedMember, start: Start, derived: bool = False
+) -> FamilyStep:
+    """The step of a fitted member: the one place where sensor and inverse have it from.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Limits and rate.
+    fitted : FittedMember
+        The model.
+    start : {"virgin", "conditioned"}
+        As in :func:`family_sensor`.
+    derived : bool
+        Whether its derivative will be taken.
+
+    Returns
+    -------
+    FamilyStep
+        With the weights folded in, terms merged.
+    """
+    return FamilyStep(
+        merged_elements(fitted),
+        scale_rad=fitted.scale_rad,
+        theta_lim=threshold(device.file.limits.theta_rad.value),
+        period_s=device.period_s,
+        start=start,
+        derived=derived,
+    )
+
+
+def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
+    """A fitted member as a torque sensor Block, with the ports of the thesis' one.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Domain, limits and rate.
+    fitted : FittedMember
+        The model.
+    start : {"virgin", "conditioned"}
+        What the softening remembers at the start: nothing, or a long time at the largest trained
+        deflection.
+
+    Returns
+    -------
+    Block
+        Inputs ``theta_rad`` and ``omega_rad_s`` (which only the status word looks at); outputs the
+        torque, its parts and a status word.
+    """
+    file = device.file
+    theta_lim = threshold(file.limits.theta_rad.value)
+    omega_lim = threshold(file.limits.omega_rad_s.value)
+    tau_lim = torque_limit(device, fitted)
+    domain = file.domain
+    steps = family_step(device, fitted, start)
+    full_scale = threshold(domain.tau_full_scale_Nm.value)
+    theta_most = threshold(domain.theta_max_rad.value)
+    omega_most = threshold(domain.omega_max_rad_s.value)
+
+    def step(
+        c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        state, sums = steps.torque(s, u.theta_rad, guard, label)
+        sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
+        tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
+        status = flag_word(
+            [
+                ca.logic_not(guard.inputs_ok),
+                ca.logic_not(guard.state_ok),
+                ca.fabs(u.theta_rad) > theta_most,
+                ca.fabs(u.omega_rad_s) > omega_most,
+                ca.fabs(tau) > full_scale,
+            ]
+        )
+        outputs = {f"tau_{k}_Nm": clip(v, -tau_lim, tau_lim) for k, v in sums.items()}
+        outputs |= {"tau_Nm": clip(tau, -tau_lim, tau_lim), "status": status}
+        return state, outputs
+
+    return Block.define(
+        "sensor",
+        f"Elastomer torque sensor: {fitted.member.title}",
+        period_s=device.period_s,
+        constants=_constants(fitted),
+        state=steps.state(),
+        inputs=_inputs(theta_lim, omega_lim),
+        outputs=_outputs(tau_lim, full_scale),
+        equations=_equations(),
+        step=step,
+    )
+
+
+def _constants(fitted: FittedMember) -> tuple[Constant, ...]:
+    scale = Constant("scale_rad", fitted.scale_rad, "largest trained deflection", "identified")
+    weights = (
+        Constant(f"w{i}_Nm", w, t.text, "identified") for i, (w, t) in enumerate(fitted.used, 1)
+    )
+    return (scale, *weights)
+
+
+def _inputs(theta_lim: float, omega_lim: float) -> tuple[Port, ...]:
+    text = "deflection: motor-side minus load-side angle"
+    rate = "deflection rate in the middle of the step"
+    return (
+        around("theta_rad", theta_lim, text, on_invalid="theta_prev_rad"),
+        around("omega_rad_s", omega_lim, rate, on_invalid=0.0),
+    )
+
+
+def _outputs(tau_lim: float, full_scale: float) -> tuple[Port, ...]:
+    flags = (
+        Flag("INPUT_INVALID", "an input was NaN or outside its physical range", True),
+        Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
+        Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
+        Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
+        Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full_scale),
+    )
+    part = "part of the torque on the load"
+    return (
+        around("tau_Nm", tau_lim, "interaction torque on the load"),
+        around("tau_spring_Nm", tau_lim, f"springs and offset: {part}"),
+        around("tau_rate_Nm", tau_lim, f"Maxwell branches: {part}"),
+        around("tau_hysteresis_Nm", tau_lim, f"stop and slip operators: {part}"),
+        Port("status", 0, 2 ** len(flags) - 1, "what is known of this sample", flags=flags),
+    )
+
+
+def _equations() -> tuple[Any, ...]:
+    x, q, last, inner = sp.symbols("x q q_k-1 F_k-1")
+    a, b, r, length, m, moved = sp.symbols("a b r L m s", positive=True)
+    weight, factor, value, index = (
+        sp.Symbol("w_i"),
+        sp.Symbol("d_i"),
+        sp.Symbol("z_i"),
+        sp.Symbol("i"),
+    )
+    total = sp.Sum(weight * factor * value, (index, 1, sp.Symbol("N")))
+    return (
+        equation("[family]", "tau", total, "every weight 0 or above"),
+        equation(
+            "[rise]", "q", x / (1 + sp.Abs(x) / a), "a rise that bends; others are x, x^3, x^5"
+        ),
+        equation("[maxwell]", "F", (1 - a - b) * inner + a * q + b * last, "z = q - F"),
+        equation("[stop]", "F", sp.Max(sp.Min(inner, q + r), q - r), "z = q - F"),
+        equation("[slip]", "z'", 1 - sp.Symbol("z") * sp.sign(q - last) / length, "over q; Dahl"),
+        equation("[strain]", "d", 1 / (1 + m / a), "m: largest |x| before this step"),
+        equation("[path]", "d", sp.exp(-moved / length), "s: path before this step"),
+    )
+
+
+__all__ = [
+    "family_sensor",
+    "family_step",
+    "torque_limit",
+    "unit_terms",
+]

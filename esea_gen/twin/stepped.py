@@ -1,0 +1,138 @@
+"""The virtual exoskeleton a tick at a time: what a board has, command in and encoder counts out.
+
+Beside the plant stand the ways in which a real drive's torque may not be the one commanded: wrong
+sign, wrong gain, late.  Delays are whole steps of the plant, finer than a tick.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection
+from functools import lru_cache
+from typing import Any
+
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import HostLibrary, compile_system
+from esea_gen.twin.encoders import ENCODERS
+from esea_gen.twin.people import STEP_S, PlantVariant
+from esea_gen.twin.plant import TICK_S, plant_system, start_state
+from esea_gen.twin.published import Person
+
+# A joint with nobody in it: the load side's own parts, its axis not quite upright.
+EMPTY = Person(
+    Jh_kgm2=0.05,
+    spring_Nm_rad=0.0,
+    damping_Nms_rad=0.0,
+    feedforward=False,
+    own_damping_Nms_rad=0.05,
+    gravity_Nm=0.3,
+    torque_noise_Nm=0.0,
+    torque_noise_Hz=2.0,
+)
+MOST_DELAY_S = 0.1
+
+
+@lru_cache(maxsize=4)
+def _compiled(device: DeviceData, cable: bool, step_s: float) -> HostLibrary:
+    return compile_system(plant_system(device, cable, step_s, TICK_S), "f64")
+
+
+class SteppedPlant:
+    """A plant whose output is clamped or free, with nobody in the joint.
+
+    motor_gain: true torque over commanded torque; below 0 the motor turns the other way.
+    delay_s: from the start of the tick that commands to the torque's first change.
+    reversed_encoders: of ``motor``, ``load`` and ``gear``, those that count the other way.
+    """
+
+    def __init__(
+        self,
+        variant: PlantVariant,
+        *,
+        motor_gain: float = 1.0,
+        delay_s: float = 0.0,
+        reversed_encoders: Collection[str] = (),
+    ) -> None:
+        if not (math.isfinite(motor_gain) and 0 < abs(motor_gain) <= 10):
+            raise UserError(f"A motor gain of {motor_gain:g}.", "Give -10 to 10, and not 0.")
+        if not 0 <= delay_s <= MOST_DELAY_S:
+            raise UserError(
+                f"A delay of {delay_s:g} s.", f"Give 0 to {MOST_DELAY_S:g} s, in whole 0.2 ms."
+            )
+        self.variant, self.gain = variant, motor_gain
+        self.delay_steps = round(delay_s / STEP_S)
+        self.delay_s = self.delay_steps * STEP_S
+        self.turned = frozenset(reversed_encoders)
+        self.library = _compiled(variant.device, variant.cable, STEP_S)
+        self.system = self.library.system
+        self._substeps = round(TICK_S / STEP_S)
+        blocks = self.system.blocks["encoders"]
+        self._full = {p.name: round(p.high) + 1 for p in blocks.outputs}
+
+    def start(self, start_rad: float, *, clamped: bool) -> tuple[int, int, int]:
+        """From rest at an angle; the counts there, of motor side, load side and motor's shaft."""
+        library, prefix = self.library, self.library.prefix
+        ffi = library.ffi
+        values = {**self.variant.values, **EMPTY.values(), "clamped": float(clamped)}
+        params = ffi.new(f"{prefix}_params_t *")
+        self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
+        library.function(f"{prefix}_default_params")(params)
+        owners = {t.name: i for i, t in self.system.tunables}
+        for key, value in values.items():
+            setattr(getattr(params, owners[key]), key, value)
+        refused = int(library.function(f"{prefix}_prepare")(params, self._coeffs))
+        if refused:
+            instance, tunable = self.system.tunables[refused - 1]
+            raise UserError(
+                f"{instance}.{tunable.name} = {values[tunable.name]:g} is outside {tunable.low:g} "
+                f"to {tunable.high:g}.",
+                f"Give a value inside ({tunable.meaning}).",
+            )
+        self._state = ffi.new(f"{prefix}_state_t *")
+        library.function(f"{prefix}_init")(self._coeffs, self._state)
+        first, shown = start_state(self.system.blocks["plant"], start_rad, {})
+        for key, vector in first.items():
+            getattr(self._state.plant, key)[0 : len(vector)] = vector
+        self._push = ffi.new(f"{prefix}_move_in_t *", {"theta_p_rad": start_rad})
+        self._plant = ffi.new(f"{prefix}_move_out_t *", shown)
+        self._angles = ffi.new(f"{prefix}_encode_in_t *")
+        self._counts = ffi.new(f"{prefix}_encode_out_t *")
+        self._move = library.function(f"{prefix}_move_step")
+        self._encode = library.function(f"{prefix}_encode_step")
+        self._under_way: deque[float] = deque([0.0] * self.delay_steps)
+        return self._read()
+
+    def step(self, u_Nm: float) -> tuple[int, int, int]:
+        """Hold a command for a tick; the counts at its end."""
+        wanted = self.gain * u_Nm
+        push, plant, line = self._push, self._plant, self._under_way
+        for _ in range(self._substeps):
+            line.append(wanted)
+            push.u_Nm = line.popleft()
+            self._move(self._coeffs, self._state, push, plant)
+        return self._read()
+
+    def truth(self) -> dict[str, float]:
+        """The plant's own outputs at this moment."""
+        return {p.name: float(getattr(self._plant, p.name)) for p in self._outputs}
+
+    @property
+    def _outputs(self) -> Any:
+        return self.system.blocks["plant"].outputs
+
+    def _read(self) -> tuple[int, int, int]:
+        angles, plant = self._angles, self._plant
+        for angle in ENCODERS.values():
+            setattr(angles, angle, getattr(plant, angle))
+        self._encode(self._coeffs, self._state, angles, self._counts)
+        found = []
+        for side in ENCODERS:
+            name = f"count_{side}"
+            count = int(getattr(self._counts, name))
+            found.append(-count % self._full[name] if side in self.turned else count)
+        return found[0], found[1], found[2]
+
+
+__all__ = ["EMPTY", "MOST_DELAY_S", "SteppedPlant"]
