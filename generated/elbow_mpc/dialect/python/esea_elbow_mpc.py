@@ -380,7 +380,7 @@ enums["MAV_AUTOPILOT"][9] = EnumEntry("MAV_AUTOPILOT_ENUM_END", """""")
 enums["MAV_MODE_FLAG"] = Enum()
 enums["MAV_MODE_FLAG"].bitmask = True
 MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
-enums["MAV_MODE_FLAG"][1] = EnumEntry("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED", """custom_mode holds an ESEA_MODE.""")
+enums["MAV_MODE_FLAG"][1] = EnumEntry("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED", """custom_mode holds an ESEA_STATE.""")
 MAV_MODE_FLAG_ENUM_END = 2
 enums["MAV_MODE_FLAG"][2] = EnumEntry("MAV_MODE_FLAG_ENUM_END", """""")
 
@@ -389,12 +389,14 @@ enums["MAV_STATE"] = Enum()
 enums["MAV_STATE"].bitmask = False
 MAV_STATE_BOOT = 1
 enums["MAV_STATE"][1] = EnumEntry("MAV_STATE_BOOT", """Starting.""")
+MAV_STATE_CALIBRATING = 2
+enums["MAV_STATE"][2] = EnumEntry("MAV_STATE_CALIBRATING", """Taking the encoders' zeros.""")
 MAV_STATE_STANDBY = 3
-enums["MAV_STATE"][3] = EnumEntry("MAV_STATE_STANDBY", """Ready for the first input.""")
+enums["MAV_STATE"][3] = EnumEntry("MAV_STATE_STANDBY", """At rest, motor off.""")
 MAV_STATE_ACTIVE = 4
-enums["MAV_STATE"][4] = EnumEntry("MAV_STATE_ACTIVE", """Stepping.""")
+enums["MAV_STATE"][4] = EnumEntry("MAV_STATE_ACTIVE", """Motor on, or stepping on the host's inputs.""")
 MAV_STATE_CRITICAL = 5
-enums["MAV_STATE"][5] = EnumEntry("MAV_STATE_CRITICAL", """A fault is latched; no step is taken until a reset.""")
+enums["MAV_STATE"][5] = EnumEntry("MAV_STATE_CRITICAL", """A fault is latched, motor off.""")
 MAV_STATE_EMERGENCY = 6
 enums["MAV_STATE"][6] = EnumEntry("MAV_STATE_EMERGENCY", """The processor has stopped after a hardware fault.""")
 MAV_STATE_ENUM_END = 7
@@ -405,6 +407,8 @@ enums["MAV_RESULT"] = Enum()
 enums["MAV_RESULT"].bitmask = False
 MAV_RESULT_ACCEPTED = 0
 enums["MAV_RESULT"][0] = EnumEntry("MAV_RESULT_ACCEPTED", """Done.""")
+MAV_RESULT_TEMPORARILY_REJECTED = 1
+enums["MAV_RESULT"][1] = EnumEntry("MAV_RESULT_TEMPORARILY_REJECTED", """Not in this state; the table of states says in which.""")
 MAV_RESULT_DENIED = 2
 enums["MAV_RESULT"][2] = EnumEntry("MAV_RESULT_DENIED", """A parameter is invalid.""")
 MAV_RESULT_UNSUPPORTED = 3
@@ -417,8 +421,29 @@ enums["MAV_RESULT"][5] = EnumEntry("MAV_RESULT_ENUM_END", """""")
 # MAV_CMD
 enums["MAV_CMD"] = Enum()
 enums["MAV_CMD"].bitmask = False
+MAV_CMD_COMPONENT_ARM_DISARM = 400
+enums["MAV_CMD"][400] = EnumEntry("MAV_CMD_COMPONENT_ARM_DISARM", """Switch the motor on or off.""")
+enums["MAV_CMD"][400].param[1] = """1 on; anything else off."""
+enums["MAV_CMD"][400].label[1] = """Arm"""
+enums["MAV_CMD"][400].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[7] = """Reserved (default:0)"""
+MAV_CMD_SET_MESSAGE_INTERVAL = 511
+enums["MAV_CMD"][511] = EnumEntry("MAV_CMD_SET_MESSAGE_INTERVAL", """Tell the inputs or outputs of a task's runs on the board's own clock.""")
+enums["MAV_CMD"][511].param[1] = """Id of the task's message."""
+enums["MAV_CMD"][511].label[1] = """Message ID"""
+enums["MAV_CMD"][511].param[2] = """Time between two, rounded up to runs of the task; 0 and less: none."""
+enums["MAV_CMD"][511].label[2] = """Interval"""
+enums["MAV_CMD"][511].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[7] = """Reserved (default:0)"""
 MAV_CMD_REQUEST_MESSAGE = 512
-enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT or ESEA_INFO.""")
+enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO or ESEA_CLOCK.""")
 enums["MAV_CMD"][512].param[1] = """Id of the message."""
 enums["MAV_CMD"][512].label[1] = """Message ID"""
 enums["MAV_CMD"][512].param[2] = """Reserved (default:0)"""
@@ -428,7 +453,7 @@ enums["MAV_CMD"][512].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][512].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][512].param[7] = """Reserved (default:0)"""
 MAV_CMD_USER_1 = 31010
-enums["MAV_CMD"][31010] = EnumEntry("MAV_CMD_USER_1", """Reset: initial state of every Block, counters to 0, latched fault released.""")
+enums["MAV_CMD"][31010] = EnumEntry("MAV_CMD_USER_1", """Reset: self-test, initial state of every Block, counters to 0. A stop that is held stays.""")
 enums["MAV_CMD"][31010].param[1] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[2] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[3] = """Reserved (default:0)"""
@@ -436,22 +461,72 @@ enums["MAV_CMD"][31010].param[4] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[7] = """Reserved (default:0)"""
-MAV_CMD_ENUM_END = 31011
-enums["MAV_CMD"][31011] = EnumEntry("MAV_CMD_ENUM_END", """""")
+MAV_CMD_USER_2 = 31011
+enums["MAV_CMD"][31011] = EnumEntry("MAV_CMD_USER_2", """Zero: the joint is at its zero and unloaded; take the encoders' angles.""")
+enums["MAV_CMD"][31011].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[7] = """Reserved (default:0)"""
+MAV_CMD_USER_3 = 31012
+enums["MAV_CMD"][31012] = EnumEntry("MAV_CMD_USER_3", """Clear: the fault has been seen to.""")
+enums["MAV_CMD"][31012].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[7] = """Reserved (default:0)"""
+MAV_CMD_USER_4 = 31013
+enums["MAV_CMD"][31013] = EnumEntry("MAV_CMD_USER_4", """Stop. Taken always, from anybody, whoever it is for.""")
+enums["MAV_CMD"][31013].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[7] = """Reserved (default:0)"""
+MAV_CMD_USER_5 = 31014
+enums["MAV_CMD"][31014] = EnumEntry("MAV_CMD_USER_5", """Release: take the stop back.""")
+enums["MAV_CMD"][31014].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[7] = """Reserved (default:0)"""
+MAV_CMD_ENUM_END = 31015
+enums["MAV_CMD"][31015] = EnumEntry("MAV_CMD_ENUM_END", """""")
 
-# ESEA_MODE
-enums["ESEA_MODE"] = Enum()
-enums["ESEA_MODE"].bitmask = False
-ESEA_MODE_BOOT = 0
-enums["ESEA_MODE"][0] = EnumEntry("ESEA_MODE_BOOT", """Starting; no input is taken.""")
-ESEA_MODE_READY = 1
-enums["ESEA_MODE"][1] = EnumEntry("ESEA_MODE_READY", """Initial state; waits for the first input.""")
-ESEA_MODE_RUNNING = 2
-enums["ESEA_MODE"][2] = EnumEntry("ESEA_MODE_RUNNING", """Takes one step per input.""")
-ESEA_MODE_FAULT = 3
-enums["ESEA_MODE"][3] = EnumEntry("ESEA_MODE_FAULT", """A fault is latched; inputs are answered by a HEARTBEAT until a reset.""")
-ESEA_MODE_ENUM_END = 4
-enums["ESEA_MODE"][4] = EnumEntry("ESEA_MODE_ENUM_END", """""")
+# ESEA_STATE
+enums["ESEA_STATE"] = Enum()
+enums["ESEA_STATE"].bitmask = False
+ESEA_STATE_BOOT = 0
+enums["ESEA_STATE"][0] = EnumEntry("ESEA_STATE_BOOT", """Starting.""")
+ESEA_STATE_READY = 1
+enums["ESEA_STATE"][1] = EnumEntry("ESEA_STATE_READY", """All is known; waits to be armed.""")
+ESEA_STATE_REPLAY = 2
+enums["ESEA_STATE"][2] = EnumEntry("ESEA_STATE_REPLAY", """The host's inputs clock the tasks, one run each; drivers and own clock rest.""")
+ESEA_STATE_FAULT = 3
+enums["ESEA_STATE"][3] = EnumEntry("ESEA_STATE_FAULT", """A fault is latched; its number tells which.""")
+ESEA_STATE_SELF_TEST = 4
+enums["ESEA_STATE"][4] = EnumEntry("ESEA_STATE_SELF_TEST", """Checks itself.""")
+ESEA_STATE_UNREFERENCED = 5
+enums["ESEA_STATE"][5] = EnumEntry("ESEA_STATE_UNREFERENCED", """Encoders have no zero; waits to be zeroed.""")
+ESEA_STATE_ZEROING = 6
+enums["ESEA_STATE"][6] = EnumEntry("ESEA_STATE_ZEROING", """Takes the present angles, which must stand still, as zero.""")
+ESEA_STATE_ARMED = 7
+enums["ESEA_STATE"][7] = EnumEntry("ESEA_STATE_ARMED", """The motor is on, without torque; waits for a command.""")
+ESEA_STATE_ACTIVE = 8
+enums["ESEA_STATE"][8] = EnumEntry("ESEA_STATE_ACTIVE", """Follows the host's commands.""")
+ESEA_STATE_LETTING_GO = 9
+enums["ESEA_STATE"][9] = EnumEntry("ESEA_STATE_LETTING_GO", """No command came in time, or disarmed while active: the torque fades to none.""")
+ESEA_STATE_STOPPED = 10
+enums["ESEA_STATE"][10] = EnumEntry("ESEA_STATE_STOPPED", """Stopped by somebody; waits to be released.""")
+ESEA_STATE_ENUM_END = 11
+enums["ESEA_STATE"][11] = EnumEntry("ESEA_STATE_ENUM_END", """""")
 
 # ESEA_FAULT
 enums["ESEA_FAULT"] = Enum()
@@ -459,43 +534,47 @@ enums["ESEA_FAULT"].bitmask = False
 ESEA_FAULT_NONE = 0
 enums["ESEA_FAULT"][0] = EnumEntry("ESEA_FAULT_NONE", """No fault. Cure: nothing to do.""")
 ESEA_FAULT_NOT_ARMED = 1
-enums["ESEA_FAULT"][1] = EnumEntry("ESEA_FAULT_NOT_ARMED", """not armed since power-up or reset Cure: rearm.""")
+enums["ESEA_FAULT"][1] = EnumEntry("ESEA_FAULT_NOT_ARMED", """not armed since power-up or reset Cure: rearm. Found: from the first step on.""")
 ESEA_FAULT_STATE_CORRUPT = 2
-enums["ESEA_FAULT"][2] = EnumEntry("ESEA_FAULT_STATE_CORRUPT", """the memory of the limits was corrupt Cure: rearm; if it comes again, memory or stack is at fault: service.""")
+enums["ESEA_FAULT"][2] = EnumEntry("ESEA_FAULT_STATE_CORRUPT", """the memory of the limits was corrupt Cure: rearm; if it comes again, memory or stack is at fault: service. Found: the same step.""")
 ESEA_FAULT_TUNABLE_INVALID = 3
-enums["ESEA_FAULT"][3] = EnumEntry("ESEA_FAULT_TUNABLE_INVALID", """a limit was not within its compiled bounds, or the range of motion was turned round Cure: prepare the coefficients again from params that are in range.""")
+enums["ESEA_FAULT"][3] = EnumEntry("ESEA_FAULT_TUNABLE_INVALID", """a limit was not within its compiled bounds, or the range of motion was turned round Cure: prepare the coefficients again from params that are in range. Found: the same step.""")
 ESEA_FAULT_STOP = 4
-enums["ESEA_FAULT"][4] = EnumEntry("ESEA_FAULT_STOP", """stop was requested Cure: take back every stop, then rearm.""")
+enums["ESEA_FAULT"][4] = EnumEntry("ESEA_FAULT_STOP", """stop was requested Cure: take back every stop, then rearm. Found: the same step.""")
 ESEA_FAULT_INPUT_INVALID = 5
-enums["ESEA_FAULT"][5] = EnumEntry("ESEA_FAULT_INPUT_INVALID", """an input was NaN, outside its physical range or not a whole number, or what was wanted was Cure: give finite inputs within their ranges; look at the status words of the Blocks before.""")
+enums["ESEA_FAULT"][5] = EnumEntry("ESEA_FAULT_INPUT_INVALID", """an input was NaN, outside its physical range or not a whole number, or what was wanted was Cure: give finite inputs within their ranges; look at the status words of the Blocks before. Found: the same step.""")
 ESEA_FAULT_SENSING = 6
-enums["ESEA_FAULT"][6] = EnumEntry("ESEA_FAULT_SENSING", """the sensing task could not vouch for its measurements Cure: look at the encoders' status words: wiring, magnet, zero.""")
+enums["ESEA_FAULT"][6] = EnumEntry("ESEA_FAULT_SENSING", """the sensing task could not vouch for its measurements Cure: look at the encoders' status words: wiring, magnet, zero. Found: the same step; what only contradicts, as the page on limits tells.""")
 ESEA_FAULT_CONTROL_STALE = 7
-enums["ESEA_FAULT"][7] = EnumEntry("ESEA_FAULT_CONTROL_STALE", """the control task delivered no new command Cure: see that the control task runs and gives finite commands.""")
+enums["ESEA_FAULT"][7] = EnumEntry("ESEA_FAULT_CONTROL_STALE", """the control task delivered no new command Cure: see that the control task runs and gives finite commands. Found: 5 control periods after the last new command.""")
 ESEA_FAULT_DEFLECTION = 8
-enums["ESEA_FAULT"][8] = EnumEntry("ESEA_FAULT_DEFLECTION", """the coupling was deflected too far Cure: unload the coupling; look for a blocked joint or a slipped encoder.""")
+enums["ESEA_FAULT"][8] = EnumEntry("ESEA_FAULT_DEFLECTION", """the coupling was deflected too far Cure: unload the coupling; look for a blocked joint or a slipped encoder. Found: the same step.""")
 ESEA_FAULT_TORQUE = 9
-enums["ESEA_FAULT"][9] = EnumEntry("ESEA_FAULT_TORQUE", """the interaction torque was too large Cure: unload the joint; a smaller wanted torque.""")
+enums["ESEA_FAULT"][9] = EnumEntry("ESEA_FAULT_TORQUE", """the interaction torque was too large Cure: unload the joint; a smaller wanted torque. Found: the same step.""")
 ESEA_FAULT_SPEED = 10
-enums["ESEA_FAULT"][10] = EnumEntry("ESEA_FAULT_SPEED", """joint or drive were too fast Cure: let the joint come to rest; a slower movement or smaller gains.""")
+enums["ESEA_FAULT"][10] = EnumEntry("ESEA_FAULT_SPEED", """joint or drive were too fast Cure: let the joint come to rest; a slower movement or smaller gains. Found: the same step.""")
 ESEA_FAULT_RANGE_OF_MOTION = 11
-enums["ESEA_FAULT"][11] = EnumEntry("ESEA_FAULT_RANGE_OF_MOTION", """the joint was beyond its range of motion and the margin Cure: move the joint back by hand.""")
+enums["ESEA_FAULT"][11] = EnumEntry("ESEA_FAULT_RANGE_OF_MOTION", """the joint was beyond its range of motion and the margin Cure: move the joint back by hand. Found: the same step.""")
 ESEA_FAULT_ENERGY = 12
-enums["ESEA_FAULT"][12] = EnumEntry("ESEA_FAULT_ENERGY", """too much energy was given to the limb within the window Cure: wait until the window has forgotten; slower or weaker movement.""")
+enums["ESEA_FAULT"][12] = EnumEntry("ESEA_FAULT_ENERGY", """too much energy was given to the limb within the window Cure: wait until the window has forgotten; slower or weaker movement. Found: the same step.""")
 ESEA_FAULT_CLOCK = 13
-enums["ESEA_FAULT"][13] = EnumEntry("ESEA_FAULT_CLOCK", """base ticks were lost, repeated or went backward, or an old state was put back Cure: call release once for every base tick, in order; resume a state that was put back.""")
+enums["ESEA_FAULT"][13] = EnumEntry("ESEA_FAULT_CLOCK", """base ticks were lost, repeated or went backward, or an old state was put back Cure: call release once for every base tick, in order; resume a state that was put back. Found: the same step.""")
 ESEA_FAULT_LATE = 14
-enums["ESEA_FAULT"][14] = EnumEntry("ESEA_FAULT_LATE", """too many runs of a task ended after the tick at which they are released Cure: free time for the late task: see the watch's counters.""")
+enums["ESEA_FAULT"][14] = EnumEntry("ESEA_FAULT_LATE", """too many runs of a task ended after the tick at which they are released Cure: free time for the late task: see the watch's counters. Found: the twelfth late run in a row.""")
 ESEA_FAULT_COEFFICIENTS = 15
-enums["ESEA_FAULT"][15] = EnumEntry("ESEA_FAULT_COEFFICIENTS", """the coefficients are not those that were prepared, or no control run has checked them yet Cure: run the control task; if it stays, prepare again: memory was overwritten.""")
+enums["ESEA_FAULT"][15] = EnumEntry("ESEA_FAULT_COEFFICIENTS", """the coefficients are not those that were prepared, or no control run has checked them yet Cure: run the control task; if it stays, prepare again: memory was overwritten. Found: the next control run and its release.""")
 ESEA_FAULT_PREPARE_REFUSED = 101
-enums["ESEA_FAULT"][101] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts.""")
+enums["ESEA_FAULT"][101] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts. Found: at start, before anything is computed.""")
 ESEA_FAULT_STACK_EXHAUSTED = 102
-enums["ESEA_FAULT"][102] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script.""")
+enums["ESEA_FAULT"][102] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script. Found: 1000 ticks; beyond the last word at once, as PROCESSOR.""")
 ESEA_FAULT_PROCESSOR = 103
-enums["ESEA_FAULT"][103] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception. Cure: reset; if it comes again, service.""")
-ESEA_FAULT_ENUM_END = 104
-enums["ESEA_FAULT"][104] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+enums["ESEA_FAULT"][103] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception. Cure: reset; if it comes again, service. Found: at once.""")
+ESEA_FAULT_SELF_TEST = 104
+enums["ESEA_FAULT"][104] = EnumEntry("ESEA_FAULT_SELF_TEST", """Freshly started limits did not hold the motor at zero. Cure: service: program memory is not what was built. Found: at start, before the motor can be on.""")
+ESEA_FAULT_STATE_UNKNOWN = 105
+enums["ESEA_FAULT"][105] = EnumEntry("ESEA_FAULT_STATE_UNKNOWN", """The board's state was none of its list: memory was overwritten. Cure: reset; if it comes again, service. Found: 1 tick.""")
+ESEA_FAULT_ENUM_END = 106
+enums["ESEA_FAULT"][106] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
 
 # ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS
 enums["ESEA_ELBOW_MPC_ENCODER_MOTOR_STATUS"] = Enum()
@@ -838,13 +917,15 @@ MAVLINK_MSG_ID_ESEA_SENSE_IN = 42601
 MAVLINK_MSG_ID_ESEA_SENSE_OUT = 42602
 MAVLINK_MSG_ID_ESEA_CONTROL_IN = 42603
 MAVLINK_MSG_ID_ESEA_CONTROL_OUT = 42604
+MAVLINK_MSG_ID_ESEA_CLOCK = 42661
+MAVLINK_MSG_ID_ESEA_WANTED = 42660
 
 
 class MAVLink_heartbeat_message(MAVLink_message):
     """
-    Standard message.  Sent once when the board is ready, every 1000
-    steps, on request, and whenever a fault keeps a step from being
-    taken.
+    Standard message.  Sent when the state changes, every 1000 ticks
+    or steps, on request, and in place of an answer to an input that
+    is not taken.
     """
 
     id = MAVLINK_MSG_ID_HEARTBEAT
@@ -1242,6 +1323,97 @@ class MAVLink_esea_control_out_message(MAVLink_message):
 setattr(MAVLink_esea_control_out_message, "name", mavlink_msg_deprecated_name_property())
 
 
+class MAVLink_esea_clock_message(MAVLink_message):
+    """
+    The board's own clock; on request.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_CLOCK
+    msgname = "ESEA_CLOCK"
+    fieldnames = ["tick", "lost_ticks", "missed_runs", "late_runs", "dropped", "refused", "deadline_left", "state"]
+    ordered_fieldnames = ["tick", "lost_ticks", "missed_runs", "late_runs", "dropped", "refused", "deadline_left", "state"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"state": "ESEA_STATE"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<IIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 167
+    unpacker = struct.Struct("<IIIIIIII")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int):
+        MAVLink_message.__init__(self, MAVLink_esea_clock_message.id, MAVLink_esea_clock_message.msgname)
+        self._fieldnames = MAVLink_esea_clock_message.fieldnames
+        self._instance_field = MAVLink_esea_clock_message.instance_field
+        self._instance_offset = MAVLink_esea_clock_message.instance_offset
+        self.tick = tick
+        self.lost_ticks = lost_ticks
+        self.missed_runs = missed_runs
+        self.late_runs = late_runs
+        self.dropped = dropped
+        self.refused = refused
+        self.deadline_left = deadline_left
+        self.state = state
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.tick, self.lost_ticks, self.missed_runs, self.late_runs, self.dropped, self.refused, self.deadline_left, self.state), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_clock_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_esea_wanted_message(MAVLink_message):
+    """
+    What the host wants, from the state ARMED on; anew before its
+    deadline.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_WANTED
+    msgname = "ESEA_WANTED"
+    fieldnames = ["mode", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s", "tau_preview_Nm", "theta_preview_rad", "omega_preview_rad_s", "deadline_ms"]
+    ordered_fieldnames = ["mode", "tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s", "tau_preview_Nm", "theta_preview_rad", "omega_preview_rad_s", "deadline_ms"]
+    fieldtypes = ["float", "float", "float", "float", "float", "float", "float", "uint16_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"theta_desired_rad": "rad", "omega_desired_rad_s": "rad/s", "theta_preview_rad": "rad", "omega_preview_rad_s": "rad/s", "deadline_ms": "ms"}
+    native_format = bytearray(b"<fffffffH")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7]
+    lengths = [1, 1, 1, 1, 10, 10, 10, 1]
+    array_lengths = [0, 0, 0, 0, 10, 10, 10, 0]
+    crc_extra = 35
+    unpacker = struct.Struct("<ffff10f10f10fH")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, mode: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, tau_preview_Nm: Sequence[float], theta_preview_rad: Sequence[float], omega_preview_rad_s: Sequence[float], deadline_ms: int):
+        MAVLink_message.__init__(self, MAVLink_esea_wanted_message.id, MAVLink_esea_wanted_message.msgname)
+        self._fieldnames = MAVLink_esea_wanted_message.fieldnames
+        self._instance_field = MAVLink_esea_wanted_message.instance_field
+        self._instance_offset = MAVLink_esea_wanted_message.instance_offset
+        self.mode = mode
+        self.tau_desired_Nm = tau_desired_Nm
+        self.theta_desired_rad = theta_desired_rad
+        self.omega_desired_rad_s = omega_desired_rad_s
+        self.tau_preview_Nm = tau_preview_Nm
+        self.theta_preview_rad = theta_preview_rad
+        self.omega_preview_rad_s = omega_preview_rad_s
+        self.deadline_ms = deadline_ms
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.mode, self.tau_desired_Nm, self.theta_desired_rad, self.omega_desired_rad_s, self.tau_preview_Nm[0], self.tau_preview_Nm[1], self.tau_preview_Nm[2], self.tau_preview_Nm[3], self.tau_preview_Nm[4], self.tau_preview_Nm[5], self.tau_preview_Nm[6], self.tau_preview_Nm[7], self.tau_preview_Nm[8], self.tau_preview_Nm[9], self.theta_preview_rad[0], self.theta_preview_rad[1], self.theta_preview_rad[2], self.theta_preview_rad[3], self.theta_preview_rad[4], self.theta_preview_rad[5], self.theta_preview_rad[6], self.theta_preview_rad[7], self.theta_preview_rad[8], self.theta_preview_rad[9], self.omega_preview_rad_s[0], self.omega_preview_rad_s[1], self.omega_preview_rad_s[2], self.omega_preview_rad_s[3], self.omega_preview_rad_s[4], self.omega_preview_rad_s[5], self.omega_preview_rad_s[6], self.omega_preview_rad_s[7], self.omega_preview_rad_s[8], self.omega_preview_rad_s[9], self.deadline_ms), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_wanted_message, "name", mavlink_msg_deprecated_name_property())
+
+
 mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_HEARTBEAT: MAVLink_heartbeat_message,
     MAVLINK_MSG_ID_COMMAND_LONG: MAVLink_command_long_message,
@@ -1251,6 +1423,8 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_ESEA_SENSE_OUT: MAVLink_esea_sense_out_message,
     MAVLINK_MSG_ID_ESEA_CONTROL_IN: MAVLink_esea_control_in_message,
     MAVLINK_MSG_ID_ESEA_CONTROL_OUT: MAVLink_esea_control_out_message,
+    MAVLINK_MSG_ID_ESEA_CLOCK: MAVLink_esea_clock_message,
+    MAVLINK_MSG_ID_ESEA_WANTED: MAVLink_esea_wanted_message,
 }
 
 
@@ -1649,14 +1823,14 @@ class MAVLink(object):
 
     def heartbeat_encode(self, type: int, autopilot: int, base_mode: int, custom_mode: int, system_status: int, mavlink_version: int = 3) -> MAVLink_heartbeat_message:
         """
-        Standard message.  Sent once when the board is ready, every 1000
-        steps, on request, and whenever a fault keeps a step from
-        being taken.
+        Standard message.  Sent when the state changes, every 1000 ticks or
+        steps, on request, and in place of an answer to an input that
+        is not taken.
 
         type                      : Component type. (type:uint8_t, values:MAV_TYPE)
         autopilot                 : Autopilot class. (type:uint8_t, values:MAV_AUTOPILOT)
         base_mode                 : Mode bits. (type:uint8_t, values:MAV_MODE_FLAG)
-        custom_mode               : State of the firmware, an ESEA_MODE. (type:uint32_t)
+        custom_mode               : State of the board, an ESEA_STATE. (type:uint32_t)
         system_status             : Component state. (type:uint8_t, values:MAV_STATE)
         mavlink_version           : MAVLink version, put in by the protocol. (type:uint8_t)
 
@@ -1665,14 +1839,14 @@ class MAVLink(object):
 
     def heartbeat_send(self, type: int, autopilot: int, base_mode: int, custom_mode: int, system_status: int, mavlink_version: int = 3, force_mavlink1: bool = False) -> None:
         """
-        Standard message.  Sent once when the board is ready, every 1000
-        steps, on request, and whenever a fault keeps a step from
-        being taken.
+        Standard message.  Sent when the state changes, every 1000 ticks or
+        steps, on request, and in place of an answer to an input that
+        is not taken.
 
         type                      : Component type. (type:uint8_t, values:MAV_TYPE)
         autopilot                 : Autopilot class. (type:uint8_t, values:MAV_AUTOPILOT)
         base_mode                 : Mode bits. (type:uint8_t, values:MAV_MODE_FLAG)
-        custom_mode               : State of the firmware, an ESEA_MODE. (type:uint32_t)
+        custom_mode               : State of the board, an ESEA_STATE. (type:uint32_t)
         system_status             : Component state. (type:uint8_t, values:MAV_STATE)
         mavlink_version           : MAVLink version, put in by the protocol. (type:uint8_t)
 
@@ -1980,3 +2154,69 @@ class MAVLink(object):
 
         """
         self.send(self.esea_control_out_encode(sequence, u_command_Nm, apart_rad, apart_Nm, room_Nm, iterations, ahead_status, predictive_status, redundancy_status, stamp_status, step_ticks), force_mavlink1=force_mavlink1)
+
+    def esea_clock_encode(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int) -> MAVLink_esea_clock_message:
+        """
+        The board's own clock; on request.
+
+        tick                      : The next base tick. (type:uint32_t)
+        lost_ticks                : Base ticks since boot that came too late or not. (type:uint32_t)
+        missed_runs               : Runs since boot that did not start: the one before had not ended. (type:uint32_t)
+        late_runs                 : Runs that had not ended at their release. (type:uint32_t)
+        dropped                   : Runs since boot that found no room until they are sent. (type:uint32_t)
+        refused                   : Commands and inputs since boot that the state refused. (type:uint32_t)
+        deadline_left             : Base ticks until the command's deadline; 0: none. (type:uint32_t)
+        state                     : State of the board. (type:uint32_t, values:ESEA_STATE)
+
+        """
+        return MAVLink_esea_clock_message(tick, lost_ticks, missed_runs, late_runs, dropped, refused, deadline_left, state)
+
+    def esea_clock_send(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int, force_mavlink1: bool = False) -> None:
+        """
+        The board's own clock; on request.
+
+        tick                      : The next base tick. (type:uint32_t)
+        lost_ticks                : Base ticks since boot that came too late or not. (type:uint32_t)
+        missed_runs               : Runs since boot that did not start: the one before had not ended. (type:uint32_t)
+        late_runs                 : Runs that had not ended at their release. (type:uint32_t)
+        dropped                   : Runs since boot that found no room until they are sent. (type:uint32_t)
+        refused                   : Commands and inputs since boot that the state refused. (type:uint32_t)
+        deadline_left             : Base ticks until the command's deadline; 0: none. (type:uint32_t)
+        state                     : State of the board. (type:uint32_t, values:ESEA_STATE)
+
+        """
+        self.send(self.esea_clock_encode(tick, lost_ticks, missed_runs, late_runs, dropped, refused, deadline_left, state), force_mavlink1=force_mavlink1)
+
+    def esea_wanted_encode(self, mode: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, tau_preview_Nm: Sequence[float], theta_preview_rad: Sequence[float], omega_preview_rad_s: Sequence[float], deadline_ms: int) -> MAVLink_esea_wanted_message:
+        """
+        What the host wants, from the state ARMED on; anew before its
+        deadline.
+
+        mode                      : 0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2 (type:float)
+        tau_desired_Nm            : wanted interaction torque; [Nm], range -20 to 20 (type:float)
+        theta_desired_rad         : wanted angle of the joint; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
+        omega_desired_rad_s        : wanted rate of the joint; [rad/s], range -12 to 12 [rad/s] (type:float)
+        tau_preview_Nm            : wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20 (type:float)
+        theta_preview_rad         : wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
+        omega_preview_rad_s        : wanted rate; 10 elements; [rad/s], range -12 to 12 [rad/s] (type:float)
+        deadline_ms               : When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100. [ms] (type:uint16_t)
+
+        """
+        return MAVLink_esea_wanted_message(mode, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, tau_preview_Nm, theta_preview_rad, omega_preview_rad_s, deadline_ms)
+
+    def esea_wanted_send(self, mode: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, tau_preview_Nm: Sequence[float], theta_preview_rad: Sequence[float], omega_preview_rad_s: Sequence[float], deadline_ms: int, force_mavlink1: bool = False) -> None:
+        """
+        What the host wants, from the state ARMED on; anew before its
+        deadline.
+
+        mode                      : 0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2 (type:float)
+        tau_desired_Nm            : wanted interaction torque; [Nm], range -20 to 20 (type:float)
+        theta_desired_rad         : wanted angle of the joint; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
+        omega_desired_rad_s        : wanted rate of the joint; [rad/s], range -12 to 12 [rad/s] (type:float)
+        tau_preview_Nm            : wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20 (type:float)
+        theta_preview_rad         : wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999 [rad] (type:float)
+        omega_preview_rad_s        : wanted rate; 10 elements; [rad/s], range -12 to 12 [rad/s] (type:float)
+        deadline_ms               : When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100. [ms] (type:uint16_t)
+
+        """
+        self.send(self.esea_wanted_encode(mode, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, tau_preview_Nm, theta_preview_rad, omega_preview_rad_s, deadline_ms), force_mavlink1=force_mavlink1)

@@ -380,7 +380,7 @@ enums["MAV_AUTOPILOT"][9] = EnumEntry("MAV_AUTOPILOT_ENUM_END", """""")
 enums["MAV_MODE_FLAG"] = Enum()
 enums["MAV_MODE_FLAG"].bitmask = True
 MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
-enums["MAV_MODE_FLAG"][1] = EnumEntry("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED", """custom_mode holds an ESEA_MODE.""")
+enums["MAV_MODE_FLAG"][1] = EnumEntry("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED", """custom_mode holds an ESEA_STATE.""")
 MAV_MODE_FLAG_ENUM_END = 2
 enums["MAV_MODE_FLAG"][2] = EnumEntry("MAV_MODE_FLAG_ENUM_END", """""")
 
@@ -389,12 +389,14 @@ enums["MAV_STATE"] = Enum()
 enums["MAV_STATE"].bitmask = False
 MAV_STATE_BOOT = 1
 enums["MAV_STATE"][1] = EnumEntry("MAV_STATE_BOOT", """Starting.""")
+MAV_STATE_CALIBRATING = 2
+enums["MAV_STATE"][2] = EnumEntry("MAV_STATE_CALIBRATING", """Taking the encoders' zeros.""")
 MAV_STATE_STANDBY = 3
-enums["MAV_STATE"][3] = EnumEntry("MAV_STATE_STANDBY", """Ready for the first input.""")
+enums["MAV_STATE"][3] = EnumEntry("MAV_STATE_STANDBY", """At rest, motor off.""")
 MAV_STATE_ACTIVE = 4
-enums["MAV_STATE"][4] = EnumEntry("MAV_STATE_ACTIVE", """Stepping.""")
+enums["MAV_STATE"][4] = EnumEntry("MAV_STATE_ACTIVE", """Motor on, or stepping on the host's inputs.""")
 MAV_STATE_CRITICAL = 5
-enums["MAV_STATE"][5] = EnumEntry("MAV_STATE_CRITICAL", """A fault is latched; no step is taken until a reset.""")
+enums["MAV_STATE"][5] = EnumEntry("MAV_STATE_CRITICAL", """A fault is latched, motor off.""")
 MAV_STATE_EMERGENCY = 6
 enums["MAV_STATE"][6] = EnumEntry("MAV_STATE_EMERGENCY", """The processor has stopped after a hardware fault.""")
 MAV_STATE_ENUM_END = 7
@@ -405,6 +407,8 @@ enums["MAV_RESULT"] = Enum()
 enums["MAV_RESULT"].bitmask = False
 MAV_RESULT_ACCEPTED = 0
 enums["MAV_RESULT"][0] = EnumEntry("MAV_RESULT_ACCEPTED", """Done.""")
+MAV_RESULT_TEMPORARILY_REJECTED = 1
+enums["MAV_RESULT"][1] = EnumEntry("MAV_RESULT_TEMPORARILY_REJECTED", """Not in this state; the table of states says in which.""")
 MAV_RESULT_DENIED = 2
 enums["MAV_RESULT"][2] = EnumEntry("MAV_RESULT_DENIED", """A parameter is invalid.""")
 MAV_RESULT_UNSUPPORTED = 3
@@ -417,8 +421,29 @@ enums["MAV_RESULT"][5] = EnumEntry("MAV_RESULT_ENUM_END", """""")
 # MAV_CMD
 enums["MAV_CMD"] = Enum()
 enums["MAV_CMD"].bitmask = False
+MAV_CMD_COMPONENT_ARM_DISARM = 400
+enums["MAV_CMD"][400] = EnumEntry("MAV_CMD_COMPONENT_ARM_DISARM", """Switch the motor on or off.""")
+enums["MAV_CMD"][400].param[1] = """1 on; anything else off."""
+enums["MAV_CMD"][400].label[1] = """Arm"""
+enums["MAV_CMD"][400].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][400].param[7] = """Reserved (default:0)"""
+MAV_CMD_SET_MESSAGE_INTERVAL = 511
+enums["MAV_CMD"][511] = EnumEntry("MAV_CMD_SET_MESSAGE_INTERVAL", """Tell the inputs or outputs of a task's runs on the board's own clock.""")
+enums["MAV_CMD"][511].param[1] = """Id of the task's message."""
+enums["MAV_CMD"][511].label[1] = """Message ID"""
+enums["MAV_CMD"][511].param[2] = """Time between two, rounded up to runs of the task; 0 and less: none."""
+enums["MAV_CMD"][511].label[2] = """Interval"""
+enums["MAV_CMD"][511].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][511].param[7] = """Reserved (default:0)"""
 MAV_CMD_REQUEST_MESSAGE = 512
-enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT or ESEA_INFO.""")
+enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO or ESEA_CLOCK.""")
 enums["MAV_CMD"][512].param[1] = """Id of the message."""
 enums["MAV_CMD"][512].label[1] = """Message ID"""
 enums["MAV_CMD"][512].param[2] = """Reserved (default:0)"""
@@ -428,7 +453,7 @@ enums["MAV_CMD"][512].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][512].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][512].param[7] = """Reserved (default:0)"""
 MAV_CMD_USER_1 = 31010
-enums["MAV_CMD"][31010] = EnumEntry("MAV_CMD_USER_1", """Reset: initial state of every Block, counters to 0, latched fault released.""")
+enums["MAV_CMD"][31010] = EnumEntry("MAV_CMD_USER_1", """Reset: self-test, initial state of every Block, counters to 0. A stop that is held stays.""")
 enums["MAV_CMD"][31010].param[1] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[2] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[3] = """Reserved (default:0)"""
@@ -436,22 +461,72 @@ enums["MAV_CMD"][31010].param[4] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][31010].param[7] = """Reserved (default:0)"""
-MAV_CMD_ENUM_END = 31011
-enums["MAV_CMD"][31011] = EnumEntry("MAV_CMD_ENUM_END", """""")
+MAV_CMD_USER_2 = 31011
+enums["MAV_CMD"][31011] = EnumEntry("MAV_CMD_USER_2", """Zero: the joint is at its zero and unloaded; take the encoders' angles.""")
+enums["MAV_CMD"][31011].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31011].param[7] = """Reserved (default:0)"""
+MAV_CMD_USER_3 = 31012
+enums["MAV_CMD"][31012] = EnumEntry("MAV_CMD_USER_3", """Clear: the fault has been seen to.""")
+enums["MAV_CMD"][31012].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31012].param[7] = """Reserved (default:0)"""
+MAV_CMD_USER_4 = 31013
+enums["MAV_CMD"][31013] = EnumEntry("MAV_CMD_USER_4", """Stop. Taken always, from anybody, whoever it is for.""")
+enums["MAV_CMD"][31013].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31013].param[7] = """Reserved (default:0)"""
+MAV_CMD_USER_5 = 31014
+enums["MAV_CMD"][31014] = EnumEntry("MAV_CMD_USER_5", """Release: take the stop back.""")
+enums["MAV_CMD"][31014].param[1] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][31014].param[7] = """Reserved (default:0)"""
+MAV_CMD_ENUM_END = 31015
+enums["MAV_CMD"][31015] = EnumEntry("MAV_CMD_ENUM_END", """""")
 
-# ESEA_MODE
-enums["ESEA_MODE"] = Enum()
-enums["ESEA_MODE"].bitmask = False
-ESEA_MODE_BOOT = 0
-enums["ESEA_MODE"][0] = EnumEntry("ESEA_MODE_BOOT", """Starting; no input is taken.""")
-ESEA_MODE_READY = 1
-enums["ESEA_MODE"][1] = EnumEntry("ESEA_MODE_READY", """Initial state; waits for the first input.""")
-ESEA_MODE_RUNNING = 2
-enums["ESEA_MODE"][2] = EnumEntry("ESEA_MODE_RUNNING", """Takes one step per input.""")
-ESEA_MODE_FAULT = 3
-enums["ESEA_MODE"][3] = EnumEntry("ESEA_MODE_FAULT", """A fault is latched; inputs are answered by a HEARTBEAT until a reset.""")
-ESEA_MODE_ENUM_END = 4
-enums["ESEA_MODE"][4] = EnumEntry("ESEA_MODE_ENUM_END", """""")
+# ESEA_STATE
+enums["ESEA_STATE"] = Enum()
+enums["ESEA_STATE"].bitmask = False
+ESEA_STATE_BOOT = 0
+enums["ESEA_STATE"][0] = EnumEntry("ESEA_STATE_BOOT", """Starting.""")
+ESEA_STATE_READY = 1
+enums["ESEA_STATE"][1] = EnumEntry("ESEA_STATE_READY", """All is known; waits to be armed.""")
+ESEA_STATE_REPLAY = 2
+enums["ESEA_STATE"][2] = EnumEntry("ESEA_STATE_REPLAY", """The host's inputs clock the tasks, one run each; drivers and own clock rest.""")
+ESEA_STATE_FAULT = 3
+enums["ESEA_STATE"][3] = EnumEntry("ESEA_STATE_FAULT", """A fault is latched; its number tells which.""")
+ESEA_STATE_SELF_TEST = 4
+enums["ESEA_STATE"][4] = EnumEntry("ESEA_STATE_SELF_TEST", """Checks itself.""")
+ESEA_STATE_UNREFERENCED = 5
+enums["ESEA_STATE"][5] = EnumEntry("ESEA_STATE_UNREFERENCED", """Encoders have no zero; waits to be zeroed.""")
+ESEA_STATE_ZEROING = 6
+enums["ESEA_STATE"][6] = EnumEntry("ESEA_STATE_ZEROING", """Takes the present angles, which must stand still, as zero.""")
+ESEA_STATE_ARMED = 7
+enums["ESEA_STATE"][7] = EnumEntry("ESEA_STATE_ARMED", """The motor is on, without torque; waits for a command.""")
+ESEA_STATE_ACTIVE = 8
+enums["ESEA_STATE"][8] = EnumEntry("ESEA_STATE_ACTIVE", """Follows the host's commands.""")
+ESEA_STATE_LETTING_GO = 9
+enums["ESEA_STATE"][9] = EnumEntry("ESEA_STATE_LETTING_GO", """No command came in time, or disarmed while active: the torque fades to none.""")
+ESEA_STATE_STOPPED = 10
+enums["ESEA_STATE"][10] = EnumEntry("ESEA_STATE_STOPPED", """Stopped by somebody; waits to be released.""")
+ESEA_STATE_ENUM_END = 11
+enums["ESEA_STATE"][11] = EnumEntry("ESEA_STATE_ENUM_END", """""")
 
 # ESEA_FAULT
 enums["ESEA_FAULT"] = Enum()
@@ -459,13 +534,17 @@ enums["ESEA_FAULT"].bitmask = False
 ESEA_FAULT_NONE = 0
 enums["ESEA_FAULT"][0] = EnumEntry("ESEA_FAULT_NONE", """No fault. Cure: nothing to do.""")
 ESEA_FAULT_PREPARE_REFUSED = 101
-enums["ESEA_FAULT"][101] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts.""")
+enums["ESEA_FAULT"][101] = EnumEntry("ESEA_FAULT_PREPARE_REFUSED", """A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts. Found: at start, before anything is computed.""")
 ESEA_FAULT_STACK_EXHAUSTED = 102
-enums["ESEA_FAULT"][102] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script.""")
+enums["ESEA_FAULT"][102] = EnumEntry("ESEA_FAULT_STACK_EXHAUSTED", """The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script. Found: 1000 ticks; beyond the last word at once, as PROCESSOR.""")
 ESEA_FAULT_PROCESSOR = 103
-enums["ESEA_FAULT"][103] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception. Cure: reset; if it comes again, service.""")
-ESEA_FAULT_ENUM_END = 104
-enums["ESEA_FAULT"][104] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+enums["ESEA_FAULT"][103] = EnumEntry("ESEA_FAULT_PROCESSOR", """The processor took a fault exception. Cure: reset; if it comes again, service. Found: at once.""")
+ESEA_FAULT_SELF_TEST = 104
+enums["ESEA_FAULT"][104] = EnumEntry("ESEA_FAULT_SELF_TEST", """Freshly started limits did not hold the motor at zero. Cure: service: program memory is not what was built. Found: at start, before the motor can be on.""")
+ESEA_FAULT_STATE_UNKNOWN = 105
+enums["ESEA_FAULT"][105] = EnumEntry("ESEA_FAULT_STATE_UNKNOWN", """The board's state was none of its list: memory was overwritten. Cure: reset; if it comes again, service. Found: 1 tick.""")
+ESEA_FAULT_ENUM_END = 106
+enums["ESEA_FAULT"][106] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
 
 # ESEA_WRIST_SENSOR_FLEXION_STATUS
 enums["ESEA_WRIST_SENSOR_FLEXION_STATUS"] = Enum()
@@ -540,13 +619,14 @@ MAVLINK_MSG_ID_COMMAND_ACK = 77
 MAVLINK_MSG_ID_ESEA_INFO = 42600
 MAVLINK_MSG_ID_ESEA_SENSE_IN = 42601
 MAVLINK_MSG_ID_ESEA_SENSE_OUT = 42602
+MAVLINK_MSG_ID_ESEA_CLOCK = 42661
 
 
 class MAVLink_heartbeat_message(MAVLink_message):
     """
-    Standard message.  Sent once when the board is ready, every 1000
-    steps, on request, and whenever a fault keeps a step from being
-    taken.
+    Standard message.  Sent when the state changes, every 1000 ticks
+    or steps, on request, and in place of an answer to an input that
+    is not taken.
     """
 
     id = MAVLINK_MSG_ID_HEARTBEAT
@@ -826,6 +906,51 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 setattr(MAVLink_esea_sense_out_message, "name", mavlink_msg_deprecated_name_property())
 
 
+class MAVLink_esea_clock_message(MAVLink_message):
+    """
+    The board's own clock; on request.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_CLOCK
+    msgname = "ESEA_CLOCK"
+    fieldnames = ["tick", "lost_ticks", "missed_runs", "late_runs", "dropped", "refused", "deadline_left", "state"]
+    ordered_fieldnames = ["tick", "lost_ticks", "missed_runs", "late_runs", "dropped", "refused", "deadline_left", "state"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"state": "ESEA_STATE"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<IIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 167
+    unpacker = struct.Struct("<IIIIIIII")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int):
+        MAVLink_message.__init__(self, MAVLink_esea_clock_message.id, MAVLink_esea_clock_message.msgname)
+        self._fieldnames = MAVLink_esea_clock_message.fieldnames
+        self._instance_field = MAVLink_esea_clock_message.instance_field
+        self._instance_offset = MAVLink_esea_clock_message.instance_offset
+        self.tick = tick
+        self.lost_ticks = lost_ticks
+        self.missed_runs = missed_runs
+        self.late_runs = late_runs
+        self.dropped = dropped
+        self.refused = refused
+        self.deadline_left = deadline_left
+        self.state = state
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.tick, self.lost_ticks, self.missed_runs, self.late_runs, self.dropped, self.refused, self.deadline_left, self.state), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_clock_message, "name", mavlink_msg_deprecated_name_property())
+
+
 mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_HEARTBEAT: MAVLink_heartbeat_message,
     MAVLINK_MSG_ID_COMMAND_LONG: MAVLink_command_long_message,
@@ -833,6 +958,7 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_ESEA_INFO: MAVLink_esea_info_message,
     MAVLINK_MSG_ID_ESEA_SENSE_IN: MAVLink_esea_sense_in_message,
     MAVLINK_MSG_ID_ESEA_SENSE_OUT: MAVLink_esea_sense_out_message,
+    MAVLINK_MSG_ID_ESEA_CLOCK: MAVLink_esea_clock_message,
 }
 
 
@@ -1231,14 +1357,14 @@ class MAVLink(object):
 
     def heartbeat_encode(self, type: int, autopilot: int, base_mode: int, custom_mode: int, system_status: int, mavlink_version: int = 3) -> MAVLink_heartbeat_message:
         """
-        Standard message.  Sent once when the board is ready, every 1000
-        steps, on request, and whenever a fault keeps a step from
-        being taken.
+        Standard message.  Sent when the state changes, every 1000 ticks or
+        steps, on request, and in place of an answer to an input that
+        is not taken.
 
         type                      : Component type. (type:uint8_t, values:MAV_TYPE)
         autopilot                 : Autopilot class. (type:uint8_t, values:MAV_AUTOPILOT)
         base_mode                 : Mode bits. (type:uint8_t, values:MAV_MODE_FLAG)
-        custom_mode               : State of the firmware, an ESEA_MODE. (type:uint32_t)
+        custom_mode               : State of the board, an ESEA_STATE. (type:uint32_t)
         system_status             : Component state. (type:uint8_t, values:MAV_STATE)
         mavlink_version           : MAVLink version, put in by the protocol. (type:uint8_t)
 
@@ -1247,14 +1373,14 @@ class MAVLink(object):
 
     def heartbeat_send(self, type: int, autopilot: int, base_mode: int, custom_mode: int, system_status: int, mavlink_version: int = 3, force_mavlink1: bool = False) -> None:
         """
-        Standard message.  Sent once when the board is ready, every 1000
-        steps, on request, and whenever a fault keeps a step from
-        being taken.
+        Standard message.  Sent when the state changes, every 1000 ticks or
+        steps, on request, and in place of an answer to an input that
+        is not taken.
 
         type                      : Component type. (type:uint8_t, values:MAV_TYPE)
         autopilot                 : Autopilot class. (type:uint8_t, values:MAV_AUTOPILOT)
         base_mode                 : Mode bits. (type:uint8_t, values:MAV_MODE_FLAG)
-        custom_mode               : State of the firmware, an ESEA_MODE. (type:uint32_t)
+        custom_mode               : State of the board, an ESEA_STATE. (type:uint32_t)
         system_status             : Component state. (type:uint8_t, values:MAV_STATE)
         mavlink_version           : MAVLink version, put in by the protocol. (type:uint8_t)
 
@@ -1442,3 +1568,35 @@ class MAVLink(object):
 
         """
         self.send(self.esea_sense_out_encode(sequence, tau_flexion_Nm, tau_spring_flexion_Nm, tau_rate_flexion_Nm, tau_hysteresis_flexion_Nm, omega_flexion_rad_s, sensor_flexion_status, velocity_flexion_status, tau_deviation_Nm, tau_spring_deviation_Nm, tau_rate_deviation_Nm, tau_hysteresis_deviation_Nm, omega_deviation_rad_s, sensor_deviation_status, velocity_deviation_status, step_ticks), force_mavlink1=force_mavlink1)
+
+    def esea_clock_encode(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int) -> MAVLink_esea_clock_message:
+        """
+        The board's own clock; on request.
+
+        tick                      : The next base tick. (type:uint32_t)
+        lost_ticks                : Base ticks since boot that came too late or not. (type:uint32_t)
+        missed_runs               : Runs since boot that did not start: the one before had not ended. (type:uint32_t)
+        late_runs                 : Runs that had not ended at their release. (type:uint32_t)
+        dropped                   : Runs since boot that found no room until they are sent. (type:uint32_t)
+        refused                   : Commands and inputs since boot that the state refused. (type:uint32_t)
+        deadline_left             : Base ticks until the command's deadline; 0: none. (type:uint32_t)
+        state                     : State of the board. (type:uint32_t, values:ESEA_STATE)
+
+        """
+        return MAVLink_esea_clock_message(tick, lost_ticks, missed_runs, late_runs, dropped, refused, deadline_left, state)
+
+    def esea_clock_send(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int, force_mavlink1: bool = False) -> None:
+        """
+        The board's own clock; on request.
+
+        tick                      : The next base tick. (type:uint32_t)
+        lost_ticks                : Base ticks since boot that came too late or not. (type:uint32_t)
+        missed_runs               : Runs since boot that did not start: the one before had not ended. (type:uint32_t)
+        late_runs                 : Runs that had not ended at their release. (type:uint32_t)
+        dropped                   : Runs since boot that found no room until they are sent. (type:uint32_t)
+        refused                   : Commands and inputs since boot that the state refused. (type:uint32_t)
+        deadline_left             : Base ticks until the command's deadline; 0: none. (type:uint32_t)
+        state                     : State of the board. (type:uint32_t, values:ESEA_STATE)
+
+        """
+        self.send(self.esea_clock_encode(tick, lost_ticks, missed_runs, late_runs, dropped, refused, deadline_left, state), force_mavlink1=force_mavlink1)

@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 190, 136, 136, 0, 0, 0}, {42603, 75, 124, 124, 0, 0, 0}, {42604, 212, 44, 44, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 190, 136, 136, 0, 0, 0}, {42603, 75, 124, 124, 0, 0, 0}, {42604, 212, 44, 44, 0, 0, 0}, {42660, 35, 138, 138, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -59,7 +59,7 @@ typedef enum MAV_AUTOPILOT
 #define HAVE_ENUM_MAV_MODE_FLAG
 typedef enum MAV_MODE_FLAG
 {
-   MAV_MODE_FLAG_CUSTOM_MODE_ENABLED=1, /* custom_mode holds an ESEA_MODE. | */
+   MAV_MODE_FLAG_CUSTOM_MODE_ENABLED=1, /* custom_mode holds an ESEA_STATE. | */
    MAV_MODE_FLAG_ENUM_END=2, /*  | */
 } MAV_MODE_FLAG;
 #endif
@@ -70,9 +70,10 @@ typedef enum MAV_MODE_FLAG
 typedef enum MAV_STATE
 {
    MAV_STATE_BOOT=1, /* Starting. | */
-   MAV_STATE_STANDBY=3, /* Ready for the first input. | */
-   MAV_STATE_ACTIVE=4, /* Stepping. | */
-   MAV_STATE_CRITICAL=5, /* A fault is latched; no step is taken until a reset. | */
+   MAV_STATE_CALIBRATING=2, /* Taking the encoders' zeros. | */
+   MAV_STATE_STANDBY=3, /* At rest, motor off. | */
+   MAV_STATE_ACTIVE=4, /* Motor on, or stepping on the host's inputs. | */
+   MAV_STATE_CRITICAL=5, /* A fault is latched, motor off. | */
    MAV_STATE_EMERGENCY=6, /* The processor has stopped after a hardware fault. | */
    MAV_STATE_ENUM_END=7, /*  | */
 } MAV_STATE;
@@ -84,6 +85,7 @@ typedef enum MAV_STATE
 typedef enum MAV_RESULT
 {
    MAV_RESULT_ACCEPTED=0, /* Done. | */
+   MAV_RESULT_TEMPORARILY_REJECTED=1, /* Not in this state; the table of states says in which. | */
    MAV_RESULT_DENIED=2, /* A parameter is invalid. | */
    MAV_RESULT_UNSUPPORTED=3, /* Unknown command. | */
    MAV_RESULT_FAILED=4, /* Not done; the HEARTBEAT and ESEA_INFO tell why. | */
@@ -96,23 +98,36 @@ typedef enum MAV_RESULT
 #define HAVE_ENUM_MAV_CMD
 typedef enum MAV_CMD
 {
-   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT or ESEA_INFO. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
-   MAV_CMD_USER_1=31010, /* Reset: initial state of every Block, counters to 0, latched fault released. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
-   MAV_CMD_ENUM_END=31011, /*  | */
+   MAV_CMD_COMPONENT_ARM_DISARM=400, /* Switch the motor on or off. |1 on; anything else off.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_SET_MESSAGE_INTERVAL=511, /* Tell the inputs or outputs of a task's runs on the board's own clock. |Id of the task's message.| Time between two, rounded up to runs of the task; 0 and less: none.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT, ESEA_INFO or ESEA_CLOCK. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_USER_1=31010, /* Reset: self-test, initial state of every Block, counters to 0. A stop that is held stays. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_USER_2=31011, /* Zero: the joint is at its zero and unloaded; take the encoders' angles. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_USER_3=31012, /* Clear: the fault has been seen to. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_USER_4=31013, /* Stop. Taken always, from anybody, whoever it is for. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_USER_5=31014, /* Release: take the stop back. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_ENUM_END=31015, /*  | */
 } MAV_CMD;
 #endif
 
-/** @brief State of the firmware, in HEARTBEAT.custom_mode. */
-#ifndef HAVE_ENUM_ESEA_MODE
-#define HAVE_ENUM_ESEA_MODE
-typedef enum ESEA_MODE
+/** @brief State of the board, in HEARTBEAT.custom_mode. */
+#ifndef HAVE_ENUM_ESEA_STATE
+#define HAVE_ENUM_ESEA_STATE
+typedef enum ESEA_STATE
 {
-   ESEA_MODE_BOOT=0, /* Starting; no input is taken. | */
-   ESEA_MODE_READY=1, /* Initial state; waits for the first input. | */
-   ESEA_MODE_RUNNING=2, /* Takes one step per input. | */
-   ESEA_MODE_FAULT=3, /* A fault is latched; inputs are answered by a HEARTBEAT until a reset. | */
-   ESEA_MODE_ENUM_END=4, /*  | */
-} ESEA_MODE;
+   ESEA_STATE_BOOT=0, /* Starting. | */
+   ESEA_STATE_READY=1, /* All is known; waits to be armed. | */
+   ESEA_STATE_REPLAY=2, /* The host's inputs clock the tasks, one run each; drivers and own clock rest. | */
+   ESEA_STATE_FAULT=3, /* A fault is latched; its number tells which. | */
+   ESEA_STATE_SELF_TEST=4, /* Checks itself. | */
+   ESEA_STATE_UNREFERENCED=5, /* Encoders have no zero; waits to be zeroed. | */
+   ESEA_STATE_ZEROING=6, /* Takes the present angles, which must stand still, as zero. | */
+   ESEA_STATE_ARMED=7, /* The motor is on, without torque; waits for a command. | */
+   ESEA_STATE_ACTIVE=8, /* Follows the host's commands. | */
+   ESEA_STATE_LETTING_GO=9, /* No command came in time, or disarmed while active: the torque fades to none. | */
+   ESEA_STATE_STOPPED=10, /* Stopped by somebody; waits to be released. | */
+   ESEA_STATE_ENUM_END=11, /*  | */
+} ESEA_STATE;
 #endif
 
 /** @brief Faults: the board's in ESEA_INFO.fault (101 and more), reasons of the limits in the outputs called fault. */
@@ -121,25 +136,27 @@ typedef enum ESEA_MODE
 typedef enum ESEA_FAULT
 {
    ESEA_FAULT_NONE=0, /* No fault. Cure: nothing to do. | */
-   ESEA_FAULT_NOT_ARMED=1, /* not armed since power-up or reset Cure: rearm. | */
-   ESEA_FAULT_STATE_CORRUPT=2, /* the memory of the limits was corrupt Cure: rearm; if it comes again, memory or stack is at fault: service. | */
-   ESEA_FAULT_TUNABLE_INVALID=3, /* a limit was not within its compiled bounds, or the range of motion was turned round Cure: prepare the coefficients again from params that are in range. | */
-   ESEA_FAULT_STOP=4, /* stop was requested Cure: take back every stop, then rearm. | */
-   ESEA_FAULT_INPUT_INVALID=5, /* an input was NaN, outside its physical range or not a whole number, or what was wanted was Cure: give finite inputs within their ranges; look at the status words of the Blocks before. | */
-   ESEA_FAULT_SENSING=6, /* the sensing task could not vouch for its measurements Cure: look at the encoders' status words: wiring, magnet, zero. | */
-   ESEA_FAULT_CONTROL_STALE=7, /* the control task delivered no new command Cure: see that the control task runs and gives finite commands. | */
-   ESEA_FAULT_DEFLECTION=8, /* the coupling was deflected too far Cure: unload the coupling; look for a blocked joint or a slipped encoder. | */
-   ESEA_FAULT_TORQUE=9, /* the interaction torque was too large Cure: unload the joint; a smaller wanted torque. | */
-   ESEA_FAULT_SPEED=10, /* joint or drive were too fast Cure: let the joint come to rest; a slower movement or smaller gains. | */
-   ESEA_FAULT_RANGE_OF_MOTION=11, /* the joint was beyond its range of motion and the margin Cure: move the joint back by hand. | */
-   ESEA_FAULT_ENERGY=12, /* too much energy was given to the limb within the window Cure: wait until the window has forgotten; slower or weaker movement. | */
-   ESEA_FAULT_CLOCK=13, /* base ticks were lost, repeated or went backward, or an old state was put back Cure: call release once for every base tick, in order; resume a state that was put back. | */
-   ESEA_FAULT_LATE=14, /* too many runs of a task ended after the tick at which they are released Cure: free time for the late task: see the watch's counters. | */
-   ESEA_FAULT_COEFFICIENTS=15, /* the coefficients are not those that were prepared, or no control run has checked them yet Cure: run the control task; if it stays, prepare again: memory was overwritten. | */
-   ESEA_FAULT_PREPARE_REFUSED=101, /* A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts. | */
-   ESEA_FAULT_STACK_EXHAUSTED=102, /* The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script. | */
-   ESEA_FAULT_PROCESSOR=103, /* The processor took a fault exception. Cure: reset; if it comes again, service. | */
-   ESEA_FAULT_ENUM_END=104, /*  | */
+   ESEA_FAULT_NOT_ARMED=1, /* not armed since power-up or reset Cure: rearm. Found: from the first step on. | */
+   ESEA_FAULT_STATE_CORRUPT=2, /* the memory of the limits was corrupt Cure: rearm; if it comes again, memory or stack is at fault: service. Found: the same step. | */
+   ESEA_FAULT_TUNABLE_INVALID=3, /* a limit was not within its compiled bounds, or the range of motion was turned round Cure: prepare the coefficients again from params that are in range. Found: the same step. | */
+   ESEA_FAULT_STOP=4, /* stop was requested Cure: take back every stop, then rearm. Found: the same step. | */
+   ESEA_FAULT_INPUT_INVALID=5, /* an input was NaN, outside its physical range or not a whole number, or what was wanted was Cure: give finite inputs within their ranges; look at the status words of the Blocks before. Found: the same step. | */
+   ESEA_FAULT_SENSING=6, /* the sensing task could not vouch for its measurements Cure: look at the encoders' status words: wiring, magnet, zero. Found: the same step; what only contradicts, as the page on limits tells. | */
+   ESEA_FAULT_CONTROL_STALE=7, /* the control task delivered no new command Cure: see that the control task runs and gives finite commands. Found: 5 control periods after the last new command. | */
+   ESEA_FAULT_DEFLECTION=8, /* the coupling was deflected too far Cure: unload the coupling; look for a blocked joint or a slipped encoder. Found: the same step. | */
+   ESEA_FAULT_TORQUE=9, /* the interaction torque was too large Cure: unload the joint; a smaller wanted torque. Found: the same step. | */
+   ESEA_FAULT_SPEED=10, /* joint or drive were too fast Cure: let the joint come to rest; a slower movement or smaller gains. Found: the same step. | */
+   ESEA_FAULT_RANGE_OF_MOTION=11, /* the joint was beyond its range of motion and the margin Cure: move the joint back by hand. Found: the same step. | */
+   ESEA_FAULT_ENERGY=12, /* too much energy was given to the limb within the window Cure: wait until the window has forgotten; slower or weaker movement. Found: the same step. | */
+   ESEA_FAULT_CLOCK=13, /* base ticks were lost, repeated or went backward, or an old state was put back Cure: call release once for every base tick, in order; resume a state that was put back. Found: the same step. | */
+   ESEA_FAULT_LATE=14, /* too many runs of a task ended after the tick at which they are released Cure: free time for the late task: see the watch's counters. Found: the twelfth late run in a row. | */
+   ESEA_FAULT_COEFFICIENTS=15, /* the coefficients are not those that were prepared, or no control run has checked them yet Cure: run the control task; if it stays, prepare again: memory was overwritten. Found: the next control run and its release. | */
+   ESEA_FAULT_PREPARE_REFUSED=101, /* A tunable's default is outside its range. Cure: build the firmware from a device file that esea-gen accepts. Found: at start, before anything is computed. | */
+   ESEA_FAULT_STACK_EXHAUSTED=102, /* The stack has been used to its last word. Cure: reset; give the stack more memory in the linker script. Found: 1000 ticks; beyond the last word at once, as PROCESSOR. | */
+   ESEA_FAULT_PROCESSOR=103, /* The processor took a fault exception. Cure: reset; if it comes again, service. Found: at once. | */
+   ESEA_FAULT_SELF_TEST=104, /* Freshly started limits did not hold the motor at zero. Cure: service: program memory is not what was built. Found: at start, before the motor can be on. | */
+   ESEA_FAULT_STATE_UNKNOWN=105, /* The board's state was none of its list: memory was overwritten. Cure: reset; if it comes again, service. Found: 1 tick. | */
+   ESEA_FAULT_ENUM_END=106, /*  | */
 } ESEA_FAULT;
 #endif
 
@@ -448,14 +465,16 @@ typedef enum ESEA_ELBOW_MPC_STAMP_STATUS
 #include "./mavlink_msg_esea_sense_out.h"
 #include "./mavlink_msg_esea_control_in.h"
 #include "./mavlink_msg_esea_control_out.h"
+#include "./mavlink_msg_esea_clock.h"
+#include "./mavlink_msg_esea_wanted.h"
 
 // base include
 
 
 
 #if MAVLINK_ESEA_ELBOW_MPC_XML_HASH == MAVLINK_PRIMARY_XML_HASH
-# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_IN, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT}
-# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_CONTROL_IN", 42603 }, { "ESEA_CONTROL_OUT", 42604 }, { "ESEA_INFO", 42600 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "HEARTBEAT", 0 }}
+# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_IN, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT, MAVLINK_MESSAGE_INFO_ESEA_WANTED, MAVLINK_MESSAGE_INFO_ESEA_CLOCK}
+# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_CLOCK", 42661 }, { "ESEA_CONTROL_IN", 42603 }, { "ESEA_CONTROL_OUT", 42604 }, { "ESEA_INFO", 42600 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "ESEA_WANTED", 42660 }, { "HEARTBEAT", 0 }}
 # if MAVLINK_COMMAND_24BIT
 #  include "../mavlink_get_info.h"
 # endif

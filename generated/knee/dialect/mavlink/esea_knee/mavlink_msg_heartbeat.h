@@ -7,7 +7,7 @@
 
 
 typedef struct __mavlink_heartbeat_t {
- uint32_t custom_mode; /*<  State of the firmware, an ESEA_MODE.*/
+ uint32_t custom_mode; /*<  State of the board, an ESEA_STATE.*/
  uint8_t type; /*<  Component type.*/
  uint8_t autopilot; /*<  Autopilot class.*/
  uint8_t base_mode; /*<  Mode bits.*/
@@ -61,7 +61,7 @@ typedef struct __mavlink_heartbeat_t {
  * @param type  Component type.
  * @param autopilot  Autopilot class.
  * @param base_mode  Mode bits.
- * @param custom_mode  State of the firmware, an ESEA_MODE.
+ * @param custom_mode  State of the board, an ESEA_STATE.
  * @param system_status  Component state.
  * @return length of the message in bytes (excluding serial stream start sign)
  */
@@ -104,7 +104,7 @@ static inline uint16_t mavlink_msg_heartbeat_pack(uint8_t system_id, uint8_t com
  * @param type  Component type.
  * @param autopilot  Autopilot class.
  * @param base_mode  Mode bits.
- * @param custom_mode  State of the firmware, an ESEA_MODE.
+ * @param custom_mode  State of the board, an ESEA_STATE.
  * @param system_status  Component state.
  * @return length of the message in bytes (excluding serial stream start sign)
  */
@@ -150,7 +150,7 @@ static inline uint16_t mavlink_msg_heartbeat_pack_status(uint8_t system_id, uint
  * @param type  Component type.
  * @param autopilot  Autopilot class.
  * @param base_mode  Mode bits.
- * @param custom_mode  State of the firmware, an ESEA_MODE.
+ * @param custom_mode  State of the board, an ESEA_STATE.
  * @param system_status  Component state.
  * @return length of the message in bytes (excluding serial stream start sign)
  */
@@ -232,7 +232,7 @@ static inline uint16_t mavlink_msg_heartbeat_encode_status(uint8_t system_id, ui
  * @param type  Component type.
  * @param autopilot  Autopilot class.
  * @param base_mode  Mode bits.
- * @param custom_mode  State of the firmware, an ESEA_MODE.
+ * @param custom_mode  State of the board, an ESEA_STATE.
  * @param system_status  Component state.
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
@@ -348,7 +348,7 @@ static inline uint8_t mavlink_msg_heartbeat_get_base_mode(const mavlink_message_
 /**
  * @brief Get field custom_mode from heartbeat message
  *
- * @return  State of the firmware, an ESEA_MODE.
+ * @return  State of the board, an ESEA_STATE.
  */
 static inline uint32_t mavlink_msg_heartbeat_get_custom_mode(const mavlink_message_t* msg)
 {

@@ -1,0 +1,450 @@
+#pragma once
+// MESSAGE ESEA_WANTED PACKING
+
+#include <stdint.h>
+
+#define MAVLINK_MSG_ID_ESEA_WANTED 42660
+
+
+typedef struct __mavlink_esea_wanted_t {
+ float mode; /*<  0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2*/
+ float tau_desired_Nm; /*<  wanted interaction torque; [Nm], range -20 to 20*/
+ float theta_desired_rad; /*< [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999*/
+ float omega_desired_rad_s; /*< [rad/s] wanted rate of the joint; [rad/s], range -12 to 12*/
+ float tau_preview_Nm[10]; /*<  wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20*/
+ float theta_preview_rad[10]; /*< [rad] wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999*/
+ float omega_preview_rad_s[10]; /*< [rad/s] wanted rate; 10 elements; [rad/s], range -12 to 12*/
+ uint16_t deadline_ms; /*< [ms] When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100.*/
+} mavlink_esea_wanted_t;
+
+#define MAVLINK_MSG_ID_ESEA_WANTED_LEN 138
+#define MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN 138
+#define MAVLINK_MSG_ID_42660_LEN 138
+#define MAVLINK_MSG_ID_42660_MIN_LEN 138
+
+#define MAVLINK_MSG_ID_ESEA_WANTED_CRC 35
+#define MAVLINK_MSG_ID_42660_CRC 35
+
+#define MAVLINK_MSG_ESEA_WANTED_FIELD_TAU_PREVIEW_NM_LEN 10
+#define MAVLINK_MSG_ESEA_WANTED_FIELD_THETA_PREVIEW_RAD_LEN 10
+#define MAVLINK_MSG_ESEA_WANTED_FIELD_OMEGA_PREVIEW_RAD_S_LEN 10
+
+#if MAVLINK_COMMAND_24BIT
+#define MAVLINK_MESSAGE_INFO_ESEA_WANTED { \
+    42660, \
+    "ESEA_WANTED", \
+    8, \
+    {  { "mode", NULL, MAVLINK_TYPE_FLOAT, 0, 0, offsetof(mavlink_esea_wanted_t, mode) }, \
+         { "tau_desired_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_wanted_t, tau_desired_Nm) }, \
+         { "theta_desired_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_wanted_t, theta_desired_rad) }, \
+         { "omega_desired_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 12, offsetof(mavlink_esea_wanted_t, omega_desired_rad_s) }, \
+         { "tau_preview_Nm", NULL, MAVLINK_TYPE_FLOAT, 10, 16, offsetof(mavlink_esea_wanted_t, tau_preview_Nm) }, \
+         { "theta_preview_rad", NULL, MAVLINK_TYPE_FLOAT, 10, 56, offsetof(mavlink_esea_wanted_t, theta_preview_rad) }, \
+         { "omega_preview_rad_s", NULL, MAVLINK_TYPE_FLOAT, 10, 96, offsetof(mavlink_esea_wanted_t, omega_preview_rad_s) }, \
+         { "deadline_ms", NULL, MAVLINK_TYPE_UINT16_T, 0, 136, offsetof(mavlink_esea_wanted_t, deadline_ms) }, \
+         } \
+}
+#else
+#define MAVLINK_MESSAGE_INFO_ESEA_WANTED { \
+    "ESEA_WANTED", \
+    8, \
+    {  { "mode", NULL, MAVLINK_TYPE_FLOAT, 0, 0, offsetof(mavlink_esea_wanted_t, mode) }, \
+         { "tau_desired_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_wanted_t, tau_desired_Nm) }, \
+         { "theta_desired_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_wanted_t, theta_desired_rad) }, \
+         { "omega_desired_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 12, offsetof(mavlink_esea_wanted_t, omega_desired_rad_s) }, \
+         { "tau_preview_Nm", NULL, MAVLINK_TYPE_FLOAT, 10, 16, offsetof(mavlink_esea_wanted_t, tau_preview_Nm) }, \
+         { "theta_preview_rad", NULL, MAVLINK_TYPE_FLOAT, 10, 56, offsetof(mavlink_esea_wanted_t, theta_preview_rad) }, \
+         { "omega_preview_rad_s", NULL, MAVLINK_TYPE_FLOAT, 10, 96, offsetof(mavlink_esea_wanted_t, omega_preview_rad_s) }, \
+         { "deadline_ms", NULL, MAVLINK_TYPE_UINT16_T, 0, 136, offsetof(mavlink_esea_wanted_t, deadline_ms) }, \
+         } \
+}
+#endif
+
+/**
+ * @brief Pack a esea_wanted message
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param msg The MAVLink message to compress the data into
+ *
+ * @param mode  0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2
+ * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
+ * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
+ * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param tau_preview_Nm  wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20
+ * @param theta_preview_rad [rad] wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999
+ * @param omega_preview_rad_s [rad/s] wanted rate; 10 elements; [rad/s], range -12 to 12
+ * @param deadline_ms [ms] When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100.
+ * @return length of the message in bytes (excluding serial stream start sign)
+ */
+static inline uint16_t mavlink_msg_esea_wanted_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
+                               float mode, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, const float *tau_preview_Nm, const float *theta_preview_rad, const float *omega_preview_rad_s, uint16_t deadline_ms)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_WANTED_LEN];
+    _mav_put_float(buf, 0, mode);
+    _mav_put_float(buf, 4, tau_desired_Nm);
+    _mav_put_float(buf, 8, theta_desired_rad);
+    _mav_put_float(buf, 12, omega_desired_rad_s);
+    _mav_put_uint16_t(buf, 136, deadline_ms);
+    _mav_put_float_array(buf, 16, tau_preview_Nm, 10);
+    _mav_put_float_array(buf, 56, theta_preview_rad, 10);
+    _mav_put_float_array(buf, 96, omega_preview_rad_s, 10);
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+#else
+    mavlink_esea_wanted_t packet;
+    packet.mode = mode;
+    packet.tau_desired_Nm = tau_desired_Nm;
+    packet.theta_desired_rad = theta_desired_rad;
+    packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.deadline_ms = deadline_ms;
+    mav_array_memcpy(packet.tau_preview_Nm, tau_preview_Nm, sizeof(float)*10);
+    mav_array_memcpy(packet.theta_preview_rad, theta_preview_rad, sizeof(float)*10);
+    mav_array_memcpy(packet.omega_preview_rad_s, omega_preview_rad_s, sizeof(float)*10);
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+#endif
+
+    msg->msgid = MAVLINK_MSG_ID_ESEA_WANTED;
+    return mavlink_finalize_message(msg, system_id, component_id, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+}
+
+/**
+ * @brief Pack a esea_wanted message
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param status MAVLink status structure
+ * @param msg The MAVLink message to compress the data into
+ *
+ * @param mode  0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2
+ * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
+ * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
+ * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param tau_preview_Nm  wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20
+ * @param theta_preview_rad [rad] wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999
+ * @param omega_preview_rad_s [rad/s] wanted rate; 10 elements; [rad/s], range -12 to 12
+ * @param deadline_ms [ms] When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100.
+ * @return length of the message in bytes (excluding serial stream start sign)
+ */
+static inline uint16_t mavlink_msg_esea_wanted_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
+                               float mode, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, const float *tau_preview_Nm, const float *theta_preview_rad, const float *omega_preview_rad_s, uint16_t deadline_ms)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_WANTED_LEN];
+    _mav_put_float(buf, 0, mode);
+    _mav_put_float(buf, 4, tau_desired_Nm);
+    _mav_put_float(buf, 8, theta_desired_rad);
+    _mav_put_float(buf, 12, omega_desired_rad_s);
+    _mav_put_uint16_t(buf, 136, deadline_ms);
+    _mav_put_float_array(buf, 16, tau_preview_Nm, 10);
+    _mav_put_float_array(buf, 56, theta_preview_rad, 10);
+    _mav_put_float_array(buf, 96, omega_preview_rad_s, 10);
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+#else
+    mavlink_esea_wanted_t packet;
+    packet.mode = mode;
+    packet.tau_desired_Nm = tau_desired_Nm;
+    packet.theta_desired_rad = theta_desired_rad;
+    packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.deadline_ms = deadline_ms;
+    mav_array_memcpy(packet.tau_preview_Nm, tau_preview_Nm, sizeof(float)*10);
+    mav_array_memcpy(packet.theta_preview_rad, theta_preview_rad, sizeof(float)*10);
+    mav_array_memcpy(packet.omega_preview_rad_s, omega_preview_rad_s, sizeof(float)*10);
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+#endif
+
+    msg->msgid = MAVLINK_MSG_ID_ESEA_WANTED;
+#if MAVLINK_CRC_EXTRA
+    return mavlink_finalize_message_buffer(msg, system_id, component_id, _status, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+#else
+    return mavlink_finalize_message_buffer(msg, system_id, component_id, _status, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+#endif
+}
+
+/**
+ * @brief Pack a esea_wanted message on a channel
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param chan The MAVLink channel this message will be sent over
+ * @param msg The MAVLink message to compress the data into
+ * @param mode  0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2
+ * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
+ * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
+ * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param tau_preview_Nm  wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20
+ * @param theta_preview_rad [rad] wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999
+ * @param omega_preview_rad_s [rad/s] wanted rate; 10 elements; [rad/s], range -12 to 12
+ * @param deadline_ms [ms] When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100.
+ * @return length of the message in bytes (excluding serial stream start sign)
+ */
+static inline uint16_t mavlink_msg_esea_wanted_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
+                               mavlink_message_t* msg,
+                                   float mode,float tau_desired_Nm,float theta_desired_rad,float omega_desired_rad_s,const float *tau_preview_Nm,const float *theta_preview_rad,const float *omega_preview_rad_s,uint16_t deadline_ms)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_WANTED_LEN];
+    _mav_put_float(buf, 0, mode);
+    _mav_put_float(buf, 4, tau_desired_Nm);
+    _mav_put_float(buf, 8, theta_desired_rad);
+    _mav_put_float(buf, 12, omega_desired_rad_s);
+    _mav_put_uint16_t(buf, 136, deadline_ms);
+    _mav_put_float_array(buf, 16, tau_preview_Nm, 10);
+    _mav_put_float_array(buf, 56, theta_preview_rad, 10);
+    _mav_put_float_array(buf, 96, omega_preview_rad_s, 10);
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+#else
+    mavlink_esea_wanted_t packet;
+    packet.mode = mode;
+    packet.tau_desired_Nm = tau_desired_Nm;
+    packet.theta_desired_rad = theta_desired_rad;
+    packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.deadline_ms = deadline_ms;
+    mav_array_memcpy(packet.tau_preview_Nm, tau_preview_Nm, sizeof(float)*10);
+    mav_array_memcpy(packet.theta_preview_rad, theta_preview_rad, sizeof(float)*10);
+    mav_array_memcpy(packet.omega_preview_rad_s, omega_preview_rad_s, sizeof(float)*10);
+        memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+#endif
+
+    msg->msgid = MAVLINK_MSG_ID_ESEA_WANTED;
+    return mavlink_finalize_message_chan(msg, system_id, component_id, chan, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+}
+
+/**
+ * @brief Encode a esea_wanted struct
+ *
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param msg The MAVLink message to compress the data into
+ * @param esea_wanted C-struct to read the message contents from
+ */
+static inline uint16_t mavlink_msg_esea_wanted_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_wanted_t* esea_wanted)
+{
+    return mavlink_msg_esea_wanted_pack(system_id, component_id, msg, esea_wanted->mode, esea_wanted->tau_desired_Nm, esea_wanted->theta_desired_rad, esea_wanted->omega_desired_rad_s, esea_wanted->tau_preview_Nm, esea_wanted->theta_preview_rad, esea_wanted->omega_preview_rad_s, esea_wanted->deadline_ms);
+}
+
+/**
+ * @brief Encode a esea_wanted struct on a channel
+ *
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param chan The MAVLink channel this message will be sent over
+ * @param msg The MAVLink message to compress the data into
+ * @param esea_wanted C-struct to read the message contents from
+ */
+static inline uint16_t mavlink_msg_esea_wanted_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_wanted_t* esea_wanted)
+{
+    return mavlink_msg_esea_wanted_pack_chan(system_id, component_id, chan, msg, esea_wanted->mode, esea_wanted->tau_desired_Nm, esea_wanted->theta_desired_rad, esea_wanted->omega_desired_rad_s, esea_wanted->tau_preview_Nm, esea_wanted->theta_preview_rad, esea_wanted->omega_preview_rad_s, esea_wanted->deadline_ms);
+}
+
+/**
+ * @brief Encode a esea_wanted struct with provided status structure
+ *
+ * @param system_id ID of this system
+ * @param component_id ID of this component (e.g. 200 for IMU)
+ * @param status MAVLink status structure
+ * @param msg The MAVLink message to compress the data into
+ * @param esea_wanted C-struct to read the message contents from
+ */
+static inline uint16_t mavlink_msg_esea_wanted_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_wanted_t* esea_wanted)
+{
+    return mavlink_msg_esea_wanted_pack_status(system_id, component_id, _status, msg,  esea_wanted->mode, esea_wanted->tau_desired_Nm, esea_wanted->theta_desired_rad, esea_wanted->omega_desired_rad_s, esea_wanted->tau_preview_Nm, esea_wanted->theta_preview_rad, esea_wanted->omega_preview_rad_s, esea_wanted->deadline_ms);
+}
+
+/**
+ * @brief Send a esea_wanted message
+ * @param chan MAVLink channel to send the message
+ *
+ * @param mode  0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2
+ * @param tau_desired_Nm  wanted interaction torque; [Nm], range -20 to 20
+ * @param theta_desired_rad [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
+ * @param omega_desired_rad_s [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ * @param tau_preview_Nm  wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20
+ * @param theta_preview_rad [rad] wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999
+ * @param omega_preview_rad_s [rad/s] wanted rate; 10 elements; [rad/s], range -12 to 12
+ * @param deadline_ms [ms] When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100.
+ */
+#ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
+
+static inline void mavlink_msg_esea_wanted_send(mavlink_channel_t chan, float mode, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, const float *tau_preview_Nm, const float *theta_preview_rad, const float *omega_preview_rad_s, uint16_t deadline_ms)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char buf[MAVLINK_MSG_ID_ESEA_WANTED_LEN];
+    _mav_put_float(buf, 0, mode);
+    _mav_put_float(buf, 4, tau_desired_Nm);
+    _mav_put_float(buf, 8, theta_desired_rad);
+    _mav_put_float(buf, 12, omega_desired_rad_s);
+    _mav_put_uint16_t(buf, 136, deadline_ms);
+    _mav_put_float_array(buf, 16, tau_preview_Nm, 10);
+    _mav_put_float_array(buf, 56, theta_preview_rad, 10);
+    _mav_put_float_array(buf, 96, omega_preview_rad_s, 10);
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_WANTED, buf, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+#else
+    mavlink_esea_wanted_t packet;
+    packet.mode = mode;
+    packet.tau_desired_Nm = tau_desired_Nm;
+    packet.theta_desired_rad = theta_desired_rad;
+    packet.omega_desired_rad_s = omega_desired_rad_s;
+    packet.deadline_ms = deadline_ms;
+    mav_array_memcpy(packet.tau_preview_Nm, tau_preview_Nm, sizeof(float)*10);
+    mav_array_memcpy(packet.theta_preview_rad, theta_preview_rad, sizeof(float)*10);
+    mav_array_memcpy(packet.omega_preview_rad_s, omega_preview_rad_s, sizeof(float)*10);
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_WANTED, (const char *)&packet, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+#endif
+}
+
+/**
+ * @brief Send a esea_wanted message
+ * @param chan MAVLink channel to send the message
+ * @param struct The MAVLink struct to serialize
+ */
+static inline void mavlink_msg_esea_wanted_send_struct(mavlink_channel_t chan, const mavlink_esea_wanted_t* esea_wanted)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    mavlink_msg_esea_wanted_send(chan, esea_wanted->mode, esea_wanted->tau_desired_Nm, esea_wanted->theta_desired_rad, esea_wanted->omega_desired_rad_s, esea_wanted->tau_preview_Nm, esea_wanted->theta_preview_rad, esea_wanted->omega_preview_rad_s, esea_wanted->deadline_ms);
+#else
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_WANTED, (const char *)esea_wanted, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+#endif
+}
+
+#if MAVLINK_MSG_ID_ESEA_WANTED_LEN <= MAVLINK_MAX_PAYLOAD_LEN
+/*
+  This variant of _send() can be used to save stack space by reusing
+  memory from the receive buffer.  The caller provides a
+  mavlink_message_t which is the size of a full mavlink message. This
+  is usually the receive buffer for the channel, and allows a reply to an
+  incoming message with minimum stack space usage.
+ */
+static inline void mavlink_msg_esea_wanted_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  float mode, float tau_desired_Nm, float theta_desired_rad, float omega_desired_rad_s, const float *tau_preview_Nm, const float *theta_preview_rad, const float *omega_preview_rad_s, uint16_t deadline_ms)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    char *buf = (char *)msgbuf;
+    _mav_put_float(buf, 0, mode);
+    _mav_put_float(buf, 4, tau_desired_Nm);
+    _mav_put_float(buf, 8, theta_desired_rad);
+    _mav_put_float(buf, 12, omega_desired_rad_s);
+    _mav_put_uint16_t(buf, 136, deadline_ms);
+    _mav_put_float_array(buf, 16, tau_preview_Nm, 10);
+    _mav_put_float_array(buf, 56, theta_preview_rad, 10);
+    _mav_put_float_array(buf, 96, omega_preview_rad_s, 10);
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_WANTED, buf, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+#else
+    mavlink_esea_wanted_t *packet = (mavlink_esea_wanted_t *)msgbuf;
+    packet->mode = mode;
+    packet->tau_desired_Nm = tau_desired_Nm;
+    packet->theta_desired_rad = theta_desired_rad;
+    packet->omega_desired_rad_s = omega_desired_rad_s;
+    packet->deadline_ms = deadline_ms;
+    mav_array_memcpy(packet->tau_preview_Nm, tau_preview_Nm, sizeof(float)*10);
+    mav_array_memcpy(packet->theta_preview_rad, theta_preview_rad, sizeof(float)*10);
+    mav_array_memcpy(packet->omega_preview_rad_s, omega_preview_rad_s, sizeof(float)*10);
+    _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_WANTED, (const char *)packet, MAVLINK_MSG_ID_ESEA_WANTED_MIN_LEN, MAVLINK_MSG_ID_ESEA_WANTED_LEN, MAVLINK_MSG_ID_ESEA_WANTED_CRC);
+#endif
+}
+#endif
+
+#endif
+
+// MESSAGE ESEA_WANTED UNPACKING
+
+
+/**
+ * @brief Get field mode from esea_wanted message
+ *
+ * @return  0 off, 1 torque, 2 impedance (rounded); [dimensionless], range 0 to 2
+ */
+static inline float mavlink_msg_esea_wanted_get_mode(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  0);
+}
+
+/**
+ * @brief Get field tau_desired_Nm from esea_wanted message
+ *
+ * @return  wanted interaction torque; [Nm], range -20 to 20
+ */
+static inline float mavlink_msg_esea_wanted_get_tau_desired_Nm(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  4);
+}
+
+/**
+ * @brief Get field theta_desired_rad from esea_wanted message
+ *
+ * @return [rad] wanted angle of the joint; [rad], range -0.949999988 to 3.3499999
+ */
+static inline float mavlink_msg_esea_wanted_get_theta_desired_rad(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  8);
+}
+
+/**
+ * @brief Get field omega_desired_rad_s from esea_wanted message
+ *
+ * @return [rad/s] wanted rate of the joint; [rad/s], range -12 to 12
+ */
+static inline float mavlink_msg_esea_wanted_get_omega_desired_rad_s(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  12);
+}
+
+/**
+ * @brief Get field tau_preview_Nm from esea_wanted message
+ *
+ * @return  wanted torque at the intervals' ends; 10 elements; [Nm], range -20 to 20
+ */
+static inline uint16_t mavlink_msg_esea_wanted_get_tau_preview_Nm(const mavlink_message_t* msg, float *tau_preview_Nm)
+{
+    return _MAV_RETURN_float_array(msg, tau_preview_Nm, 10,  16);
+}
+
+/**
+ * @brief Get field theta_preview_rad from esea_wanted message
+ *
+ * @return [rad] wanted angle; 10 elements; [rad], range -0.949999988 to 3.3499999
+ */
+static inline uint16_t mavlink_msg_esea_wanted_get_theta_preview_rad(const mavlink_message_t* msg, float *theta_preview_rad)
+{
+    return _MAV_RETURN_float_array(msg, theta_preview_rad, 10,  56);
+}
+
+/**
+ * @brief Get field omega_preview_rad_s from esea_wanted message
+ *
+ * @return [rad/s] wanted rate; 10 elements; [rad/s], range -12 to 12
+ */
+static inline uint16_t mavlink_msg_esea_wanted_get_omega_preview_rad_s(const mavlink_message_t* msg, float *omega_preview_rad_s)
+{
+    return _MAV_RETURN_float_array(msg, omega_preview_rad_s, 10,  96);
+}
+
+/**
+ * @brief Get field deadline_ms from esea_wanted message
+ *
+ * @return [ms] When the next one must have come, or the board lets go: 20 to 1000, what is outside is held there; 0: 100.
+ */
+static inline uint16_t mavlink_msg_esea_wanted_get_deadline_ms(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint16_t(msg,  136);
+}
+
+/**
+ * @brief Decode a esea_wanted message into a struct
+ *
+ * @param msg The message to decode
+ * @param esea_wanted C-struct to decode the message contents into
+ */
+static inline void mavlink_msg_esea_wanted_decode(const mavlink_message_t* msg, mavlink_esea_wanted_t* esea_wanted)
+{
+#if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
+    esea_wanted->mode = mavlink_msg_esea_wanted_get_mode(msg);
+    esea_wanted->tau_desired_Nm = mavlink_msg_esea_wanted_get_tau_desired_Nm(msg);
+    esea_wanted->theta_desired_rad = mavlink_msg_esea_wanted_get_theta_desired_rad(msg);
+    esea_wanted->omega_desired_rad_s = mavlink_msg_esea_wanted_get_omega_desired_rad_s(msg);
+    mavlink_msg_esea_wanted_get_tau_preview_Nm(msg, esea_wanted->tau_preview_Nm);
+    mavlink_msg_esea_wanted_get_theta_preview_rad(msg, esea_wanted->theta_preview_rad);
+    mavlink_msg_esea_wanted_get_omega_preview_rad_s(msg, esea_wanted->omega_preview_rad_s);
+    esea_wanted->deadline_ms = mavlink_msg_esea_wanted_get_deadline_ms(msg);
+#else
+        uint8_t len = msg->len < MAVLINK_MSG_ID_ESEA_WANTED_LEN? msg->len : MAVLINK_MSG_ID_ESEA_WANTED_LEN;
+        memset(esea_wanted, 0, MAVLINK_MSG_ID_ESEA_WANTED_LEN);
+    memcpy(esea_wanted, _MAV_PAYLOAD(msg), len);
+#endif
+}
