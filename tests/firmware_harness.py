@@ -142,8 +142,9 @@ static esea_app_t app;
 
 #include "machine.c"
 #include "schedule.c"
-#include "link.c"
+#include "send.c"
 #include "app.c"
+#include "link.c"
 
 int main(void)
 {
@@ -165,7 +166,7 @@ int main(void)
         else if (!strcmp(what, "reset"))
             printf("reset %d\\n", esea_app_ask(&app, ESEA_EVENT_RESET) && esea_app_reset(&app));
         else if (!strcmp(what, "info"))
-            send_info(&app);
+            esea_send_info(&app);
     return 0;
 }
 """

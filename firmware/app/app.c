@@ -84,7 +84,7 @@ void esea_app_fail(esea_app_t *app, ESEA_FAULT fault)
     (void)esea_app_event(app, ESEA_EVENT_FAILED);
     if (app->port->motor != NULL)
         app->port->motor(0.0f, false);
-    esea_link_send_heartbeat(app);
+    esea_send_heartbeat(app);
     app->told = app->state;
 }
 
@@ -92,6 +92,20 @@ void esea_app_check_stack(esea_app_t *app)
 {
     if (app->fault == ESEA_FAULT_NONE && app->port->stack_peak_bytes() >= app->port->stack_bytes)
         esea_app_fail(app, ESEA_FAULT_STACK_EXHAUSTED);
+}
+
+uint32_t esea_app_measure(esea_app_t *app, uint32_t task, const esea_link_in_t *in, esea_link_out_t *out)
+{
+    /* volatile: the compiler must call a step and the one that does nothing in the same way. */
+    esea_link_step_fn *volatile step = esea_link_step(task);
+    uint32_t start, stop;
+
+    app->port->quiet(true);
+    start = app->port->ticks();
+    step(&app->control, in, out);
+    stop = app->port->ticks();
+    app->port->quiet(false);
+    return stop - start;
 }
 
 /* The device's C from its initial state; false when a default is refused. */
@@ -175,7 +189,7 @@ bool esea_app_reset(esea_app_t *app)
         return false;
     }
     memset(&in, 0, sizeof in);
-    app->empty_ticks = esea_link_measure(app, ESEA_LINK_TASKS, &in, &out);
+    app->empty_ticks = esea_app_measure(app, ESEA_LINK_TASKS, &in, &out);
     esea_app_check_stack(app);
     if (app->fault != ESEA_FAULT_NONE)
         return false;
@@ -190,12 +204,11 @@ void esea_app_init(esea_app_t *app, const esea_port_t *port)
     memset(app, 0, sizeof *app);
     app->port = port;
     if (esea_app_reset(app))
-        esea_link_send_heartbeat(app);
+        esea_send_heartbeat(app);
     app->told = app->state;
 }
 
-/* The end of zeroing: coefficients change while no step reads them. */
-static void end_zeroing(esea_app_t *app)
+void esea_app_end_zeroing(esea_app_t *app)
 {
     app->clock.runs = false;
     if (app->state == ESEA_STATE_ZEROING) { /* else stopped meanwhile */
@@ -207,18 +220,4 @@ static void end_zeroing(esea_app_t *app)
     app->motion.zeroing_ends = false;
     app->clock.counted = false; /* the ticks meanwhile are none that were lost */
     app->clock.runs = app->fault < ESEA_FIRST_BOARD_FAULT;
-}
-
-void esea_app_poll(esea_app_t *app)
-{
-    uint8_t bytes[64];
-    size_t n, i;
-
-    while ((n = app->port->read(bytes, sizeof bytes)) > 0u)
-        for (i = 0u; i < n; ++i)
-            esea_link_receive(app, bytes[i]);
-    if (app->motion.zeroing_ends)
-        end_zeroing(app);
-    esea_link_send_waiting(app);
-    app->port->wait();
 }

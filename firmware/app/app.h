@@ -2,8 +2,9 @@
  *
  *   machine.c   where an event leads from a state
  *   schedule.c  the own clock: base tick, tasks, motor, deadlines
- *   link.c      frames in, frames out
+ *   link.c      frames in, and the main loop
  *   app.c       start, self-test, events, faults
+ *   send.c      frames out
  *
  * There is no control mathematics here; that is in the generated files.  The caller owns all memory,
  * and any number of instances may run side by side.
@@ -134,11 +135,18 @@ bool esea_app_reset(esea_app_t *app);
 /* Latches STACK_EXHAUSTED where it is. */
 void esea_app_check_stack(esea_app_t *app);
 
-void esea_link_receive(esea_app_t *app, uint8_t byte);
-void esea_link_send_heartbeat(esea_app_t *app);
-/* Runs that wait, and a HEARTBEAT where the state is another. */
-void esea_link_send_waiting(esea_app_t *app);
-uint32_t esea_link_measure(esea_app_t *app, uint32_t task, const esea_link_in_t *in, esea_link_out_t *out);
+/* Ends zeroing, from the main loop: coefficients change while no step reads them. */
+void esea_app_end_zeroing(esea_app_t *app);
+
+/* Timer ticks of a step, those of measuring it included. */
+uint32_t esea_app_measure(esea_app_t *app, uint32_t task, const esea_link_in_t *in, esea_link_out_t *out);
+
+void esea_send(esea_app_t *app, const mavlink_message_t *message);
+void esea_send_heartbeat(esea_app_t *app);
+void esea_send_info(esea_app_t *app);
+void esea_send_clock(esea_app_t *app);
+/* The runs that wait. */
+void esea_send_runs(esea_app_t *app);
 
 static inline void esea_count(uint32_t *counter)
 {

@@ -1,0 +1,119 @@
+/* Frames out.
+ *
+ * License: MIT. */
+#include "app.h"
+
+#include <string.h>
+
+/* Puts a text into a field; one as long as the field stands there without a terminator. */
+static void put_text(char *field, size_t size, const char *text)
+{
+    size_t i;
+
+    for (i = 0u; i < size && text[i] != '\0'; ++i)
+        field[i] = text[i];
+}
+
+void esea_send(esea_app_t *app, const mavlink_message_t *message)
+{
+    uint8_t frame[MAVLINK_MAX_PACKET_LEN];
+
+    app->port->write(frame, mavlink_msg_to_send_buffer(frame, message));
+}
+
+void esea_send_heartbeat(esea_app_t *app)
+{
+    static const uint8_t states[] = {
+        [ESEA_STATE_BOOT] = MAV_STATE_BOOT,
+        [ESEA_STATE_SELF_TEST] = MAV_STATE_BOOT,
+        [ESEA_STATE_UNREFERENCED] = MAV_STATE_STANDBY,
+        [ESEA_STATE_ZEROING] = MAV_STATE_CALIBRATING,
+        [ESEA_STATE_READY] = MAV_STATE_STANDBY,
+        [ESEA_STATE_ARMED] = MAV_STATE_ACTIVE,
+        [ESEA_STATE_ACTIVE] = MAV_STATE_ACTIVE,
+        [ESEA_STATE_LETTING_GO] = MAV_STATE_ACTIVE,
+        [ESEA_STATE_STOPPED] = MAV_STATE_STANDBY,
+        [ESEA_STATE_FAULT] = MAV_STATE_CRITICAL,
+        [ESEA_STATE_REPLAY] = MAV_STATE_ACTIVE,
+    };
+    mavlink_heartbeat_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.type = MAV_TYPE_GENERIC;
+    fields.autopilot = MAV_AUTOPILOT_INVALID;
+    fields.base_mode = MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+    fields.custom_mode = (uint32_t)app->state;
+    fields.system_status = esea_state_known(app->state) ? states[app->state] : (uint8_t)MAV_STATE_CRITICAL;
+    if (app->fault == ESEA_FAULT_PROCESSOR)
+        fields.system_status = MAV_STATE_EMERGENCY;
+    (void)mavlink_msg_heartbeat_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+void esea_send_info(esea_app_t *app)
+{
+    mavlink_esea_info_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.tick_us = ESEA_LINK_TICK_US;
+    fields.fault = (uint32_t)app->fault;
+    fields.steps = app->steps;
+    fields.sequence_gaps = app->sequence_gaps;
+    fields.bad_frames = app->bad_frames;
+    fields.unknown_messages = app->unknown_messages;
+    fields.lost_bytes = app->port->lost_bytes();
+    fields.receive_buffer_bytes = app->port->receive_buffer_bytes;
+    fields.empty_ticks = app->empty_ticks;
+    fields.stack_bytes = app->port->stack_bytes;
+    fields.stack_peak_bytes = app->port->stack_peak_bytes();
+    put_text(fields.content_hash, sizeof fields.content_hash, ESEA_LINK_CONTENT_HASH);
+    put_text(fields.device, sizeof fields.device, ESEA_LINK_DEVICE);
+    put_text(fields.board, sizeof fields.board, app->port->name);
+    (void)mavlink_msg_esea_info_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+void esea_send_clock(esea_app_t *app)
+{
+    const esea_motion_t *const motion = &app->motion;
+    mavlink_esea_clock_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.tick = app->clock.tick;
+    fields.lost_ticks = app->clock.lost_ticks;
+    fields.missed_runs = app->clock.missed_runs;
+    fields.late_runs = esea_link_late_runs(&app->control);
+    fields.dropped = app->clock.dropped;
+    fields.refused = motion->refused;
+    fields.deadline_left = motion->deadline_left;
+    fields.state = (uint32_t)app->state;
+    (void)mavlink_msg_esea_clock_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+void esea_send_runs(esea_app_t *app)
+{
+    mavlink_message_t message;
+    uint32_t number;
+
+    for (number = 0u; number < ESEA_LINK_TASKS; ++number) {
+        esea_task_t *const task = &app->tasks[number];
+
+        while (task->tail != task->head) {
+            const esea_run_t *const run = &task->runs[task->tail % ESEA_RUNS_KEPT];
+
+            if (run->send[0]) {
+                esea_link_encode_in(number, run->tick, &run->in, &app->sending, &message);
+                esea_send(app, &message);
+            }
+            if (run->send[1]) {
+                esea_link_encode(number, run->tick, run->step_ticks, &run->out, &app->sending, &message);
+                esea_send(app, &message);
+            }
+            task->tail = task->tail + 1u;
+        }
+    }
+}
