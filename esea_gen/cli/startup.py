@@ -82,6 +82,9 @@ def startup(
             said = [result.verdict(), *(reason for reason, _ in result.reasons)]
             write_text(path, device_text(loaded, result.updated, result.model, said))
             out.print(f"device file: {path}")
-        picture(figure, result.figure)
+        if figure is not None:
+            from esea_gen.studies.startup.figure import startup_figure
+
+            picture(figure, lambda: startup_figure(result))
     if not result.gains_may_be_used:
         raise typer.Exit(1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,9 +13,7 @@ from esea_gen.analysis.plots import finished, new_figure
 from esea_gen.errors import UserError
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, ROUNDING, RULE, STYLE
 from esea_gen.studies.startup.margins import LoopMargins
-
-if TYPE_CHECKING:
-    from esea_gen.studies.startup.outcome import Startup
+from esea_gen.studies.startup.outcome import Startup
 
 SHOWN = (
     ("gain", "motor gain"),

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.language.ports import Array
@@ -17,9 +17,6 @@ from esea_gen.studies.startup.procedures import PROCEDURES
 from esea_gen.studies.startup.regression import CONFIDENCE, Estimate
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.waves import Wave
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 KIND, VERSION = "esea-gen startup", 1
 # What each estimate is, and the key of [actuator] that it belongs into.
@@ -271,12 +268,6 @@ class Startup:
                 truth["disturbance_Nm"] = self.true_map_Nm.tolist()
             content["simulated_truth"] = truth
         return content
-
-    def figure(self) -> Figure:
-        """Map, estimates over the device file, and the loop's locus."""
-        from esea_gen.studies.startup.figure import startup_figure
-
-        return startup_figure(self)
 
 
 def _margin_lines(check: MarginCheck) -> list[str]:
