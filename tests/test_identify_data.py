@@ -336,7 +336,7 @@ def test_standard_deviations_are_the_scatter_of_repeated_experiments(rho):
     said = []
     for fit, row in itertools.islice(zip(fits, measured, strict=True), TOLD):
         values = dict(zip(("k1_Nm_rad", "k3_Nm_rad3"), fit.tolist(), strict=True))
-        told = uncertainty(Cubic(theta, row), values)  # type: ignore[arg-type]
+        told = uncertainty(Cubic(theta, row), values)
         said.append([told.sigma[k] for k in values])
         assert told.correlation_factor == pytest.approx(np.sqrt((1 + rho) / (1 - rho)), rel=0.2)
     # The scatter of 400 fits is known to 3.5 %; without the factor it is 2 and 6.2 times as large
@@ -363,7 +363,7 @@ def test_standard_deviations_of_a_few_samples_in_closed_form(unit):
     expected = np.sqrt([variance * m6, variance * m2])
     values = dict(zip(("k1_Nm_rad", "k3_Nm_rad3"), (fit / unit).tolist(), strict=True))
     plant.basis = unit * plant.basis
-    told = uncertainty(plant, values)  # type: ignore[arg-type]
+    told = uncertainty(plant, values)
     assert told.correlation_factor == 1.0
     np.testing.assert_allclose([told.sigma[k] for k in values], expected / unit, rtol=1e-6)
 
@@ -374,7 +374,7 @@ def test_a_parameter_without_effect_is_not_determined(unit):
     # As far below the other as rounding may leave it, and as far as any number may tell.
     plant.basis[:, 1] = 1e-15 * np.array([1.0, -1.0, 1.0, 1.0, -1.0])
     plant.basis *= unit
-    told = uncertainty(plant, {"k1_Nm_rad": 10.0, "k3_Nm_rad3": 200.0})  # type: ignore[arg-type]
+    told = uncertainty(plant, {"k1_Nm_rad": 10.0, "k3_Nm_rad3": 200.0})
     assert told.sigma["k3_Nm_rad3"] == math.inf
     assert 0 < told.sigma["k1_Nm_rad"] < 0.2
 
@@ -389,7 +389,7 @@ def test_standard_deviations_of_the_inverse_are_that_scatter_too(rho):
     said = []
     for fit, row in itertools.islice(zip(fits, measured, strict=True), TOLD):
         values = dict(zip(KEYS, fit.tolist(), strict=True))
-        sigma, _ = play_spread(Plays(basis, row), values)  # type: ignore[arg-type]
+        sigma, _ = play_spread(Plays(basis, row), values)
         said.append([sigma[k] for k in KEYS])
     np.testing.assert_allclose(np.mean(said, axis=0), fits.std(axis=0), rtol=0.12)
 

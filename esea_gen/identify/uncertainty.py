@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from esea_gen.identify.parameters import at_bound
-from esea_gen.identify.plant import FittedPlant
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -57,7 +56,17 @@ class Uncertainty:
     correlation_factor: float
 
 
-def uncertainty(plant: FittedPlant, values: Mapping[str, float]) -> Uncertainty:
+class Fitted(Protocol):
+    """What is asked of a plant: the torque that it gives, and what was measured."""
+
+    measured: Array
+    weight: Array
+
+    def torque(self, values: Mapping[str, float], /) -> Array:
+        """Torque with these parameters, at the measured rows."""
+
+
+def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     """Standard deviations from the Jacobian of the torque by the parameters.
 
     Assumed: the model form is right and the residuals are a first-order autoregressive noise of

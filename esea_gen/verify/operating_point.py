@@ -28,7 +28,7 @@ import numpy as np
 
 from esea_gen.emit.elementary import ACCURACY_ULP
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.walker import Kernel, Node, walk
+from esea_gen.emit.walker import Kernel, Node, UnsupportedOperationError, walk
 from esea_gen.language.builder import array_name
 from esea_gen.language.program import Program, ProgramSimulator
 from esea_gen.language.statements import Call, Ref
@@ -187,7 +187,7 @@ class _Line:
             if op in ("lt", "le", "eq", "ne"):
                 self._look(at, v)
             return self.add(float(_DECIDED[op](*v)))
-        raise NotImplementedError(f"no rule for '{op}'")
+        raise UnsupportedOperationError(f"no rule for the rounding of '{op}'", "Add one.")
 
     def _without_rounding(self, op: str, value: float, at: list[int]) -> bool:
         stored = [self.values[k] for k in at if self._stored(k)]
