@@ -1,0 +1,5 @@
+"""``esea-host``: the command line.  One file a group of commands; each registers itself."""
+
+from esea_host.cli.app import app, main
+
+__all__ = ["app", "main"]

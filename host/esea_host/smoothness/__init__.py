@@ -1,0 +1,1 @@
+"""How smooth a movement is: arrays in, results out; needs NumPy and SciPy alone."""

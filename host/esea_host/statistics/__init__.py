@@ -1,0 +1,1 @@
+"""Paired comparisons, effect sizes, power: arrays in, results out."""
