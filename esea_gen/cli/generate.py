@@ -11,7 +11,7 @@ import typer
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
-from esea_gen.cli.output import write_text
+from esea_gen.cli.output import progress_line, write_text
 from esea_gen.errors import UserError
 
 if TYPE_CHECKING:
@@ -58,7 +58,9 @@ def build(
 
     loaded = esea_gen.load_device(device, controller)
     target = folder or GENERATED / loaded.name
-    bundles = _bundles(loaded, real)
+    with progress_line() as say:
+        say(f"{loaded.name}: rendering; ranges of a new q31 device take some twenty seconds")
+        bundles = _bundles(loaded, real)
     if folder is None and real is None:
         bundles = [without_core(b) for b in bundles]
         write_bundles([core_bundle()], GENERATED)
