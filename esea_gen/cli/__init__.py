@@ -1,6 +1,15 @@
 """``esea-gen``: the command line.  One file a group of commands; each registers itself."""
 
-from esea_gen.cli import boards, evidence, experiments, generate, identification, pages, startup
+from esea_gen.cli import (
+    boards,
+    evidence,
+    experiments,
+    faults,
+    generate,
+    identification,
+    pages,
+    startup,
+)
 from esea_gen.cli.app import app, main
 
 __all__ = [
@@ -8,6 +17,7 @@ __all__ = [
     "boards",
     "evidence",
     "experiments",
+    "faults",
     "generate",
     "identification",
     "main",

@@ -40,8 +40,9 @@ def _compiled(device: DeviceData, cable: bool, step_s: float) -> HostLibrary:
 
 
 class SteppedPlant:
-    """A plant whose output is clamped or free, with nobody in the joint.
+    """A plant whose output is clamped or free.
 
+    person: who is in the joint; nobody where none is given.
     motor_gain: true torque over commanded torque; below 0 the motor turns the other way.
     delay_s: from the start of the tick that commands to the torque's first change.
     reversed_encoders: of ``motor``, ``load`` and ``gear``, those that count the other way.
@@ -51,6 +52,7 @@ class SteppedPlant:
         self,
         variant: PlantVariant,
         *,
+        person: Person = EMPTY,
         motor_gain: float = 1.0,
         delay_s: float = 0.0,
         reversed_encoders: Collection[str] = (),
@@ -61,7 +63,7 @@ class SteppedPlant:
             raise UserError(
                 f"A delay of {delay_s:g} s.", f"Give 0 to {MOST_DELAY_S:g} s, in whole 0.2 ms."
             )
-        self.variant, self.gain = variant, motor_gain
+        self.variant, self.gain, self.person = variant, motor_gain, person
         self.delay_steps = round(delay_s / STEP_S)
         self.delay_s = self.delay_steps * STEP_S
         self.turned = frozenset(reversed_encoders)
@@ -75,7 +77,7 @@ class SteppedPlant:
         """From rest at an angle; the counts there, of motor side, load side and motor's shaft."""
         library, prefix = self.library, self.library.prefix
         ffi = library.ffi
-        values = {**self.variant.values, **EMPTY.values(), "clamped": float(clamped)}
+        values = {**self.variant.values, **self.person.values(), "clamped": float(clamped)}
         params = ffi.new(f"{prefix}_params_t *")
         self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
         library.function(f"{prefix}_default_params")(params)
@@ -104,11 +106,24 @@ class SteppedPlant:
         self._under_way: deque[float] = deque([0.0] * self.delay_steps)
         return self._read()
 
-    def step(self, u_Nm: float) -> tuple[int, int, int]:
-        """Hold a command for a tick; the counts at its end."""
+    def step(
+        self, u_Nm: float, intended: tuple[float, float, float] | None = None, noise: float = 0.0
+    ) -> tuple[int, int, int]:
+        """Hold a command for a tick; the counts at its end.
+
+        intended: angle, speed and acceleration where the person wants to be, at the tick's start;
+            where they stood before when not given.
+        noise: of the person's torque, a number of variance 1.
+        """
         wanted = self.gain * u_Nm
         push, plant, line = self._push, self._plant, self._under_way
-        for _ in range(self._substeps):
+        push.noise = noise
+        theta, omega, alpha = intended or (push.theta_p_rad, 0.0, 0.0)
+        push.alpha_p_rad_s2 = alpha
+        for j in range(1, self._substeps + 1):
+            t = j * STEP_S
+            push.omega_p_rad_s = omega + t * alpha
+            push.theta_p_rad = theta + t * (omega + 0.5 * t * alpha)
             line.append(wanted)
             push.u_Nm = line.popleft()
             self._move(self._coeffs, self._state, push, plant)
@@ -117,6 +132,10 @@ class SteppedPlant:
     def truth(self) -> dict[str, float]:
         """The plant's own outputs at this moment."""
         return {p.name: float(getattr(self._plant, p.name)) for p in self._outputs}
+
+    def torque_and_speed(self) -> tuple[float, float]:
+        """Of :meth:`truth` what a run needs every tick: torque on the limb, the limb's speed."""
+        return float(self._plant.tau_e_Nm), float(self._plant.omega_l_rad_s)
 
     @property
     def _outputs(self) -> Any:

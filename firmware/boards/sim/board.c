@@ -112,6 +112,8 @@ void sim_stop_line(bool open);
 void sim_stack(bool used_up);
 void sim_fail(uint32_t fault);
 void sim_overwrite_state(uint32_t state);
+size_t sim_bytes(bool coeffs);
+void sim_flip(bool coeffs, size_t byte, uint8_t bits);
 float sim_motor_Nm(void);
 bool sim_motor_on(void);
 uint32_t sim_state(void);
@@ -207,6 +209,20 @@ void sim_fail(uint32_t fault)
 void sim_overwrite_state(uint32_t state)
 {
     app.state = (ESEA_STATE)state;
+}
+
+/* Memory of the device's C, its coefficients or its state. */
+size_t sim_bytes(bool coeffs)
+{
+    return coeffs ? sizeof app.control.coeffs : sizeof app.control.state;
+}
+
+void sim_flip(bool coeffs, size_t byte, uint8_t bits)
+{
+    uint8_t *const memory = coeffs ? (uint8_t *)&app.control.coeffs : (uint8_t *)&app.control.state;
+
+    if (byte < sim_bytes(coeffs))
+        memory[byte] ^= bits;
 }
 
 float sim_motor_Nm(void)

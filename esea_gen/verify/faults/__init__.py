@@ -1,0 +1,1 @@
+"""The fault campaign: what a person at the drive feels when something breaks."""

@@ -1,0 +1,64 @@
+"""What is promised of a fault on the board: when it is found, and what the limb may feel.
+
+A bound is stated only where a mechanism gives it; everything else is bounded by the limits alone,
+and has to show it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from esea_gen.control.safety import STALE_PERIODS
+from esea_gen.device import Device
+from esea_gen.emit.states import TIMES_MS
+from esea_gen.errors import UserError
+from esea_gen.model.encoder import HELD_MAX
+from esea_gen.verify.faults.kinds import BoardFault
+from esea_gen.verify.faults.rig import WANTED_EVERY
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Within which the limb stays, whatever one thing breaks: the device's own trips.
+
+    They hold the run-out of the drive after it has been switched off as well, which the trips
+    themselves do not promise: that is what the campaign shows.
+    """
+
+    torque_Nm: float
+    energy_J: float
+
+
+def envelope(device: Device) -> Envelope:
+    """``safety.tau_max_Nm`` and ``safety.energy_J``."""
+    safety = device.file.safety
+    if safety is None:
+        raise UserError(f"{device.origin}: no section [safety].", "Give a device with limits.")
+    return Envelope(safety.tau_max_Nm.value, safety.energy_J.value)
+
+
+def bound_ticks(device: Device, fault: BoardFault) -> int | None:
+    """Ticks from a fault to the drive's end of following, where one is stated."""
+    control = device.system.tasks[-1]
+    across = control.every + control.release_ticks  # from a measurement to the limits by control
+    if fault.place == "stop line":
+        return 0  # looked at in every tick
+    if fault.place == "link" or (fault.place == "mode" and fault.kind == "NaN"):
+        # A frame with such a mode is none: nothing else comes until the deadline.
+        return TIMES_MS["DEADLINE"][0]
+    if fault.place == "coefficients":
+        return across  # the checksum, at each control run
+    if fault.place == "clock":
+        if fault.kind == "lost ticks":
+            return 0  # the tick after the gap
+        stale = STALE_PERIODS * control.every
+        return stale if fault.amount >= stale else None
+    unreadable = fault.kind == "NaN" or (
+        fault.place.startswith("frame_error") and fault.kind == "jump" and fault.amount > 0
+    )
+    if fault.place.startswith(("count_", "frame_error_")) and unreadable:
+        gear = fault.place.endswith("_gear")
+        return HELD_MAX + (across if gear else 0)
+    if fault.kind == "NaN":
+        return WANTED_EVERY  # in the step that reads it
+    return None

@@ -1,0 +1,281 @@
+"""Many faults on the board ``sim``: found in time, and no worse for the limb than stated."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.journal import Configuration, rooms_digest
+from esea_gen.device import Device, load_device
+from esea_gen.emit.build import device_hash
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.verify.faults.bounds import Envelope, bound_ticks, envelope
+from esea_gen.verify.faults.kinds import BoardFault, all_faults, words
+from esea_gen.verify.faults.picture import FaultRow, fault_picture
+from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, rig_of
+
+DEFAULT_RUNS = 2000
+
+
+@dataclass(frozen=True)
+class FaultRun:
+    """One fault and what became of it.
+
+    bound_ticks: within which it must be found; None where nothing says so.
+    found_ticks: None where the drive went on following.
+    inside: found within its bound, torque and energy within the envelope.
+    """
+
+    input: str
+    kind: str
+    amount: float
+    scene: str
+    at_tick: int
+    seed: int
+    detected: bool
+    bound_ticks: int | None
+    found_ticks: int | None
+    reason: int
+    peak_torque_Nm: float
+    energy_J: float
+    inside: bool
+
+
+@dataclass(frozen=True)
+class FaultCampaign:
+    """A campaign's result; everything in it is simulated."""
+
+    device: str
+    content: str
+    envelope: Envelope
+    runs: tuple[FaultRun, ...]
+
+    @property
+    def outside(self) -> list[FaultRun]:
+        """Runs that broke a bound."""
+        return [r for r in self.runs if not r.inside]
+
+    def rows(self) -> list[FaultRow]:
+        """By place and kind; of memory, by Block."""
+        groups: dict[tuple[str, str], list[FaultRun]] = {}
+        for r in self.runs:
+            place, _, word = r.input.partition(".")
+            name = f"{place} of {word.partition('.')[0]}" if word else place
+            groups.setdefault((name, r.kind), []).append(r)
+        return [_row(place, kind, of) for (place, kind), of in groups.items()]
+
+    def markdown(self) -> list[str]:
+        """The table by place and kind."""
+        heads = (
+            "where", "what", "runs", "found", "bound, ticks", "latest", "peak, Nm", "energy, J",
+            "not found: peak, Nm", "energy, J",
+        )  # fmt: skip
+        lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+        for r in self.rows():
+            cells = [r.place, r.kind, str(r.runs), str(r.found)]
+            cells += ["–" if x is None else str(x) for x in (r.bound_ticks, r.latest_ticks)]
+            figures = (
+                (r.peak_torque_Nm, 1), (r.energy_J, 2),
+                (r.unfound_torque_Nm, 1), (r.unfound_energy_J, 2),
+            )  # fmt: skip
+            cells += ["–" if x is None else f"{x:.{n}f}" for x, n in figures]
+            lines.append("| " + " | ".join(cells) + " |")
+        return lines
+
+    def table(self) -> list[str]:
+        """The table, and what is to be said of it."""
+        found = sum(r.detected for r in self.runs)
+        late = [r for r in self.runs if r.bound_ticks is not None]
+        e = self.envelope
+        return [
+            *self.markdown(),
+            f"{self.device}, simulated: {len(self.runs)} faults, {found} found; "
+            f"{len(late)} with a stated bound.",
+            f"Envelope {e.torque_Nm:g} Nm and {e.energy_J:g} J; largest "
+            f"{max(r.peak_torque_Nm for r in self.runs):.1f} Nm and "
+            f"{max(r.energy_J for r in self.runs):.1f} J.",
+            *(
+                f"OUTSIDE: {r.input} {r.kind} {r.amount:g}, {r.scene}, seed {r.seed}, tick "
+                f"{r.at_tick}: found {r.found_ticks} of {r.bound_ticks}, "
+                f"{r.peak_torque_Nm:.1f} Nm, {r.energy_J:.1f} J"
+                for r in self.outside
+            ),
+            f"{len(self.outside)} outside.",
+        ]
+
+    def figure(self) -> Figure:
+        """Every input by every kind: worst torque, and when it was found."""
+        return fault_picture(self.device, self.rows(), self.envelope.torque_Nm)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return {
+            "schema_version": 1,
+            "simulated": True,
+            "device": self.device,
+            "content": self.content,
+            "envelope": asdict(self.envelope),
+            "faults": [asdict(r) for r in self.runs],
+            "table": [asdict(r) for r in self.rows()],
+            "outside": len(self.outside),
+        }
+
+
+def _row(place: str, kind: str, of: Sequence[FaultRun]) -> FaultRow:
+    found = [r for r in of if r.found_ticks is not None]
+    lost = [r for r in of if r.found_ticks is None]
+    bounds = {r.bound_ticks for r in of}
+    return FaultRow(
+        place,
+        kind,
+        len(of),
+        len(found),
+        max((b for b in bounds if b is not None), default=None) if None not in bounds else None,
+        max((r.found_ticks for r in found if r.found_ticks is not None), default=None),
+        max(r.peak_torque_Nm for r in of),
+        max(r.energy_J for r in of),
+        max((r.peak_torque_Nm for r in lost), default=None),
+        max((r.energy_J for r in lost), default=None),
+        sum(not r.inside for r in of),
+    )
+
+
+@lru_cache(maxsize=2)
+def loaded(origin: str) -> Device:
+    """A device, loaded once in a process, so that its board is built once."""
+    return load_device(origin)
+
+
+def run_one(
+    device: str,
+    place: str,
+    kind: str,
+    amount: float,
+    word: str,
+    byte: int,
+    scene: str,
+    at: int,
+    seed: int,
+) -> dict[str, float]:
+    """One run, as the campaign's workers call it; ``found_ticks`` -1 where nothing was found."""
+    fault = BoardFault(place, kind, amount, word, byte)
+    chosen = next(s for s in SCENES if s.name == scene)
+    felt = rig_of(loaded(device)).run(chosen, fault, at, seed)
+    return {
+        "found_ticks": -1 if felt.found_ticks is None else felt.found_ticks,
+        "reason": felt.reason,
+        "peak_torque_Nm": felt.peak_torque_Nm,
+        "energy_J": felt.energy_J,
+    }
+
+
+def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[dict[str, Any]]:
+    """What is to be run: faults in turn, each with a scene, a moment and a plant that are drawn."""
+    library = compile_system(device.system, "f32")
+    memory = [words(library.dtype(f"{library.prefix}_{kind}_t")) for kind in ("state", "coeffs")]
+    rng = random.Random(seed)
+    return [
+        {
+            "device": origin,
+            "place": f.place,
+            "kind": f.kind,
+            "amount": f.amount,
+            "word": f.word,
+            "byte": f.byte,
+            "scene": rng.choice(SCENES).name,
+            "at": rng.randrange(EARLIEST, LATEST),
+            "seed": k,
+        }
+        for k, f in enumerate(all_faults(device, memory[0], memory[1], seed, runs))
+    ]
+
+
+def fault_campaign(
+    origin: str,
+    *,
+    runs: int = DEFAULT_RUNS,
+    seed: int = 0,
+    workers: Workers | int = 1,
+    folder: Path | None = None,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> FaultCampaign:
+    """Let a device's board ``sim`` fail in so many ways, with plant and person in the loop.
+
+    Parameters
+    ----------
+    origin : str
+        Shipped device with a drive, or path of a device file.
+    runs : int
+        Number of runs; the first round has every input with every kind, and every word of memory.
+    seed : int
+        Of what is drawn.
+    workers : Workers or int
+        Who runs them.
+    folder : path, optional
+        Journal: an interrupted campaign goes on where it was.
+    progress : callable, optional
+        ``progress(done, total, failed)``.
+
+    Raises
+    ------
+    UserError
+        For a device without a drive, or a run that could not be made.
+    """
+    device = loaded(origin)
+    if not device.laws:
+        raise UserError(
+            f"{device.origin}: has no drive to fail.", "Give one with a drive, such as elbow_drive."
+        )
+    content = device_hash(device)
+    done = run_cases(
+        run_one,
+        campaign_cases(device, origin, runs, seed),
+        configuration=Configuration({"code": rooms_digest(), "device": content}),
+        folder=folder,
+        workers=workers,
+        progress=progress,
+    )
+    limits = envelope(device)
+    made = []
+    for r in done.results:
+        if r.values is None:
+            raise UserError(f"{r.case}: {r.failure}", "See the message.")
+        made.append(_judged(device, limits, r.case, r.values))
+    return FaultCampaign(device.name, content, limits, tuple(made))
+
+
+def _judged(
+    device: Device, limits: Envelope, case: dict[str, Any], values: dict[str, float]
+) -> FaultRun:
+    fault = BoardFault(case["place"], case["kind"], case["amount"], case["word"], case["byte"])
+    found = None if values["found_ticks"] < 0 else int(values["found_ticks"])
+    bound = bound_ticks(device, fault)
+    in_time = bound is None or (found is not None and found <= bound)
+    inside = (
+        in_time
+        and values["peak_torque_Nm"] <= limits.torque_Nm
+        and values["energy_J"] <= limits.energy_J
+    )
+    return FaultRun(
+        fault.input,
+        fault.kind,
+        fault.amount,
+        case["scene"],
+        case["at"],
+        case["seed"],
+        found is not None,
+        bound,
+        found,
+        int(values["reason"]),
+        values["peak_torque_Nm"],
+        values["energy_J"],
+        inside,
+    )

@@ -1,0 +1,178 @@
+"""What may break, and how: every input of the board, its memory, its clock, its link."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from esea_gen.device import Device
+from esea_gen.emit.dialect import board_roles
+
+# Ways in which a reading or a wanted value may be wrong, from a moment on.
+INPUT_KINDS = (
+    "freeze",
+    "jump",
+    "ramp",
+    "sign flip",
+    "NaN",
+    "bit flip",
+    "drop",
+    "delay",
+    "duplicate",
+)
+MOST_DELAY = 40  # ticks
+OFTEN = 4  # so often comes an input in a round in which every word of memory comes once
+# By kind, the amounts of which one is drawn: share of the range, share a second, ticks.
+AMOUNTS: dict[str, tuple[float, ...]] = {
+    "jump": (-0.3, -0.02, 0.02, 0.3),
+    "ramp": (-0.3, -0.02, 0.02, 0.3),
+    "drop": (1, 3, 5, 20, 700),
+    "delay": (2, 5, 10, 40),
+    "duplicate": (2, 3, 5),
+}
+CLOCK_KINDS = {"lost ticks": (1, 2, 7, 60), "control starved": (5, 10, 25, 60, 200)}
+
+
+@dataclass(frozen=True)
+class BoardFault:
+    """One thing that breaks.
+
+    place: an input by its name, ``state``, ``coefficients``, ``clock``, ``link`` or ``stop line``.
+    kind: how.
+    amount: as in :data:`AMOUNTS`; in memory the bit.
+    word: in memory, name of the word, and its first byte.
+    """
+
+    place: str
+    kind: str
+    amount: float = 0.0
+    word: str = ""
+    byte: int = 0
+
+    @property
+    def input(self) -> str:
+        """What the table calls it."""
+        return f"{self.place}.{self.word}" if self.word else self.place
+
+
+def measured_and_wanted(device: Device) -> tuple[list[str], list[str]]:
+    """Inputs that drivers give, and inputs that the host gives and a person could see wrong."""
+    roles = board_roles(device.system)
+    told = {"stop", "rearm"}  # the board's own; a stop is a fault of its own here
+    one = [x.name for x in roles.wanted if x.name not in told and x.port.size == 1]
+    return [x.name for x in roles.measured], one
+
+
+def ranges(device: Device) -> dict[str, tuple[float, float]]:
+    """Physical range of each input."""
+    inputs = {x.name: x.port for t in device.system.tasks for x in device.system.task_inputs(t)}
+    return {n: (p.low, p.high) for n, p in inputs.items()}
+
+
+@dataclass(frozen=True)
+class Word:
+    """Four bytes of memory with a name."""
+
+    name: str
+    byte: int
+
+
+def words(dtype: Any, before: str = "", start: int = 0) -> list[Word]:
+    """Words of a C struct, in order; ``dtype`` as numpy has it."""
+    found: list[Word] = []
+    if dtype.names:
+        for name in dtype.names:
+            kind, offset = dtype.fields[name][:2]
+            found += words(kind, f"{before}.{name}" if before else name, start + offset)
+    elif dtype.subdtype:
+        kind, shape = dtype.subdtype
+        for i in range(shape[0]):
+            found += words(kind, f"{before}[{i}]", start + i * kind.itemsize)
+    else:
+        found.append(Word(before, start))
+    return found
+
+
+def all_faults(
+    device: Device, state: Sequence[Word], coefficients: Sequence[Word], seed: int, most: int
+) -> list[BoardFault]:
+    """Every input with every kind, every word of memory, and so on, until there are ``most``.
+
+    What is drawn (amount, bit) is drawn anew each time.
+    """
+    rng = random.Random(seed)
+    measured, wanted = measured_and_wanted(device)
+    found: list[BoardFault] = []
+    while len(found) < most:
+        each: list[BoardFault] = []
+        for _ in range(OFTEN):
+            each += [
+                BoardFault(place, kind, rng.choice(AMOUNTS.get(kind, (float(rng.randrange(32)),))))
+                for place in (*measured, *wanted)
+                for kind in INPUT_KINDS
+            ]
+            each += [
+                BoardFault("clock", kind, rng.choice(amounts))
+                for kind, amounts in CLOCK_KINDS.items()
+            ]
+            each += [BoardFault("link", "cut"), BoardFault("stop line", "open")]
+        for place, all_ in (("state", state), ("coefficients", coefficients)):
+            each += [
+                BoardFault(place, "bit flip", float(rng.randrange(32)), w.name, w.byte)
+                for w in all_
+            ]
+        found += each
+    return found[:most]
+
+
+class Distortion:
+    """What becomes of an input from the fault on.
+
+    low, high: physical range.
+    wraps: whether the input counts round and round (an encoder).
+    """
+
+    def __init__(self, fault: BoardFault, low: float, high: float, wraps: bool) -> None:
+        self.fault, self.low, self.high, self.wraps = fault, low, high, wraps
+        self._before: list[float] = []
+        self._held = 0.0
+        self._distort: Callable[[int, float], float] = {
+            "freeze": lambda age, x: self._held,
+            "jump": lambda age, x: self._moved(x, fault.amount),
+            "ramp": lambda age, x: self._moved(x, fault.amount * age * 1e-3),
+            "sign flip": lambda age, x: self.high - (x - self.low) if wraps else -x,
+            "NaN": lambda age, x: math.nan,
+            "bit flip": self._flipped,
+            "drop": lambda age, x: math.nan if age < fault.amount else x,
+            "delay": lambda age, x: self._before[-1 - int(fault.amount)],
+            "duplicate": lambda age, x: self._before[-1 - age % int(fault.amount)],
+        }[fault.kind]
+
+    def sound(self, value: float) -> None:
+        """A value before the fault."""
+        self._before = [*self._before[-MOST_DELAY:], value]
+        self._held = value
+
+    def __call__(self, age: int, value: float) -> float:
+        """The value in place of one, so many ticks after the fault began."""
+        self._before = [*self._before[-MOST_DELAY:], value]
+        return self._distort(age, value)
+
+    def _moved(self, x: float, share: float) -> float:
+        x += share * (self.high - self.low)
+        if not self.wraps:
+            return x
+        full = self.high - self.low + 1
+        return self.low + math.floor(x - self.low) % full
+
+    def _flipped(self, age: int, x: float) -> float:
+        bit = int(self.fault.amount)
+        if self.wraps:  # on its way from the chip: one line is inverted
+            return float(int(x) ^ (1 << bit % int(math.log2(self.high + 1))))
+        (raw,) = struct.unpack("<I", struct.pack("<f", x))
+        (flipped,) = struct.unpack("<f", struct.pack("<I", raw ^ (1 << bit)))
+        return float(flipped)

@@ -1,0 +1,196 @@
+"""The board ``sim`` in lockstep with the virtual exoskeleton and a person: one run, one fault."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.twin.people import PEOPLE, real_plant
+from esea_gen.twin.stepped import SteppedPlant
+from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
+from esea_gen.verify.sim import SimBoard
+
+WANTED_EVERY = 10  # ticks from one of the host's commands to the next
+ZERO_AT, ARM_AT, ACTIVE_AT = 20, 260, 264
+EARLIEST, LATEST = 900, 1700  # of the fault: in motion, in any phase
+AFTER = 800  # ticks
+TORQUE, IMPEDANCE = 1.0, 2.0
+AMPLITUDE_RAD, HERTZ = 0.5, 0.5
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What drive and person do when it happens.
+
+    person: of the standard people; ``none`` holds the output.
+    mode, torque_Nm: what the host wants; the torque swells and ebbs between 0 and this.
+    """
+
+    name: str
+    person: str
+    mode: float
+    torque_Nm: float
+
+
+SCENES = (
+    Scene("moved at 0 Nm", "uncertain", TORQUE, 0.0),
+    Scene("moved at 2 Nm", "uncertain", TORQUE, 2.0),
+    Scene("held at 1.7 Nm", "none", TORQUE, 1.7),
+    Scene("moved, impedance", "uncertain", IMPEDANCE, 0.0),
+)
+
+
+def intended(k: int) -> tuple[float, float, float]:
+    """Angle, speed and acceleration that the person means to have at a tick: there and back."""
+    if k < ACTIVE_AT:
+        return 0.0, 0.0, 0.0
+    w, t = 2 * math.pi * HERTZ, (k - ACTIVE_AT) * 1e-3
+    c, s = math.cos(w * t), math.sin(w * t)
+    return AMPLITUDE_RAD * (1 - c), AMPLITUDE_RAD * w * s, AMPLITUDE_RAD * w * w * c
+
+
+@dataclass(frozen=True)
+class Felt:
+    """What one fault did.
+
+    found_ticks: from the fault until the motor followed no more; None: it went on following.
+    reason: number of the latched fault then; 0 where none is (stopped, let go).
+    peak_torque_Nm, energy_J: largest true torque on the limb, and most net work done on it from any
+        moment on, both from the fault to the end of the run.
+    """
+
+    found_ticks: int | None
+    reason: int
+    peak_torque_Nm: float
+    energy_J: float
+
+
+class Rig:
+    """A board and a plant, built once; every run starts from power on."""
+
+    def __init__(self, device: Device) -> None:
+        if not device.laws or device.file.timing.sense_rate_Hz.value != 1000:
+            raise UserError(
+                f"{device.origin}: no drive that senses at 1 kHz.",
+                "Give a device with a drive, such as elbow_drive.",
+            )
+        self.device = device
+        self.board = SimBoard(device)
+        self.measured, self.wanted = measured_and_wanted(device)
+        self.ranges = ranges(device)
+        self._encoders = [n for n in self.measured if n.startswith("count_")]
+
+    def close(self) -> None:
+        """Let go of the board."""
+        self.board.close()
+
+    def run(self, scene: Scene, fault: BoardFault | None, at: int, seed: int) -> Felt:
+        """One run.
+
+        at: tick of the fault; without one, of where counting begins.
+        """
+        board = self.board
+        board.restart()
+        person = PEOPLE[scene.person]
+        plant = SteppedPlant(real_plant(self.device, seed=seed), person=person)
+        counts = plant.start(0.0, clamped=scene.person == "none")
+        noise = np.random.default_rng([seed, 3]).standard_normal(at + AFTER)
+        noise[:ACTIVE_AT] = 0.0  # a joint that is zeroed stands still
+        wrong = self._distortion(fault)
+        of_link = fault is not None and fault.place in self.wanted
+        cut, found, reason = False, None, 0
+        tau, omega = [], []
+        for k in range(at + AFTER):
+            now = fault is not None and k >= at
+            cut = now and fault is not None and fault.place == "link"
+            readings = dict.fromkeys(self.measured, 0.0) | dict(
+                zip(self._encoders, map(float, counts), strict=True)
+            )
+            if wrong is not None and not of_link:
+                assert fault is not None
+                readings[fault.place] = self._given(wrong, readings[fault.place], k, at)
+            board.measure(**readings)
+            if k == at and fault is not None:
+                self._strike(fault)
+            if not cut:
+                self._tell(scene, k, wrong if of_link else None, fault, at)
+            self._tick(fault if now else None, k - at)
+            on, u_Nm = board.motor
+            counts = plant.step(u_Nm if on else 0.0, intended(k), float(noise[k]))
+            if k >= at:
+                truth = plant.torque_and_speed()
+                tau.append(truth[0])
+                omega.append(truth[1])
+                if found is None and board.state_now not in ("ACTIVE", "ARMED"):
+                    found, reason = k - at, int(board.lib.sim_fault())
+            elif k == at - 1 and board.state_now != "ACTIVE":
+                raise UserError(
+                    f"{scene.name}, seed {seed}: the board is {board.state_now} before the fault.",
+                    "A sound run must be able to go on; see esea-gen simulate.",
+                )
+        board.pending()
+        work = np.concatenate([[0.0], np.cumsum(np.array(tau) * np.array(omega)) * 1e-3])
+        return Felt(
+            found,
+            reason,
+            float(np.max(np.abs(tau))),
+            float(np.max(work - np.minimum.accumulate(work))),
+        )
+
+    def _distortion(self, fault: BoardFault | None) -> Distortion | None:
+        if fault is None or fault.place not in self.ranges:
+            return None
+        return Distortion(fault, *self.ranges[fault.place], fault.place.startswith("count_"))
+
+    def _given(self, wrong: Distortion, value: float, k: int, at: int) -> float:
+        if k < at:
+            wrong.sound(value)
+            return value
+        return wrong(k - at, value)
+
+    def _tell(
+        self, scene: Scene, k: int, wrong: Distortion | None, fault: BoardFault | None, at: int
+    ) -> None:
+        # The host: zero, arm, then a command every 10 ms, of which one value may be wrong.
+        board = self.board
+        if k == ZERO_AT:
+            board.zero()
+        elif k == ARM_AT:
+            board.arm()
+        elif k >= ACTIVE_AT and (k - ACTIVE_AT) % WANTED_EVERY == 0:
+            t = (k - ACTIVE_AT) * 1e-3
+            torque = scene.torque_Nm * 0.5 * (1 - math.cos(2 * math.pi * 0.6 * t))
+            wanted: dict[str, Any] = {"mode": scene.mode, "tau_desired_Nm": torque}
+            if wrong is not None and fault is not None:
+                place = fault.place
+                wanted[place] = self._given(wrong, wanted.get(place, 0.0), k, at)
+            board.want(**wanted)
+
+    def _strike(self, fault: BoardFault) -> None:
+        lib = self.board.lib
+        if fault.place in ("state", "coefficients"):
+            bit = int(fault.amount)
+            lib.sim_flip(fault.place == "coefficients", fault.byte + bit // 8, 1 << bit % 8)
+        elif fault.place == "stop line":
+            lib.sim_stop_line(True)
+
+    def _tick(self, fault: BoardFault | None, age: int) -> None:
+        lib, clock = self.board.lib, fault is not None and fault.place == "clock"
+        assert not clock or fault is not None
+        starved = clock and fault is not None and fault.kind == "control starved"
+        lost = clock and fault is not None and fault.kind == "lost ticks" and age == 0
+        count = 1 + int(fault.amount) if lost and fault is not None else 1
+        lib.sim_tick(count, not (starved and fault is not None and age < fault.amount))
+        lib.sim_poll()
+
+
+@lru_cache(maxsize=1)
+def rig_of(device: Device) -> Rig:
+    """A rig of a device, built once in a process."""
+    return Rig(device)
