@@ -31,6 +31,15 @@ ControllerOption = Annotated[
         autocompletion=completing(configured),
     ),
 ]
+ControllersOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--controller",
+        metavar="NAME",
+        help=f"{CONTROLLER_HELP} Default: smc. Given again: one table of all.",
+        autocompletion=completing(configured),
+    ),
+]
 PlantOption = Annotated[
     str,
     typer.Option(
@@ -78,15 +87,7 @@ def simulate(
             autocompletion=completing(closed_loop_studies),
         ),
     ],
-    controller: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--controller",
-            metavar="NAME",
-            help=f"{CONTROLLER_HELP} Default: smc. Given again: one table of all.",
-            autocompletion=completing(configured),
-        ),
-    ] = None,
+    controller: ControllersOption = None,
     plant: PlantOption = "real",
     person: Annotated[
         str | None,
