@@ -10,7 +10,7 @@ import pytest
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults import campaign
-from esea_gen.verify.faults.bounds import Envelope, bound_ticks
+from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks
 from esea_gen.verify.faults.kinds import (
     INPUT_KINDS,
     BoardFault,
@@ -176,7 +176,7 @@ def test_a_broken_promise_is_seen(monkeypatch, tmp_path):
     assert sum(r.runs for r in made.rows()) == 12
     assert made.table()[-1] == "0 outside."
     with monkeypatch.context() as patch:
-        patch.setattr(campaign, "envelope", lambda device: Envelope(0.1, 15.0))
+        patch.setattr(campaign, "envelope", lambda device: LimbEnvelope(0.1, 0.1, 15.0))
         assert len(campaign.fault_campaign("elbow_drive", **few).outside) > 6
     with monkeypatch.context() as patch:
         patch.setattr(campaign, "bound_ticks", lambda device, fault: 2)

@@ -18,23 +18,31 @@ from esea_gen.verify.faults.rig import WANTED_EVERY
 
 
 @dataclass(frozen=True)
-class Envelope:
-    """Within which the limb stays, whatever one thing breaks: the device's own trips.
+class LimbEnvelope:
+    """Within which the limb stays, whatever one thing breaks.
 
-    They hold the run-out of the drive after it has been switched off as well, which the trips
-    themselves do not promise: that is what the campaign shows.
+    torque_Nm: until the motor is off; the trip of the interaction torque.
+    run_out_Nm: from then on: a drive that was pushing runs on, and a person runs against it.
+    energy_J: in all; the trip of the energy.
     """
 
     torque_Nm: float
+    run_out_Nm: float
     energy_J: float
 
 
-def envelope(device: Device) -> Envelope:
-    """``safety.tau_max_Nm`` and ``safety.energy_J``."""
+# A controller that is stuck at full torque trips at 8 Nm and runs out to 12.9 Nm, sensors sound:
+# docs/limits.md, tests/test_limits_accidents.py.  Nothing else may be worse.
+RUN_OUT = 1.65
+
+
+def envelope(device: Device) -> LimbEnvelope:
+    """From ``safety.tau_max_Nm`` and ``safety.energy_J``."""
     safety = device.file.safety
     if safety is None:
         raise UserError(f"{device.origin}: no section [safety].", "Give a device with limits.")
-    return Envelope(safety.tau_max_Nm.value, safety.energy_J.value)
+    trip_Nm = safety.tau_max_Nm.value
+    return LimbEnvelope(trip_Nm, RUN_OUT * trip_Nm, safety.energy_J.value)
 
 
 def bound_ticks(device: Device, fault: BoardFault) -> int | None:

@@ -17,7 +17,7 @@ from esea_gen.device import Device, load_device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.verify.faults.bounds import Envelope, bound_ticks, envelope
+from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks, envelope
 from esea_gen.verify.faults.kinds import BoardFault, all_faults, words
 from esea_gen.verify.faults.picture import FaultRow, fault_picture
 from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, rig_of
@@ -44,6 +44,7 @@ class FaultRun:
     bound_ticks: int | None
     found_ticks: int | None
     reason: int
+    torque_then_Nm: float
     peak_torque_Nm: float
     energy_J: float
     inside: bool
@@ -55,7 +56,7 @@ class FaultCampaign:
 
     device: str
     content: str
-    envelope: Envelope
+    envelope: LimbEnvelope
     runs: tuple[FaultRun, ...]
 
     @property
@@ -75,15 +76,15 @@ class FaultCampaign:
     def markdown(self) -> list[str]:
         """The table by place and kind."""
         heads = (
-            "where", "what", "runs", "found", "bound, ticks", "latest", "peak, Nm", "energy, J",
-            "not found: peak, Nm", "energy, J",
+            "where", "what", "runs", "found", "bound, ticks", "latest", "until then, Nm",
+            "peak, Nm", "energy, J", "not found: peak, Nm", "energy, J",
         )  # fmt: skip
         lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
         for r in self.rows():
             cells = [r.place, r.kind, str(r.runs), str(r.found)]
             cells += ["–" if x is None else str(x) for x in (r.bound_ticks, r.latest_ticks)]
             figures = (
-                (r.peak_torque_Nm, 1), (r.energy_J, 2),
+                (r.torque_then_Nm, 1), (r.peak_torque_Nm, 1), (r.energy_J, 2),
                 (r.unfound_torque_Nm, 1), (r.unfound_energy_J, 2),
             )  # fmt: skip
             cells += ["–" if x is None else f"{x:.{n}f}" for x, n in figures]
@@ -99,8 +100,9 @@ class FaultCampaign:
             *self.markdown(),
             f"{self.device}, simulated: {len(self.runs)} faults, {found} found; "
             f"{len(late)} with a stated bound.",
-            f"Envelope {e.torque_Nm:g} Nm and {e.energy_J:g} J; largest "
-            f"{max(r.peak_torque_Nm for r in self.runs):.1f} Nm and "
+            f"Envelope {e.torque_Nm:g} Nm until the motor is off, {e.run_out_Nm:g} Nm after, "
+            f"{e.energy_J:g} J; largest {max(r.torque_then_Nm for r in self.runs):.1f} Nm, "
+            f"{max(r.peak_torque_Nm for r in self.runs):.1f} Nm, "
             f"{max(r.energy_J for r in self.runs):.1f} J.",
             *(
                 f"OUTSIDE: {r.input} {r.kind} {r.amount:g}, {r.scene}, seed {r.seed}, tick "
@@ -113,7 +115,7 @@ class FaultCampaign:
 
     def figure(self) -> Figure:
         """Every input by every kind: worst torque, and when it was found."""
-        return fault_picture(self.device, self.rows(), self.envelope.torque_Nm)
+        return fault_picture(self.device, self.rows(), self.envelope.run_out_Nm)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
@@ -140,6 +142,7 @@ def _row(place: str, kind: str, of: Sequence[FaultRun]) -> FaultRow:
         len(found),
         max((b for b in bounds if b is not None), default=None) if None not in bounds else None,
         max((r.found_ticks for r in found if r.found_ticks is not None), default=None),
+        max(r.torque_then_Nm for r in of),
         max(r.peak_torque_Nm for r in of),
         max(r.energy_J for r in of),
         max((r.peak_torque_Nm for r in lost), default=None),
@@ -172,6 +175,7 @@ def run_one(
     return {
         "found_ticks": -1 if felt.found_ticks is None else felt.found_ticks,
         "reason": felt.reason,
+        "torque_then_Nm": felt.torque_then_Nm,
         "peak_torque_Nm": felt.peak_torque_Nm,
         "energy_J": felt.energy_J,
     }
@@ -253,7 +257,7 @@ def fault_campaign(
 
 
 def _judged(
-    device: Device, limits: Envelope, case: dict[str, Any], values: dict[str, float]
+    device: Device, limits: LimbEnvelope, case: dict[str, Any], values: dict[str, float]
 ) -> FaultRun:
     fault = BoardFault(case["place"], case["kind"], case["amount"], case["word"], case["byte"])
     found = None if values["found_ticks"] < 0 else int(values["found_ticks"])
@@ -261,7 +265,8 @@ def _judged(
     in_time = bound is None or (found is not None and found <= bound)
     inside = (
         in_time
-        and values["peak_torque_Nm"] <= limits.torque_Nm
+        and values["torque_then_Nm"] <= limits.torque_Nm
+        and values["peak_torque_Nm"] <= limits.run_out_Nm
         and values["energy_J"] <= limits.energy_J
     )
     return FaultRun(
@@ -275,6 +280,7 @@ def _judged(
         bound,
         found,
         int(values["reason"]),
+        values["torque_then_Nm"],
         values["peak_torque_Nm"],
         values["energy_J"],
         inside,

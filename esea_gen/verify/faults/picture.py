@@ -27,6 +27,7 @@ class FaultRow:
     found: int
     bound_ticks: int | None
     latest_ticks: int | None
+    torque_then_Nm: float
     peak_torque_Nm: float
     energy_J: float
     unfound_torque_Nm: float | None

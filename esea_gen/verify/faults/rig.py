@@ -25,7 +25,7 @@ AMPLITUDE_RAD, HERTZ = 0.5, 0.5
 
 
 @dataclass(frozen=True)
-class Scene:
+class FaultScene:
     """What drive and person do when it happens.
 
     person: of the standard people; ``none`` holds the output.
@@ -39,10 +39,10 @@ class Scene:
 
 
 SCENES = (
-    Scene("moved at 0 Nm", "uncertain", TORQUE, 0.0),
-    Scene("moved at 2 Nm", "uncertain", TORQUE, 2.0),
-    Scene("held at 1.7 Nm", "none", TORQUE, 1.7),
-    Scene("moved, impedance", "uncertain", IMPEDANCE, 0.0),
+    FaultScene("moved at 0 Nm", "uncertain", TORQUE, 0.0),
+    FaultScene("moved at 2 Nm", "uncertain", TORQUE, 2.0),
+    FaultScene("held at 1.7 Nm", "none", TORQUE, 1.7),
+    FaultScene("moved, impedance", "uncertain", IMPEDANCE, 0.0),
 )
 
 
@@ -61,12 +61,15 @@ class Felt:
 
     found_ticks: from the fault until the motor followed no more; None: it went on following.
     reason: number of the latched fault then; 0 where none is (stopped, let go).
-    peak_torque_Nm, energy_J: largest true torque on the limb, and most net work done on it from any
-        moment on, both from the fault to the end of the run.
+    torque_then_Nm: largest true torque on the limb from the fault until then; never found, to the
+        end.
+    peak_torque_Nm, energy_J: largest true torque, and most net work done on the limb from any
+        moment on, both from the fault to the end of the run: the drive's run-out is in them.
     """
 
     found_ticks: int | None
     reason: int
+    torque_then_Nm: float
     peak_torque_Nm: float
     energy_J: float
 
@@ -90,7 +93,7 @@ class Rig:
         """Let go of the board."""
         self.board.close()
 
-    def run(self, scene: Scene, fault: BoardFault | None, at: int, seed: int) -> Felt:
+    def run(self, scene: FaultScene, fault: BoardFault | None, at: int, seed: int) -> Felt:
         """One run.
 
         at: tick of the fault; without one, of where counting begins.
@@ -139,6 +142,7 @@ class Rig:
         return Felt(
             found,
             reason,
+            float(np.max(np.abs(tau[: None if found is None else found + 1]))),
             float(np.max(np.abs(tau))),
             float(np.max(work - np.minimum.accumulate(work))),
         )
@@ -155,7 +159,7 @@ class Rig:
         return wrong(k - at, value)
 
     def _tell(
-        self, scene: Scene, k: int, wrong: Distortion | None, fault: BoardFault | None, at: int
+        self, scene: FaultScene, k: int, wrong: Distortion | None, fault: BoardFault | None, at: int
     ) -> None:
         # The host: zero, arm, then a command every 10 ms, of which one value may be wrong.
         board = self.board
