@@ -27,12 +27,16 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.messages import (
     FIRST_ID,
     HEARTBEAT_EVERY,
+    STREAM_SPAN_MS,
+    STREAM_WORDS,
+    STREAMS,
     ZERO_ROOM_RAD,
     board_roles,
     fault_codes,
     messages,
     status_words,
 )
+from esea_gen.emit.parameters import link_parameters, parameter_layout, parameter_metadata
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.states import STATES
 
@@ -86,14 +90,17 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
         "faults": fault_codes(system),
         "heartbeat_every": HEARTBEAT_EVERY,
         "longest_period": max(t.every for t in system.tasks),
-        # COMMAND_LONG is the longest of the standard messages.
-        "largest_payload": max(33, *(m.payload_bytes for m in own)),
+        "parameters": link_parameters(system),
+        "layout": parameter_layout(system),
+        "streams": (STREAMS, STREAM_WORDS, STREAM_SPAN_MS),
+        "largest_payload": max(m.payload_bytes for m in own),  # longer than any standard one
     }
     # An XML comment cannot hold two hyphens in a row.
     command = str(renderer.env.globals["command"]).replace("--", "- -")
     xml = renderer.render("dialect/esea_dialect.xml.j2", **context | {"command": command})
     return {
         f"{prefix}.xml": xml,
+        f"{prefix}_parameters.json": parameter_metadata(system),
         f"{prefix}_link.h": renderer.render("dialect/esea_link.h.j2", **context),
         f"mavlink/{prefix}/version.h": renderer.render("dialect/version.h.j2", **context),
         **run_mavgen(prefix, xml),
@@ -104,7 +111,8 @@ def render_dialect(device: Device) -> Bundle:
     """Render a device's MAVLink dialect in memory.
 
     return: folder ``dialect``: ``esea_<device>.xml``, the binding header ``esea_<device>_link.h``,
-        mavgen's C headers below ``mavlink/`` and its Python module below ``python/``.
+        the standard metadata ``esea_<device>_parameters.json``, mavgen's C headers
+        below ``mavlink/`` and its Python module below ``python/``.
     """
     digest = device_hash(device)
     command = build_command(device)

@@ -1,4 +1,4 @@
-"""The messages of a System: who gives its inputs, and what stands in each message of its dialect."""
+"""The messages of a System's dialect, and who gives the System's inputs."""
 
 from __future__ import annotations
 
@@ -19,6 +19,10 @@ MAX_FIELDS = 64
 HEARTBEAT_EVERY = 1000
 
 WANTED_ID, CLOCK_ID = FIRST_ID + 60, FIRST_ID + 61
+STREAM_ID, DATA_ID, TRAFFIC_ID = FIRST_ID + 62, FIRST_ID + 63, FIRST_ID + 64
+STREAM_WORDS = 59  # values that a message of a stream holds
+STREAMS = 6  # that a board sends side by side
+STREAM_SPAN_MS = 20  # longest that a sample waits for others to be packed with
 ZERO_ROOM_RAD = 0.00873  # how far a joint that is zeroed may move: half a degree
 
 
@@ -86,6 +90,9 @@ def fault_codes(system: System) -> tuple[Code, ...]:
     return tuple(sorted([*BOARD_FAULTS, *reasons.values()], key=lambda c: c.value))
 
 
+_TYPE_BYTES = {"uint64_t": 8, "float": 4, "uint32_t": 4, "uint16_t": 2, "uint8_t": 1, "char": 1}
+
+
 @dataclass(frozen=True)
 class MessageField:
     """A field of a message.
@@ -105,12 +112,12 @@ class MessageField:
     @property
     def bitmask(self) -> bool:
         """Whether the enum names bits."""
-        return bool(self.enum) and self.enum not in ("ESEA_FAULT", "ESEA_STATE")
+        return bool(self.enum) and self.enum not in ("ESEA_FAULT", "ESEA_STATE", "MAV_RESULT")
 
     @property
     def bytes(self) -> int:
         """Size on the wire."""
-        return self.size * {"float": 4, "uint32_t": 4, "uint16_t": 2, "char": 1}[self.c_type]
+        return self.size * _TYPE_BYTES[self.c_type]
 
 
 @dataclass(frozen=True)
@@ -217,13 +224,60 @@ _CLOCK = (
 )
 
 
-def messages(system: System) -> tuple[Message, ...]:
-    """The messages of a System beside the three standard ones."""
-    found = [
-        Message(
-            FIRST_ID, "ESEA_INFO", "What runs on the board, and its counters; on request.", _INFO
-        )
-    ]
+_STREAM = (
+    MessageField("uint16_t", "interval", "Base ticks from one sample to the next; 0: no more."),
+    MessageField("uint8_t", "stream", f"Number of the stream, below {STREAMS}."),
+    MessageField("uint8_t", "task", "Number of the task whose runs are sampled."),
+    MessageField("uint8_t", "choice", "Any number, to tell samples of this choice by."),
+    MessageField("uint8_t", "count", "Values in a sample."),
+    MessageField("uint8_t", "samples", "In the answer: samples that a message holds."),
+    MessageField("uint8_t", "result", "In the answer: what became of it.", enum="MAV_RESULT"),
+    MessageField(
+        "uint8_t",
+        "signals",
+        "What is sampled, by number: the values of the task's IN message, element by element, then "
+        "those of its OUT message, both without the sequence.",
+        STREAM_WORDS,
+    ),
+)
+
+
+_DATA = (
+    MessageField(
+        "uint64_t",
+        "time",
+        "Device clock at the first sample: base ticks since power-on, which no reset sets back.",
+    ),
+    MessageField("uint32_t", "sequence", "Base tick of the first sample's run."),
+    MessageField("uint16_t", "interval", "Base ticks from one sample to the next."),
+    MessageField("uint8_t", "stream", "Number of the stream."),
+    MessageField("uint8_t", "choice", "Number that the stream was chosen with."),
+    MessageField("uint8_t", "count", "Samples in this message."),
+    MessageField(
+        "uint32_t",
+        "words",
+        "Samples, one behind the other; the bits of each value.",
+        STREAM_WORDS,
+    ),
+)
+
+
+_TRAFFIC = (
+    MessageField("uint32_t", "stream_messages", "Messages of streams since power-on, filled."),
+    MessageField(
+        "uint32_t", "stream_dropped", "Messages of streams that found no room and were left out."
+    ),
+    MessageField("uint32_t", "paired", "1: only signed commands are taken, beside STOP."),
+    MessageField("uint32_t", "unsigned_refused", "Frames without a signature that needed one."),
+    MessageField("uint32_t", "bad_signatures", "Frames whose signature was wrong."),
+    MessageField("uint32_t", "replayed", "Frames whose signature was good and old."),
+    MessageField("uint32_t", "parameters_refused", "Parameters that were not set."),
+)
+
+
+def task_messages(system: System) -> tuple[Message, ...]:
+    """Input and output of every task, in turn."""
+    found = []
     for i, task in enumerate(system.tasks):
         period = f"{task.every * system.base_period_s * 1000:.9g} ms"
         sequence = MessageField("uint32_t", "sequence", "Base tick of this run of the task.")
@@ -248,7 +302,24 @@ def messages(system: System) -> tuple[Message, ...]:
                 (sequence, *results, ticks),
             ),
         ]
+    return tuple(found)
+
+
+def messages(system: System) -> tuple[Message, ...]:
+    """The messages of a System beside the standard ones."""
+    found = [
+        Message(
+            FIRST_ID, "ESEA_INFO", "What runs on the board, and its counters; on request.", _INFO
+        )
+    ]
+    found += task_messages(system)
     found.append(Message(CLOCK_ID, "ESEA_CLOCK", "The board's own clock; on request.", _CLOCK))
+    chosen = "Chooses what a stream samples, and how often; the board answers with the same."
+    found += [
+        Message(STREAM_ID, "ESEA_STREAM", chosen, _STREAM),
+        Message(DATA_ID, "ESEA_DATA", "Samples of a stream.", _DATA),
+        Message(TRAFFIC_ID, "ESEA_TRAFFIC", "Counters of the link; on request.", _TRAFFIC),
+    ]
     roles = board_roles(system)
     if roles.drive:
         wanted = tuple(
