@@ -1,4 +1,5 @@
-/* What goes over the link beside commands: streams, parameters, who may command.
+/* What goes over the link beside commands: streams, parameters, who may command.  Part of app.h, which
+ * comes with the device's binding before it.
  *
  * License: MIT. */
 #ifndef ESEA_WIRE_H
@@ -7,8 +8,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-
-#include ESEA_LINK_HEADER
 
 #define ESEA_BLOCKS 4u /* messages of a stream that may wait, the one that is filled among them */
 
