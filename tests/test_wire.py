@@ -11,8 +11,10 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from esea_gen.device import load_device
+from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.parameters import link_parameters
+from esea_gen.emit.telemetry import cost_table, stream_costs
 from esea_gen.targets import BOARDS
 from esea_gen.verify.emulator import RunningBoard
 from esea_gen.verify.firmware import build_firmware
@@ -201,13 +203,54 @@ def test_names_that_are_not_clear_are_refused_before_anything_is_sent(board):
 
 
 @pytest.mark.parametrize(
-    ("number", "task", "signals"), [(6, 0, [0]), (0, 2, [0]), (0, 0, [50]), (0, 1, [13]), (0, 0, [])]
+    ("number", "task", "signals"),
+    [(6, 0, [0]), (0, 2, [0]), (0, 0, [50]), (0, 1, [13]), (0, 0, [])],
 )
 def test_a_stream_of_what_there_is_not_is_denied(board, number, task, signals):
     with pytest.raises(LinkError, match="does not stream"):
         board._ask_stream(number, task, 1, 1, signals)
     board.ticks(40)
     assert not [m for m in board.pending() if m.get_type() == "ESEA_DATA"]
+
+
+def bytes_in_a_second(board):
+    board.pending()
+    total = 0
+    for _ in range(1000):
+        board.lib.sim_tick(1, True)
+        total += len(board.transport.read(0.0))
+    return total
+
+
+@pytest.mark.parametrize(
+    ("what", "names"),
+    [
+        ("sense: one value (1)", ["theta_motor_rad"]),
+        ("sense: everything (49)", ["sense.*"]),
+        ("control: one value (1)", ["u_command_Nm"]),
+        ("control: everything (12)", ["control.*"]),
+    ],
+)
+def test_streams_cost_what_build_says(board, drive, what, names):
+    """Counted on the line; what ends in zeros costs less, by less than those values."""
+    costs = {c.what: c for c in stream_costs(drive.system)}
+    active(board)
+    idle = bytes_in_a_second(board)
+    (stream,) = board.stream(names)
+    told = bytes_in_a_second(board) - idle
+    cost = costs[what]
+    trimmed = 4 * len(stream.signals) * cost.rate_Hz
+    one_message = cost.bytes_s * stream.samples / cost.rate_Hz
+    assert cost.bytes_s - trimmed - one_message <= told <= cost.bytes_s + one_message
+    assert stream.samples == cost.samples
+
+
+def test_what_does_not_fit_a_line_is_marked(drive):
+    rows = {r.split("  ")[0]: r for r in cost_table(drive.system).splitlines()}
+    # 36 values: 12 bytes of frame, 17 of head, 144 of values, a thousand times a second.
+    assert " 173000  does not fit  does not fit " in rows["sense: all outputs (36)"]
+    # 20 values a message, 50 messages a second: of 11520 bytes 47 %.
+    assert re.search(r" 5450 +47 % +6 % +0 %$", rows["sense: one value (1)"])
 
 
 # -- parameters ------------------------------------------------------------------------------------
@@ -351,6 +394,95 @@ def test_a_board_that_keeps_nothing_says_so(board):
         board.load_parameters()
     assert board.command(board.dialect.MAV_CMD_PREFLIGHT_STORAGE, 3.0) == 2
     assert board.command(board.dialect.MAV_CMD_PREFLIGHT_STORAGE, float("nan")) == 2
+
+
+# What a board with a store adds; its memory outlives power-off here.
+STORE = """
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
+struct esea_app;
+static float values_kept[64];
+static uint8_t key_kept[32];
+static uint64_t timestamp_kept;
+static uint32_t layout_kept;
+static bool any, any_key;
+bool esea_keep_parameters(struct esea_app *app, const float *values, uint32_t count,
+        uint32_t layout)
+{
+    (void)app;
+    if (count > 64u)
+        return false;
+    memcpy(values_kept, values, count * sizeof *values);
+    layout_kept = layout;
+    return any = true;
+}
+bool esea_kept_parameters(struct esea_app *app, float *values, uint32_t count, uint32_t layout)
+{
+    (void)app;
+    if (!any || layout != layout_kept)
+        return false;
+    memcpy(values, values_kept, count * sizeof *values);
+    if (values[4] == 33.0f) /* the memory is damaged */
+        values[4] = 1e9f;
+    return true;
+}
+bool esea_keep_key(struct esea_app *app, const uint8_t *key, uint64_t timestamp)
+{
+    (void)app;
+    memcpy(key_kept, key, sizeof key_kept);
+    timestamp_kept = timestamp;
+    return any_key = true;
+}
+bool esea_kept_key(struct esea_app *app, uint8_t *key, uint64_t *timestamp)
+{
+    uint8_t all = 0u, i;
+    (void)app;
+    for (i = 0u; i < 32u; ++i)
+        all |= key_kept[i];
+    if (!any_key || all == 0u)
+        return false;
+    memcpy(key, key_kept, sizeof key_kept);
+    *timestamp = timestamp_kept;
+    return true;
+}
+"""
+
+
+def test_with_a_store_parameters_and_key_outlive_power_off(drive, tmp_path):
+    files = dict(render_device(drive, ["f32"])[0].files) | {"store.c": STORE}
+    board = SimBoard(drive, files)
+    board.measure(**ANGLES)
+    with pytest.raises(LinkError, match="cannot load"):
+        board.load_parameters()
+    zeroed(board)
+    board.set_parameter("limits.tau_max_Nm", 4.0)
+    board.set_parameter("smc.margin", 1.5)
+    board.save_parameters()
+    board.set_parameter("smc.margin", 1.0)
+    board.restart()
+    kept = board.parameters()
+    assert (kept["limits.tau_max_Nm"], kept["smc.margin"]) == (4.0, 1.5)
+    # A zero is the encoders', not a parameter: it is not taken from there.
+    assert kept["encoder_motor.zeroed"] == 0
+    assert board.state_now == "UNREFERENCED"
+    board.set_parameter("smc.margin", 1.25)
+    board.load_parameters()
+    assert board.parameter("smc.margin") == 1.5
+    # One value that is none of its parameter: all defaults, not half of each.
+    board.set_parameter("velocity.bandwidth_Hz", 33.0)
+    board.save_parameters()
+    board.restart()
+    assert board.parameter("velocity.bandwidth_Hz") == 15
+    assert board.parameter("limits.tau_max_Nm") == 8
+
+    board.pair(tmp_path / "key")
+    board.restart()
+    board._sign(None)
+    assert board.command(board.dialect.MAV_CMD_USER_1) == board.dialect.MAV_RESULT_DENIED
+    board.use_key(tmp_path / "key")
+    assert board.traffic().paired == 1
+    board.close()
 
 
 # -- time ------------------------------------------------------------------------------------------
@@ -567,12 +699,13 @@ def test_frames_of_any_content_leave_a_board_that_answers(board, tmp_path, signe
     board.time_sync(1)
 
 
-def test_the_same_under_the_address_sanitizer(drive, tmp_path):
+def test_the_same_under_the_address_sanitizer(tmp_path):
     """The board on standard input and output, without a clock."""
     rng = np.random.default_rng(13)
-    image = build_firmware(drive, "host", tmp_path)
+    elbow = load_device("elbow")
+    image = build_firmware(elbow, "host", tmp_path)
     assert any("address" in f for f in BOARDS["host"].flags)
-    with RunningBoard(drive, image) as board:
+    with RunningBoard(elbow, image) as board:
         for _ in range(60):
             frames = [frame_of_any_content(board, rng) for _ in range(50)]
             board.send_bytes(b"".join(frames))

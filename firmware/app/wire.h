@@ -54,8 +54,8 @@ typedef struct {
 /* After a run of a task, at its priority. */
 void esea_streams_take(struct esea_app *app, uint32_t task, uint32_t tick, uint64_t time, uint32_t step_ticks);
 
-/* At most one message of each stream. */
-void esea_streams_send(struct esea_app *app);
+/* A message of a stream that waits; false when none does. */
+bool esea_streams_send(struct esea_app *app, uint32_t number);
 bool esea_streams_wait(const struct esea_app *app);
 void esea_streams_choose(struct esea_app *app, const mavlink_message_t *message);
 
