@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import stat
 
 import numpy as np
@@ -15,7 +16,8 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.parameters import link_parameters
 from esea_gen.emit.telemetry import cost_table, stream_costs
-from esea_gen.targets import BOARDS
+from esea_gen.targets import BOARDS, firmware_folder
+from esea_gen.verify import firmware
 from esea_gen.verify.emulator import RunningBoard
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.sim import SimBoard
@@ -144,14 +146,21 @@ def test_the_clock_of_a_sample_goes_on_where_the_tick_is_set_back(board):
         assert np.array_equal(np.diff(s.times), np.diff(s.sequences))
 
 
-def test_a_lost_tick_ends_a_message_and_shows_as_a_gap(board):
-    (stream,) = board.stream(["tau_Nm"])
-    board.ticks(30)
-    board.lib.sim_tick(3, True)
-    board.ticks(30)
+def test_a_lost_tick_ends_a_message_so_that_every_sample_has_its_own_time(board):
+    """What is measured tells the time."""
+    measured = board._inputs[0]
+    (stream,) = board.stream([f"sense.{measured}"])
+    now = 0
+    for step in [1] * 30 + [3] + [1] * 30:
+        now += step
+        board.measure(**{measured: now})
+        board.lib.sim_tick(step, True)
+        board.lib.sim_poll()
     found = samples_of(board, stream)
     assert gaps(found, 1) == 2
-    assert all(set(np.diff(s.times)) <= {1} for s in found)
+    told = [(t, v) for s in found for t, (v,) in zip(s.times, s.values, strict=True)]
+    assert len(told) > 40
+    assert all(t == v for t, v in told)
 
 
 def test_what_finds_no_room_is_dropped_by_whole_messages_and_counted(board):
@@ -643,6 +652,77 @@ def test_a_signed_key_of_zeros_takes_the_key_away(paired):
     assert board.traffic().paired == 0
     board._sign(None)
     board.reset()
+
+
+def test_a_stop_in_the_first_version_of_mavlink_is_a_stop(paired):
+    board, _ = paired
+    board._sign(None)
+    values = (1, 1, board.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
+    plain = board.dialect.MAVLink(None, 99, 99)
+    message = board.message("COMMAND_LONG", *values)
+    board.send_bytes(bytes(message.pack(plain, force_mavlink1=True)))
+    assert board.state_now == "STOPPED"
+
+
+# -- armed -----------------------------------------------------------------------------------------
+
+
+def strangers_may_stop_only(board):
+    board._sign(bytes(32))
+    board._sign(None)
+    board.send(board.message("SETUP_SIGNING", 1, 1, [9] * 32, 1))
+    assert board.command(board.dialect.MAV_CMD_USER_1) == board.dialect.MAV_RESULT_DENIED
+    board.command(board.dialect.MAV_CMD_USER_4)
+    assert board.state_now == "STOPPED"
+
+
+def bounds_hold(board):
+    with pytest.raises(LinkError, match="outside"):
+        board.set_parameter("velocity.bandwidth_Hz", 100.5)
+    assert board.set_parameter("velocity.bandwidth_Hz", 50.0) == 50
+
+
+WRONG = {
+    "as it is": ("link.c", "", ""),
+    "drops by samples": ("streams.c", "stream->left_out = stream->samples - 1u;", ""),
+    "packs across a gap": ("streams.c", "!= stream->count * stream->interval", "== 0u"),
+    "no key": ("signing.c", "pair(app, on);", "pair(app, false);"),
+    "a stop needs a key": ("link.c", "(message) == ESEA_LINK_CMD_STOP", "(message) == 0u"),
+    "coefficients not taken": ("parameters.c", "esea_link_take(&app->control);", ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [w if w == "drops by samples" else pytest.param(w, marks=pytest.mark.slow) for w in WRONG],
+)
+def test_a_board_that_does_it_wrong_is_found(wrong, tmp_path, monkeypatch):
+    """Armed: the checks above on a firmware with one place changed."""
+    require_tool("gcc")
+    file, find, put = WRONG[wrong]
+    shutil.copytree(firmware_folder(), tmp_path / "firmware")
+    path = tmp_path / "firmware" / "app" / file
+    text = path.read_text(encoding="utf-8")
+    assert find in text
+    path.write_text(text.replace(find, put), encoding="utf-8")
+    monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
+    board = SimBoard(load_device("elbow"))
+    checks = (
+        test_what_finds_no_room_is_dropped_by_whole_messages_and_counted,
+        test_a_lost_tick_ends_a_message_so_that_every_sample_has_its_own_time,
+        bounds_hold,
+        strangers_may_stop_only,
+    )
+    found = []
+    for check in checks:
+        board.restart()
+        board._streams.clear()
+        try:
+            check(board)
+        except (AssertionError, LinkError, pytest.fail.Exception):
+            found.append(check.__name__)
+    assert bool(found) == (wrong != "as it is"), found
+    board.close()
 
 
 # -- texts -----------------------------------------------------------------------------------------
