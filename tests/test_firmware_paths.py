@@ -84,6 +84,17 @@ def test_while_a_fault_is_latched_no_input_is_released(application):
     assert lines[-1] == f"info fault {STACK_EXHAUSTED}"
 
 
+def test_parameters_that_were_overwritten_are_not_used_after_a_reset(application):
+    """Any bit of any word: the defaults stand, and it is said."""
+    rng = Random(3)
+    for _ in range(12):
+        at, bits = rng.randrange(35 * 4), 1 << rng.randrange(8)
+        lines = application(("flip", at, bits), ("reset",), ("reset",))
+        assert lines.count("text parameters were corrupt: defaults") == 1
+        assert lines.count("reset 1") == 2
+    assert not [x for x in application(("reset",)) if x.startswith("text")]
+
+
 # -- releases --------------------------------------------------------------------------------------
 
 
@@ -171,6 +182,9 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
         "typedef int esea_link_out_t, esea_link_wanted_t, ESEA_FAULT;\n"
         "#define ESEA_FAULT_PROCESSOR 3\n#define ESEA_LINK_TASKS 1\n"
         "#define ESEA_LINK_MEASURED 1\n#define ESEA_LINK_TICK_US 1000\n"
+        "typedef int mavlink_signing_t, mavlink_signing_streams_t;\n"
+        "#define ESEA_LINK_STREAMS 1\n#define ESEA_LINK_STREAM_WORDS 1\n"
+        "#define ESEA_LINK_SYSTEM 1u\n#define ESEA_LINK_COMPONENT 1u\n"
     )
     rng = Random(5)
     orders = [(1023, 0), (1, 0), (1, 0), (5, 3), (4, 4096), (3000, 10), (0, 4096), (7, 7)]
