@@ -14,7 +14,7 @@ from esea_gen.verify.chips import (
     WIRE_FAULTS,
     Amplifier,
     As5048a,
-    Bench,
+    Workbench,
     BissEncoder,
     Drivers,
     even_parity,
@@ -29,7 +29,7 @@ F = FrameError
 @pytest.fixture(scope="module")
 def built():
     require_tool("gcc")
-    return Drivers(Bench())
+    return Drivers(Workbench())
 
 
 @pytest.fixture

@@ -1,7 +1,8 @@
-"""Chips on a board's buses, modelled by what their data sheets say of their registers and frames.
+"""Chips on a board's buses, modelled by what their data sheets say of registers and frames.
 
-The hand-written drivers (``firmware/drivers``) run against them on this computer: compiled, with the
-processor's functions played by a :class:`Bench`.  What a model leaves out is in the page on firmware.
+The hand-written drivers (``firmware/drivers``) run against them on this computer: compiled, with
+the processor's functions played by a :class:`Workbench`.  What no model shows is in the page on
+firmware.
 """
 
 from __future__ import annotations
@@ -146,7 +147,7 @@ WIRE_FAULTS: dict[str, Frames] = {
 
 
 @dataclass
-class Bench:
+class Workbench:
     """A processor's pins and buses, for the drivers; what is on them may break.
 
     lines: what answers on each line of the bus.
@@ -180,7 +181,7 @@ class Bench:
 
 
 def declarations(*headers: Path) -> str:
-    """What C headers declare, as cffi reads it: no comments, no preprocessor, no inline functions."""
+    """What C headers declare, as cffi reads it: no comments, no preprocessor, no bodies."""
     text = "".join(h.read_text(encoding="utf-8") for h in headers)
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     text = re.sub(r"^static inline .*?^\}\n", "", text, flags=re.MULTILINE | re.DOTALL)
@@ -194,7 +195,7 @@ class Drivers:
     hardware: the struct to give them.
     """
 
-    def __init__(self, bench: Bench, sources: Path | None = None) -> None:
+    def __init__(self, bench: Workbench, sources: Path | None = None) -> None:
         self.bench = bench
         folder = sources or firmware_folder() / "drivers"
         self.ffi = cffi.FFI()
@@ -206,7 +207,7 @@ class Drivers:
             flags = [*APP_FLAGS, "-Wpedantic", "-Wshadow", "-fPIC", "-shared"]
             checks = ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
             gcc = find_compiler(*HOST_GCC.gcc)
-            command = [gcc, *flags, *checks, *sorted(folder.glob("*.c")), "-o", built]
+            command: list[str | Path] = [gcc, *flags, *checks, *sorted(folder.glob("*.c")), "-o", built]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode != 0:
                 raise RuntimeError(f"the drivers do not build:\n{done.stderr}")

@@ -138,7 +138,7 @@ def build_firmware(
         folder = Path(scratch)
         texts = {f"{real}/{n}": t for n, t in files.items()}
         texts |= {f"dialect/{n}": t for n, t in render_dialect(device).files.items()}
-        for part in ("app", "port", f"boards/{board}"):
+        for part in ("app", "drivers", "port", f"boards/{board}"):
             shutil.copytree(firmware_folder() / part, folder / part)
         if drivers is not None:
             texts[f"boards/{board}/drivers.c"] = drivers
@@ -210,11 +210,12 @@ def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list
 def _compile_app(folder: Path, board: Board, link_header: str) -> list[Path]:
     # Objects of the hand-written code.
     common = [find_compiler(*board.processor.toolchain.gcc), *board.compile_flags, *SECTION_FLAGS]
-    includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport", "-Iapp"]
+    includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport"]
+    includes += ["-Iapp", "-Idrivers"]
     bare = (folder / f"boards/{board.name}/link.ld").is_file()
     flags = [*APP_FLAGS, *board.app_flags, *includes, f'-DESEA_LINK_HEADER="{link_header}"']
     flags += ["-fcallgraph-info=su"] if bare else []
-    parts = ("app", f"boards/{board.name}", *(["port"] if bare else []))
+    parts = ("app", "drivers", f"boards/{board.name}", *(["port"] if bare else []))
     made = []
     for source in (p for part in parts for p in sorted((folder / part).glob("*.c"))):
         name = source.relative_to(folder).as_posix()

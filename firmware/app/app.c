@@ -48,6 +48,8 @@ static void enter(esea_app_t *app, ESEA_STATE from)
         motion->fade_left = esea_ticks(ESEA_FADE_MS);
         motion->fade_from_Nm = esea_link_outcome(&app->tasks[0].out).tau_set_Nm;
     }
+    if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL)
+        esea_blackbox_release(app->port->blackbox);
     if (from == ESEA_STATE_ZEROING) /* whoever ended it: the coefficients are not those of use */
         motion->zeroing_ends = true;
     if (app->state == ESEA_STATE_ZEROING) {
@@ -74,6 +76,12 @@ bool esea_app_event(esea_app_t *app, ESEA_EVENT event)
     return taken;
 }
 
+void esea_app_freeze(esea_app_t *app, uint32_t tick)
+{
+    if (app->state == ESEA_STATE_FAULT && app->port->blackbox != NULL)
+        esea_blackbox_freeze(app->port->blackbox, (uint32_t)app->fault, tick);
+}
+
 void esea_app_fail(esea_app_t *app, ESEA_FAULT fault)
 {
     /* The first fault is the one to report: later ones may follow from it. */
@@ -82,6 +90,7 @@ void esea_app_fail(esea_app_t *app, ESEA_FAULT fault)
     if (app->fault >= ESEA_FIRST_BOARD_FAULT)
         app->clock.runs = false;
     (void)esea_app_event(app, ESEA_EVENT_FAILED);
+    esea_app_freeze(app, app->clock.tick);
     if (app->port->motor != NULL)
         app->port->motor(0.0f, false);
     esea_send_heartbeat(app);
@@ -168,10 +177,13 @@ static bool limits_hold(esea_app_t *app)
 
 bool esea_app_reset(esea_app_t *app)
 {
+    const ESEA_FAULT found = app->port->trouble != NULL ? (ESEA_FAULT)app->port->trouble() : ESEA_FAULT_NONE;
     esea_link_in_t in;
     esea_link_out_t out;
 
     app->clock.runs = false;
+    if (app->port->blackbox != NULL)
+        esea_blackbox_start(app->port->blackbox, (uint32_t)found);
     app->fault = ESEA_FAULT_NONE;
     app->steps = 0u;
     app->sequence_gaps = 0u;
@@ -186,6 +198,10 @@ bool esea_app_reset(esea_app_t *app)
     }
     if (!limits_hold(app)) {
         esea_app_fail(app, ESEA_FAULT_SELF_TEST);
+        return false;
+    }
+    if (found != ESEA_FAULT_NONE) {
+        esea_app_fail(app, found);
         return false;
     }
     memset(&in, 0, sizeof in);

@@ -39,6 +39,8 @@ static struct {
 static esea_port_t port;
 static esea_app_t app;
 
+__attribute__((section(".noinit"))) static esea_blackbox_t blackbox;
+
 void esea_cortex_m_received(uint8_t byte)
 {
     if (receiver.head - receiver.tail < RECEIVE_BUFFER_BYTES) {
@@ -153,6 +155,7 @@ static void run(void)
         .pend = port_pend,
         .lost_bytes = port_lost_bytes,
         .stack_peak_bytes = port_stack_peak_bytes,
+        .blackbox = &blackbox,
     };
 
     port = board;

@@ -9,6 +9,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+struct esea_blackbox;
+
 typedef struct {
     /* Name of the board, at most 15 characters. */
     const char *name;
@@ -43,6 +45,13 @@ typedef struct {
     void (*motor)(float u_Nm, bool enable);
     /* Whether the stop line, normally closed, is open. */
     bool (*stop_open)(void);
+    /* A fault that the drivers have found since they were asked last, a number of ESEA_FAULT, else 0; at
+     * every base tick, and once before the first: what reset the board. */
+    uint32_t (*trouble)(void);
+    /* Keeps the watchdog from resetting the board; the first call starts it. */
+    void (*feed)(void);
+    /* Memory that a reset leaves as it is. */
+    struct esea_blackbox *blackbox;
 } esea_port_t;
 
 #endif
