@@ -48,7 +48,8 @@ static void enter(esea_app_t *app, ESEA_STATE from)
         motion->fade_left = esea_ticks(ESEA_FADE_MS);
         motion->fade_from_Nm = esea_link_outcome(&app->tasks[0].out).tau_set_Nm;
     }
-    if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL)
+    if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL &&
+        esea_blackbox_frozen(app->port->blackbox))
         esea_blackbox_release(app->port->blackbox);
     if (from == ESEA_STATE_ZEROING) /* whoever ended it: the coefficients are not those of use */
         motion->zeroing_ends = true;

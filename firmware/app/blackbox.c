@@ -89,7 +89,7 @@ void esea_blackbox_start(esea_blackbox_t *box, uint32_t fault)
         return;
     }
     find_records(box);
-    if (box->frozen == FROZEN)
+    if (esea_blackbox_frozen(box))
         return;
     newest = &box->records[(box->next + ESEA_BLACKBOX_RECORDS - 1u) % ESEA_BLACKBOX_RECORDS];
     if (box->count > 0u && (fault != 0u || (newest->flags & ESEA_BLACKBOX_ON) != 0u))
@@ -118,7 +118,7 @@ void esea_blackbox_want(esea_blackbox_record_t *record, const esea_link_wanted_t
 
 void esea_blackbox_add(esea_blackbox_t *box, esea_blackbox_record_t *record)
 {
-    if (box->frozen == FROZEN)
+    if (esea_blackbox_frozen(box))
         return;
     record->serial = box->serial;
     record->check = check_of(box, record);
@@ -131,7 +131,7 @@ void esea_blackbox_add(esea_blackbox_t *box, esea_blackbox_record_t *record)
 
 void esea_blackbox_freeze(esea_blackbox_t *box, uint32_t fault, uint32_t tick)
 {
-    if (box->frozen != FROZEN)
+    if (!esea_blackbox_frozen(box))
         seal(box, FROZEN, fault, tick);
 }
 
@@ -144,9 +144,14 @@ void esea_blackbox_release(esea_blackbox_t *box)
     seal(box, RUNNING, 0u, 0u);
 }
 
+bool esea_blackbox_frozen(const esea_blackbox_t *box)
+{
+    return box->frozen == FROZEN;
+}
+
 uint32_t esea_blackbox_count(const esea_blackbox_t *box)
 {
-    return box->frozen == FROZEN ? box->count : 0u;
+    return esea_blackbox_frozen(box) ? box->count : 0u;
 }
 
 bool esea_blackbox_read(const esea_blackbox_t *box, uint32_t index, esea_blackbox_record_t *record)

@@ -71,6 +71,8 @@ void esea_blackbox_freeze(esea_blackbox_t *box, uint32_t fault, uint32_t tick);
 /* Forgets all and records again. */
 void esea_blackbox_release(esea_blackbox_t *box);
 
+bool esea_blackbox_frozen(const esea_blackbox_t *box);
+
 /* Records of a frozen box; 0 while it runs. */
 uint32_t esea_blackbox_count(const esea_blackbox_t *box);
 
