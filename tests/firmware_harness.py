@@ -207,6 +207,14 @@ def build_application(folder: Path, device: Device) -> Path:
             target.write_text(text, encoding="utf-8")
     (folder / "spy_link.h").write_text(SPY.format(name=device.name))
     sources = [p for p in sorted((folder / "f32").glob("*.c")) if p.name != "main.c"]
-    folders = ("dialect/mavlink", "dialect", "f32", "firmware/port", "firmware/app", "firmware/drivers", ".")
+    folders = (
+        "dialect/mavlink",
+        "dialect",
+        "f32",
+        "firmware/port",
+        "firmware/app",
+        "firmware/drivers",
+        ".",
+    )
     flags = [f"-I{folder / f}" for f in folders]
     return compiled(folder, APPLICATION, *sources, *flags, '-DESEA_LINK_HEADER="spy_link.h"', "-lm")

@@ -41,12 +41,17 @@ void start(volatile uint32_t *(*given)(uint32_t)) { hook = given; esea_board_dri
 void sample(float *measured) { board_port.sample(measured); }
 void motor_to(float u_Nm, bool enable) { board_port.motor(u_Nm, enable); }
 bool stop_open(void) { return board_port.stop_open(); }
+bool has_drivers(void)
+{
+    return board_port.sample || board_port.motor || board_port.stop_open || board_port.trouble ||
+           board_port.feed;
+}
 uint32_t trouble(void) { return board_port.trouble(); }
 void feed(void) { board_port.feed(); }
 """
 DECLARED = """
 void start(volatile uint32_t *(*given)(uint32_t)); void sample(float *measured);
-void motor_to(float u_Nm, bool enable); bool stop_open(void); uint32_t trouble(void); void feed(void);
+void motor_to(float u_Nm, bool enable); bool stop_open(void); bool has_drivers(void); uint32_t trouble(void); void feed(void);
 """
 GPIO, SPI1, SPI2, ADC = 0x40020000, 0x40013000, 0x40003800, 0x40012000
 TIM3_CCR1, IWDG, PWR, RCC = 0x40000434, 0x40003000, 0x40007000, 0x40023800
@@ -85,14 +90,14 @@ class Mcu:
     log: address and value after each access, whether it read or wrote.
     """
 
-    def __init__(self, built, before=None):
+    def __init__(self, built, before=None, keeps=True):
         ffi, path, folder = built
         # A copy of the library: its static memory is that of power-up.
         copy = folder / f"board{len(list(folder.iterdir()))}.so"
         copy.write_bytes((folder / "board.so").read_bytes())
         self.ffi, self.lib = ffi, ffi.dlopen(str(copy))
         self.cells = {}
-        self.log, self.last = [], None
+        self.log, self.last, self.keeps = [], None, keeps
         self.levels, self.sent = {}, {SPI1: b"", SPI2: b""}
         self.sides = {(A, 4): As5048a(angle=0x1234), (B, 0): As5048a(angle=0x3455)}
         self.gear = BissEncoder(position=0x1A2B3)
@@ -123,6 +128,8 @@ class Mcu:
         address, self.last = self.last, None
         value = self.cell(address)[0]
         self.log.append((address, value))
+        if address == C + MODER and not self.keeps:
+            self[address] = 0
         if address in (A + BSRR, B + BSRR, C + BSRR):
             self[address] = 0
             for number in range(16):
@@ -211,6 +218,13 @@ def test_nothing_is_selected_or_enabled_before_its_pin_is_an_output(mcu):
             if a == pin[0] + MODER and v & 3 * output == output
         )
         assert put < mode
+
+
+def test_where_pins_are_no_memory_there_are_no_drivers(built):
+    mcu = Mcu(built, keeps=False)
+    assert SPI1 not in mcu.cells
+    assert not mcu.lib.has_drivers()
+    assert Mcu(built).lib.has_drivers()
 
 
 def test_buses_timer_converter_supply(mcu):

@@ -246,6 +246,10 @@ void esea_board_drivers(esea_port_t *port)
     __asm__ volatile("dsb" ::: "memory");
 
     start_pins();
+    /* Where pins do not keep their mode there are none, as in the emulator: without drivers every
+     * measurement is NaN, and the board cannot be armed. */
+    if ((ESEA_GPIO_MODER(2u) >> 14 & 3u) != ESEA_GPIO_OUTPUT)
+        return;
     start_peripherals();
 #if ESEA_LINK_DRIVE
     esea_as5048a_start(&side[0]);
