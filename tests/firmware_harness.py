@@ -141,6 +141,7 @@ static const esea_port_t port = {
 static esea_app_t app;
 
 #include "blackbox.c"
+#include "store.c"
 #include "machine.c"
 #include "schedule.c"
 #include "send.c"

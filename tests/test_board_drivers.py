@@ -47,15 +47,26 @@ bool has_drivers(void)
            board_port.feed;
 }
 uint32_t trouble(void) { return board_port.trouble(); }
+#include "FIRMWARE/boards/netduinoplus2/flash.c"
+void flash_read(uint32_t area, uint32_t at, void *to, size_t n) { board_port.flash->read(area, at, to, n); }
+bool flash_write(uint32_t area, uint32_t at, const void *from, size_t n)
+{
+    return board_port.flash->write(area, at, from, n);
+}
+bool flash_erase(uint32_t area) { return board_port.flash->erase(area); }
 void feed(void) { board_port.feed(); }
 """
 DECLARED = """
 void start(volatile uint32_t *(*given)(uint32_t)); void sample(float *measured);
 void motor_to(float u_Nm, bool enable); bool stop_open(void); bool has_drivers(void); uint32_t trouble(void); void feed(void);
+void flash_read(uint32_t area, uint32_t at, void *to, size_t n); bool flash_erase(uint32_t area);
+bool flash_write(uint32_t area, uint32_t at, const void *from, size_t n);
 """
 GPIO, SPI1, SPI2, ADC = 0x40020000, 0x40013000, 0x40003800, 0x40012000
 TIM3_CCR1, IWDG, PWR, RCC = 0x40000434, 0x40003000, 0x40007000, 0x40023800
 MODER, PUPDR, IDR, BSRR, AFRL, AFRH = 0, 0x0C, 0x10, 0x18, 0x20, 0x24
+FLASH_KEYR, FLASH_SR, FLASH_CR = 0x40023C04, 0x40023C0C, 0x40023C10
+FLASH = range(0x080C0000, 0x08100000)
 A, B, C = (GPIO + 0x400 * k for k in range(3))
 
 
@@ -97,6 +108,7 @@ class Mcu:
         copy.write_bytes((folder / "board.so").read_bytes())
         self.ffi, self.lib = ffi, ffi.dlopen(str(copy))
         self.cells = {}
+        self.keys, self.erased, self.left, self.wrong, self.old = [], [], {}, 0, 0
         self.log, self.last, self.keeps = [], None, keeps
         self.levels, self.sent = {}, {SPI1: b"", SPI2: b""}
         self.sides = {(A, 4): As5048a(angle=0x1234), (B, 0): As5048a(angle=0x3455)}
@@ -109,7 +121,27 @@ class Mcu:
         self.settle()
 
     def cell(self, address):
-        return self.cells.setdefault(address, self.ffi.new("uint32_t[1]"))
+        fresh = 0xFFFFFFFF if address in FLASH else 0x80000000 if address == FLASH_CR else 0
+        return self.cells.setdefault(address, self.ffi.new("uint32_t[1]", [fresh]))
+
+    def flash(self, address, value):
+        """Keys open it; what is not opened, or not set to write words, is an error and stays."""
+        control = self.cell(FLASH_CR)
+        if address == FLASH_KEYR:
+            self.keys = [*self.keys[-1:], value]
+            if self.keys == [0x45670123, 0xCDEF89AB]:
+                control[0] &= 0x7FFFFFFF
+        elif address == FLASH_CR and value & 1 << 16 and value & 2:
+            self.erased.append(value >> 3 & 15)
+            first = 0x080C0000 + 0x20000 * (self.erased[-1] - 10)
+            for a in [a for a in self.cells if first <= a < first + 0x20000]:
+                self[a] = 0xFFFFFFFF
+            self.left = {FLASH_SR: 3 if FLASH_SR not in self.dead else 10**9}
+        elif address in FLASH and value != self.old:
+            right = control[0] & 0x80000303 == 0x201 and FLASH_CR not in self.dead
+            self[address] = self.old & value if right else self.old
+            if not right:
+                self.wrong = 0x80
 
     def __getitem__(self, address):
         self.settle()
@@ -130,6 +162,7 @@ class Mcu:
         self.log.append((address, value))
         if address == C + MODER and not self.keeps:
             self[address] = 0
+        self.flash(address, value)
         if address in (A + BSRR, B + BSRR, C + BSRR):
             self[address] = 0
             for number in range(16):
@@ -144,7 +177,11 @@ class Mcu:
 
     def access(self, address):
         self.settle()
-        self.last = address
+        self.last, self.old = address, self.cell(address)[0]
+        if address == FLASH_SR:
+            busy = self.left.get(FLASH_SR, 0) > 0
+            self.left[FLASH_SR] = self.left.get(FLASH_SR, 0) - 1
+            self[address] = (1 << 16 if busy else 0) | self.wrong
         for spi in (SPI1, SPI2):
             if address == spi + 0x08:
                 self[address] = 0x80 if spi in self.dead else 0x01 if self.turns[spi] % 2 else 0x00
@@ -342,3 +379,60 @@ def test_a_current_of_what_was_set_is_none(mcu):
         assert mcu.lib.trouble() == 0
     mcu.counts = 2048
     assert FAULTS["MOTOR_CURRENT"] in [mcu.lib.trouble() for _ in range(25)]
+
+
+# -- flash -----------------------------------------------------------------------------------------
+
+
+def read(mcu, area, at, count):
+    into = mcu.ffi.new("uint8_t[]", count)
+    mcu.lib.flash_read(area, at, into, count)
+    return bytes(into)
+
+
+def test_words_are_written_and_read_where_they_belong(mcu):
+    data = bytes(range(1, 13))
+    assert mcu.lib.flash_write(1, 8, data, 12)
+    assert read(mcu, 1, 8, 12) == data
+    assert read(mcu, 1, 4, 5) == b"\xff\xff\xff\xff\x01"
+    assert read(mcu, 0, 8, 12) == b"\xff" * 12
+    assert mcu[0x080E0008] == 0x04030201
+    # A write only clears bits, and the flash is locked again.
+    assert mcu.lib.flash_write(1, 8, b"\xf0\xf2\xf3\xf4", 4)
+    assert read(mcu, 1, 8, 4) == b"\x00\x02\x03\x04"
+    assert mcu[FLASH_CR] == 0x80000000
+
+
+@pytest.mark.parametrize("area", [0, 1])
+def test_a_sector_is_erased_while_the_watchdog_waits(mcu, area):
+    for k in (0, 1):
+        assert mcu.lib.flash_write(k, 0, bytes(4), 4)
+    mcu.lib.feed()
+    mcu.settle()
+    mcu.log.clear()
+    assert mcu.lib.flash_erase(area)
+    mcu.settle()
+    assert mcu.erased == [10 + area]
+    assert read(mcu, area, 0, 4) == b"\xff" * 4
+    assert read(mcu, 1 - area, 0, 4) == bytes(4)
+    told = [(a, v) for a, v in mcu.log if a in (IWDG, IWDG + 4, IWDG + 8, FLASH_CR)]
+    starts = next(k for k, (a, v) in enumerate(told) if a == FLASH_CR and v & 1 << 16)
+    # 4095 of 500 Hz before, 200 of 2 kHz again after.
+    long = [(IWDG, 0x5555), (IWDG + 4, 4), (IWDG + 8, 0xFFF), (IWDG, 0xAAAA)]
+    assert [x for x in told[:starts] if x[0] != FLASH_CR] == long
+    short = [(IWDG, 0x5555), (IWDG + 4, 2), (IWDG + 8, 200), (IWDG, 0xAAAA)]
+    assert [x for x in told[starts:] if x[0] != FLASH_CR] == short
+    assert mcu[FLASH_CR] == 0x80000000
+
+
+def test_an_erasure_starts_no_watchdog(mcu):
+    assert mcu.lib.flash_erase(0)
+    mcu.settle()
+    assert not [a for a, _ in mcu.log if IWDG <= a < IWDG + 0x400]
+
+
+def test_a_flash_that_refuses_is_told(mcu):
+    mcu.dead.add(FLASH_CR)
+    assert not mcu.lib.flash_write(0, 0, bytes(8), 8)
+    assert read(mcu, 0, 0, 8) == b"\xff" * 8
+    assert mcu[FLASH_CR] == 0x80000000

@@ -43,7 +43,7 @@ class CallGraph:
 
     def _reached(self, caller: str, pointed: Sequence[str]) -> Sequence[str]:
         # A driver's pointers are those of its struct of functions alone.
-        if re.search(r"(^|:)esea_(as5048a|biss|escon|stop_line)_|drivers/", caller):
+        if re.search(r"(^|:)esea_(as5048a|biss|escon|stop_line|store)_|drivers/|app/store", caller):
             return [n for n in self.own if re.search(r":hw_\w+$", n)]
         return pointed
 

@@ -40,6 +40,10 @@ static void enter(esea_app_t *app, ESEA_STATE from)
 
     if (app->state == from)
         return;
+    if (app->port->store != NULL && app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY)
+        esea_count(&app->port->store->set.use.armings);
+    if (app->port->store != NULL && app->state == ESEA_STATE_FAULT)
+        esea_count(&app->port->store->set.use.faults);
     if (!esea_state_drives(app->state) || app->state == ESEA_STATE_ARMED)
         forget_wanted(motion);
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY)
@@ -220,6 +224,10 @@ void esea_app_init(esea_app_t *app, const esea_port_t *port)
 {
     memset(app, 0, sizeof *app);
     app->port = port;
+    if (port->store != NULL) {
+        port->store->status = esea_store_open(port->store, port->flash, ESEA_LINK_DEVICE);
+        esea_count(&port->store->set.use.starts); /* saved with the next set */
+    }
     if (esea_app_reset(app))
         esea_send_heartbeat(app);
     app->told = app->state;

@@ -22,6 +22,7 @@
 #include "blackbox.h"
 #include "machine.h"
 #include "port.h"
+#include "store.h"
 #include ESEA_LINK_HEADER /* the device's binding, esea_<device>_link.h: the build names it */
 
 #define ESEA_FIRST_BOARD_FAULT 101 /* below: the limits' */

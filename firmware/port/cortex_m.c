@@ -38,6 +38,7 @@ static struct {
 
 static esea_port_t port;
 static esea_app_t app;
+static esea_store_t store;
 
 __attribute__((section(".noinit"))) static esea_blackbox_t blackbox;
 
@@ -162,7 +163,10 @@ static void run(void)
     port.stack_bytes = (uint32_t)(esea_stack_top - esea_stack_limit) * (uint32_t)sizeof(uint32_t);
     ESEA_SHPR3 = ESEA_PRIORITY_TICK << 24 | ESEA_PRIORITY_SLOWER << 16;
     esea_board_start();
+    port.store = &store;
     esea_board_drivers(&port);
+    if (port.flash == NULL)
+        port.store = NULL;
     esea_app_init(&app, &port);
     port.base_ticks = start_ticks();
     for (;;)

@@ -49,11 +49,9 @@ static esea_stop_line_t stop_line;
 static float set_Nm;
 static bool watched, reset_by_watchdog;
 
-static bool until(uint32_t address, uint32_t mask, uint32_t bits)
+bool esea_board_until(uint32_t address, uint32_t mask, uint32_t bits, uint32_t looks)
 {
-    uint32_t left;
-
-    for (left = PATIENCE; left > 0u; --left)
+    for (; looks > 0u; --looks)
         if ((ESEA_REG(address) & mask) == bits)
             return true;
     return false;
@@ -79,10 +77,10 @@ static bool hw_spi(uint32_t line, const uint8_t *out, uint8_t *in, size_t count)
         hw_put_pin(line, false);
     for (i = 0u; i < count && alive; ++i) {
         ESEA_SPI_DR(spi) = out[i];
-        alive = until(spi + 0x08u, ESEA_SPI_SR_RXNE, ESEA_SPI_SR_RXNE);
+        alive = esea_board_until(spi + 0x08u, ESEA_SPI_SR_RXNE, ESEA_SPI_SR_RXNE, PATIENCE);
         in[i] = (uint8_t)ESEA_SPI_DR(spi);
     }
-    alive = until(spi + 0x08u, ESEA_SPI_SR_BSY, 0u) && alive;
+    alive = esea_board_until(spi + 0x08u, ESEA_SPI_SR_BSY, 0u, PATIENCE) && alive;
     if (line != BISS_LINE)
         hw_put_pin(line, true);
     return alive;
@@ -101,7 +99,7 @@ static bool hw_adc(uint32_t channel, uint32_t *counts)
     ESEA_ADC1_SQR3 = channel;
     ESEA_ADC1_SR = 0u;
     ESEA_ADC1_CR2 = ESEA_ADC1_CR2_ADON | ESEA_ADC1_CR2_SWSTART;
-    ended = until(0x40012000u, ESEA_ADC1_SR_EOC, ESEA_ADC1_SR_EOC);
+    ended = esea_board_until(0x40012000u, ESEA_ADC1_SR_EOC, ESEA_ADC1_SR_EOC, PATIENCE);
     *counts = ESEA_ADC1_DR & 0xFFFu;
     return ended;
 }
@@ -173,15 +171,32 @@ static uint32_t port_trouble(void)
     return esea_escon_wrong(&motor, &motor_config, &hardware, set_Nm) ? ESEA_FAULT_MOTOR_CURRENT : ESEA_FAULT_NONE;
 }
 
+static void set_watchdog(uint32_t divider, uint32_t ticks)
+{
+    ESEA_IWDG_KR = ESEA_IWDG_KR_OPEN;
+    ESEA_IWDG_PR = divider;
+    ESEA_IWDG_RLR = ticks;
+}
+
 static void port_feed(void)
 {
     if (!watched) {
         ESEA_IWDG_KR = ESEA_IWDG_KR_START;
-        ESEA_IWDG_KR = ESEA_IWDG_KR_OPEN;
-        ESEA_IWDG_PR = ESEA_IWDG_PR_BY_16;
-        ESEA_IWDG_RLR = WATCHDOG_TICKS;
+        set_watchdog(ESEA_IWDG_PR_BY_16, WATCHDOG_TICKS);
         watched = true;
     }
+    ESEA_IWDG_KR = ESEA_IWDG_KR_FEED;
+}
+
+void esea_board_patience(bool on)
+{
+    if (!watched)
+        return;
+    if (on)
+        set_watchdog(ESEA_IWDG_PR_BY_64, 0xFFFu); /* 8 s, 5.6 at least; an erasure takes 2 */
+    else
+        set_watchdog(ESEA_IWDG_PR_BY_16, WATCHDOG_TICKS);
+    (void)esea_board_until(ESEA_IWDG_SR, 0xFFFFFFFFu, 0u, 100u * PATIENCE); /* some of its own cycles */
     ESEA_IWDG_KR = ESEA_IWDG_KR_FEED;
 }
 
@@ -257,6 +272,7 @@ void esea_board_drivers(esea_port_t *port)
 #endif
     esea_escon_start(&motor, &motor_config, &hardware);
 
+    port->flash = &esea_board_flash;
     port->trouble = port_trouble;
     port->feed = port_feed;
     if (!ESEA_LINK_DRIVE)

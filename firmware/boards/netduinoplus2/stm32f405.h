@@ -94,7 +94,9 @@
 #define ESEA_IWDG_KR_START 0xCCCCu
 #define ESEA_IWDG_PR ESEA_REG(0x40003004u)
 #define ESEA_IWDG_PR_BY_16 2u
+#define ESEA_IWDG_PR_BY_64 4u
 #define ESEA_IWDG_RLR ESEA_REG(0x40003008u)
+#define ESEA_IWDG_SR 0x4000300Cu /* not 0 while it takes new values */
 
 /* Timer 2: 32 bits. */
 #define ESEA_TIM2_CR1 ESEA_REG(0x40000000u)
@@ -118,5 +120,32 @@
 #define ESEA_USART_CR1_RXNEIE (1u << 5)
 #define ESEA_USART_CR1_UE (1u << 13)
 #define ESEA_USART1_IRQ 37u
+
+/* Flash: programmed by words; two sectors of 128 KB for what outlasts the power. */
+#define ESEA_FLASH_KEYR ESEA_REG(0x40023C04u)
+#define ESEA_FLASH_KEY1 0x45670123u
+#define ESEA_FLASH_KEY2 0xCDEF89ABu
+#define ESEA_FLASH_SR 0x40023C0Cu
+#define ESEA_FLASH_SR_WRONG 0xF2u
+#define ESEA_FLASH_SR_BSY (1u << 16)
+#define ESEA_FLASH_CR ESEA_REG(0x40023C10u)
+#define ESEA_FLASH_CR_PG (1u << 0)
+#define ESEA_FLASH_CR_SER (1u << 1)
+#define ESEA_FLASH_CR_SECTOR(n) ((n) << 3)
+#define ESEA_FLASH_CR_BY_WORD (2u << 8)
+#define ESEA_FLASH_CR_STRT (1u << 16)
+#define ESEA_FLASH_CR_LOCK (1u << 31)
+#define ESEA_FLASH_SECTOR 10u
+#define ESEA_FLASH_AREA(area) (0x080C0000u + 0x20000u * (area))
+#define ESEA_FLASH_AREA_BYTES 0x20000u
+
+/* In flash.c. */
+extern const esea_flash_t esea_board_flash;
+
+/* In drivers.c: looks at a register so many times until the bits of a mask are as wanted. */
+bool esea_board_until(uint32_t address, uint32_t mask, uint32_t bits, uint32_t looks);
+
+/* Lets the watchdog wait for an erasure, or not any longer. */
+void esea_board_patience(bool on);
 
 #endif

@@ -22,6 +22,8 @@ static float measured[ESEA_LINK_MEASURED + 1u];
 static float motor_Nm;
 static uint32_t trouble_found, times_fed;
 static esea_blackbox_t blackbox; /* its memory outlasts the power */
+static uint8_t cells[ESEA_STORE_AREAS][8192];
+static esea_store_t store;
 static bool motor_on, stop_line_open, slower_asked, stack_used_up;
 
 static bool put(line_t *line, const uint8_t *bytes, size_t count)
@@ -114,6 +116,27 @@ static void port_feed(void)
     ++times_fed;
 }
 
+static void flash_read(uint32_t area, uint32_t at, void *to, size_t count)
+{
+    memcpy(to, cells[area] + at, count);
+}
+
+static bool flash_write(uint32_t area, uint32_t at, const void *from, size_t count)
+{
+    const uint8_t *bytes = from;
+    size_t i;
+
+    for (i = 0u; i < count; ++i)
+        cells[area][at + i] &= bytes[i];
+    return true;
+}
+
+static bool flash_erase(uint32_t area)
+{
+    memset(cells[area], 0xFF, sizeof cells[area]);
+    return true;
+}
+
 /* -- what the program calls -------------------------------------------------------------------- */
 
 void sim_start(void);
@@ -133,6 +156,9 @@ uint32_t sim_state(void);
 uint32_t sim_fault(void);
 void sim_trouble(uint32_t fault);
 uint32_t sim_times_fed(void);
+uint8_t *sim_flash(uint32_t area);
+bool sim_store_commit(void);
+uint32_t sim_armings(void);
 uint8_t *sim_blackbox_memory(void);
 size_t sim_blackbox_bytes(void);
 uint32_t sim_blackbox_fault(void);
@@ -141,6 +167,8 @@ uint32_t sim_blackbox_count(void);
 void sim_blackbox_release(void);
 bool sim_blackbox_read(uint32_t index, void *record);
 bool sim_take_event(uint32_t *state, uint32_t event, const bool *guards);
+
+static const esea_flash_t flash = { sizeof cells[0], flash_read, flash_write, flash_erase };
 
 /* Power on: every encoder's frame is bad until something is measured. */
 void sim_start(void)
@@ -164,6 +192,8 @@ void sim_start(void)
         .trouble = port_trouble,
         .feed = port_feed,
         .blackbox = &blackbox,
+        .store = &store,
+        .flash = &flash,
     };
     uint32_t i;
 
@@ -265,6 +295,22 @@ void sim_trouble(uint32_t fault)
 uint32_t sim_times_fed(void)
 {
     return times_fed;
+}
+
+/* The flash's cells, an area of 8192 bytes. */
+uint8_t *sim_flash(uint32_t area)
+{
+    return cells[area];
+}
+
+bool sim_store_commit(void)
+{
+    return esea_store_commit(&store);
+}
+
+uint32_t sim_armings(void)
+{
+    return store.set.use.armings;
 }
 
 /* The memory that a reset leaves as it is; a power cut may not. */
