@@ -255,8 +255,8 @@ def test_a_board_with_less_memory_remembers_less(drive, tmp_path):
     assert f"-DESEA_BLACKBOX_BYTES={most}u" in BOARDS["netduinoplus2"].app_flags
     for device, held in ((drive, 2000), (load_device("elbow_mpc"), None)):
         image = build_firmware(device, "netduinoplus2", tmp_path)
-        held = held or blackbox_records(device, most)
-        assert image.noinit_bytes == 36 + held * record_bytes(device)
+        records = held or blackbox_records(device, most)
+        assert image.noinit_bytes == 36 + records * record_bytes(device)
 
 
 def test_a_device_without_a_motor_has_one_too(tmp_path):

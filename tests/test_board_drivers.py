@@ -21,7 +21,8 @@ FAULTS = {f.name: f.value for f in BOARD_FAULTS}
 LINK = """
 #pragma once
 #include <stdint.h>
-typedef int esea_link_control_t, mavlink_message_t, mavlink_status_t, esea_link_in_t, esea_link_out_t;
+typedef int esea_link_control_t, esea_link_in_t, esea_link_out_t;
+typedef int mavlink_message_t, mavlink_status_t;
 typedef struct { float mode, stop, rearm; float desired[3]; } esea_link_wanted_t;
 #define ESEA_LINK_TASKS 2
 #define ESEA_LINK_MEASURED 6
@@ -48,7 +49,10 @@ bool has_drivers(void)
 }
 uint32_t trouble(void) { return board_port.trouble(); }
 #include "FIRMWARE/boards/netduinoplus2/flash.c"
-void flash_read(uint32_t area, uint32_t at, void *to, size_t n) { board_port.flash->read(area, at, to, n); }
+void flash_read(uint32_t area, uint32_t at, void *to, size_t n)
+{
+    board_port.flash->read(area, at, to, n);
+}
 bool flash_write(uint32_t area, uint32_t at, const void *from, size_t n)
 {
     return board_port.flash->write(area, at, from, n);
@@ -58,7 +62,8 @@ void feed(void) { board_port.feed(); }
 """
 DECLARED = """
 void start(volatile uint32_t *(*given)(uint32_t)); void sample(float *measured);
-void motor_to(float u_Nm, bool enable); bool stop_open(void); bool has_drivers(void); uint32_t trouble(void); void feed(void);
+void motor_to(float u_Nm, bool enable); bool stop_open(void); bool has_drivers(void);
+uint32_t trouble(void); void feed(void);
 void flash_read(uint32_t area, uint32_t at, void *to, size_t n); bool flash_erase(uint32_t area);
 bool flash_write(uint32_t area, uint32_t at, const void *from, size_t n);
 """
@@ -102,7 +107,7 @@ class Mcu:
     """
 
     def __init__(self, built, before=None, keeps=True):
-        ffi, path, folder = built
+        ffi, _, folder = built
         # A copy of the library: its static memory is that of power-up.
         copy = folder / f"board{len(list(folder.iterdir()))}.so"
         copy.write_bytes((folder / "board.so").read_bytes())

@@ -1,8 +1,8 @@
 """A sensor breaks while the motor gives torque: the real drivers on models of their chips, the real
 application above them; and how many ticks it takes until the torque is gone.
 
-Stated: what a frame itself tells, 4 ticks (three bad frames are bridged); what only the chip knows of
-its magnet, 7, for its diagnostics come every second tick.
+Stated: what a frame itself tells, 4 ticks (three bad frames are bridged); what only the chip knows
+of its magnet, 7, for its diagnostics come every second tick.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def test_three_bad_frames_are_bridged(joint):
 
 @pytest.mark.parametrize("fault", ["stuck_low", "stuck_high"])
 def test_the_motor_s_own_encoder(joint, fault):
-    """It bears no torque law, only the check of the other two, which the limits take through control."""
+    """It bears only the check of the other two, which reaches the limits through control."""
     joint.bench.wires[GEAR] = WIRE_FAULTS[fault]
     assert joint.until_off(50) <= 16
 

@@ -14,9 +14,9 @@ from esea_gen.verify.chips import (
     WIRE_FAULTS,
     Amplifier,
     As5048a,
-    Workbench,
     BissEncoder,
     Drivers,
+    Workbench,
     even_parity,
 )
 

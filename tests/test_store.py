@@ -1,7 +1,7 @@
 """What outlasts the power: sets of parameters in flash whose power is cut at any byte.
 
-The flash is modelled as it is: an erased byte is 0xFF, a write only clears bits, and where the power
-goes one byte is left half written.
+The flash is modelled as it is: an erased byte is 0xFF, a write only clears bits, and where the
+power goes one byte is left half written.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class Flash:
         if self.broken:
             return False
         return all(
-            [self.change(area, at + k, self.areas[area][at + k] & b) for k, b in enumerate(new)]
+            self.change(area, at + k, self.areas[area][at + k] & b) for k, b in enumerate(new)
         )
 
     def erase(self, area):
@@ -113,7 +113,7 @@ class Flash:
         order = list(range(len(self.areas[area])))
         if self.left is not None:
             self.draw.shuffle(order)  # an erasure has no order
-        return all([self.change(area, at, 0xFF) for at in order])
+        return all(self.change(area, at, 0xFF) for at in order)
 
 
 class Store:

@@ -207,7 +207,8 @@ class Drivers:
             flags = [*APP_FLAGS, "-Wpedantic", "-Wshadow", "-fPIC", "-shared"]
             checks = ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
             gcc = find_compiler(*HOST_GCC.gcc)
-            command: list[str | Path] = [gcc, *flags, *checks, *sorted(folder.glob("*.c")), "-o", built]
+            command: list[str | Path] = [gcc, *flags, *checks, "-o", built]
+            command += sorted(folder.glob("*.c"))
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode != 0:
                 raise RuntimeError(f"the drivers do not build:\n{done.stderr}")
