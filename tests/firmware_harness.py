@@ -140,8 +140,6 @@ static const esea_port_t port = {
 
 static esea_app_t app;
 
-#include "blackbox.c"
-#include "store.c"
 #include "machine.c"
 #include "schedule.c"
 #include "send.c"
@@ -176,6 +174,7 @@ int main(void)
 # Every release that the application asks for is told, and every tick of the device's own latches
 # that it leads to.
 SPY = """
+#pragma once
 #include <stdio.h>
 #include "esea_{name}.h"
 static inline void spy_latches(esea_{name}_state_t *state, uint32_t tick)
@@ -208,6 +207,7 @@ def build_application(folder: Path, device: Device) -> Path:
             target.write_text(text, encoding="utf-8")
     (folder / "spy_link.h").write_text(SPY.format(name=device.name))
     sources = [p for p in sorted((folder / "f32").glob("*.c")) if p.name != "main.c"]
+    sources += [folder / "firmware" / "app" / name for name in ("blackbox.c", "store.c")]
     folders = (
         "dialect/mavlink",
         "dialect",
