@@ -193,6 +193,8 @@ BOARDS = {
             code_bytes=_MB,
             ram_bytes=128 << 10,
             uses=("instructions",),
+            # Of its memory the black box takes what the application and the stack leave.
+            app_flags=("-DESEA_BLACKBOX_BYTES=104000u",),
         ),
         Board(
             "host",

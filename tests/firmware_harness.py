@@ -184,6 +184,7 @@ int main(void)
 # Every release that the application asks for is told, and every tick of the device's own latches
 # that it leads to.
 SPY = """
+#pragma once
 #include <stdio.h>
 #include "esea_{name}.h"
 static inline void spy_latches(esea_{name}_state_t *state, uint32_t tick)
@@ -216,6 +217,15 @@ def build_application(folder: Path, device: Device) -> Path:
             target.write_text(text, encoding="utf-8")
     (folder / "spy_link.h").write_text(SPY.format(name=device.name))
     sources = [p for p in sorted((folder / "f32").glob("*.c")) if p.name != "main.c"]
-    folders = ("dialect/mavlink", "dialect", "f32", "firmware/port", "firmware/app", ".")
+    sources += [folder / "firmware" / "app" / name for name in ("blackbox.c", "store.c")]
+    folders = (
+        "dialect/mavlink",
+        "dialect",
+        "f32",
+        "firmware/port",
+        "firmware/app",
+        "firmware/drivers",
+        ".",
+    )
     flags = [f"-I{folder / f}" for f in folders]
     return compiled(folder, APPLICATION, *sources, *flags, '-DESEA_LINK_HEADER="spy_link.h"', "-lm")

@@ -185,6 +185,27 @@ BOARD_FAULTS = (
         "reset; if it comes again, service",
         "1 tick",
     ),
+    Code(
+        "MOTOR_CURRENT",
+        106,
+        "The motor's current was not what was set.",
+        "reset; look at the amplifier, its supply, the wires of motor and current",
+        "20 ticks beyond the bound, while the motor is on",
+    ),
+    Code(
+        "WATCHDOG",
+        107,
+        "The watchdog reset the board: no control cycle had ended in time.",
+        "read the black box, reset; if it comes again, service",
+        "68 to 188 ms after the last cycle, told after the start",
+    ),
+    Code(
+        "BROWN_OUT",
+        108,
+        "The board's supply is too low.",
+        "look at the supply, then reset",
+        "1 tick",
+    ),
 )
 
 # Between these comments the documentation's tables are written.

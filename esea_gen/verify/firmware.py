@@ -44,7 +44,8 @@ class FirmwareImage:
     """A built image.
 
     flash_bytes: code, constants and initial data.
-    ram_bytes: static data, without the stack.
+    ram_bytes: static data, without the stack and what a reset leaves.
+    noinit_bytes: what a reset leaves as it is: the black box; 0 on the host.
     stack_bytes: size of the stack that the linker script reserves; 0 on the host.
     step_stack_bytes: largest stack use below the entry of each task's step, by the compiler's call
         graph.
@@ -60,6 +61,7 @@ class FirmwareImage:
     content_hash: str
     flash_bytes: int
     ram_bytes: int
+    noinit_bytes: int
     stack_bytes: int
     step_stack_bytes: dict[str, int]
     stack_bounds_bytes: dict[str, int]
@@ -138,7 +140,7 @@ def build_firmware(
         folder = Path(scratch)
         texts = {f"{real}/{n}": t for n, t in files.items()}
         texts |= {f"dialect/{n}": t for n, t in render_dialect(device).files.items()}
-        for part in ("app", "port", f"boards/{board}"):
+        for part in ("app", "drivers", "port", f"boards/{board}"):
             shutil.copytree(firmware_folder() / part, folder / part)
         if drivers is not None:
             texts[f"boards/{board}/drivers.c"] = drivers
@@ -149,7 +151,7 @@ def build_firmware(
 
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
-        objects += _compile_app(folder, chosen, FORMATS[real].link_header(prefix))
+        objects += _compile_app(folder, chosen, _defined(device, FORMATS[real].link_header(prefix)))
         script = f"boards/{board}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
@@ -184,6 +186,7 @@ def build_firmware(
         content_hash=_hash_in(files[f"{prefix}.h"]),
         flash_bytes=sections.get(".text", 0) + sections.get(".data", 0),
         ram_bytes=sections.get(".data", 0) + sections.get(".bss", 0),
+        noinit_bytes=sections.get(".noinit", 0),
         stack_bytes=stack_bytes,
         step_stack_bytes=step_stack,
         stack_bounds_bytes=bounds,
@@ -207,14 +210,24 @@ def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list
     return made
 
 
-def _compile_app(folder: Path, board: Board, link_header: str) -> list[Path]:
+def _defined(device: Device, link_header: str) -> list[str]:
+    # What the hand-written code is told of the device.
+    bits = int(device.file.encoder.resolution_bits.value)
+    defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]
+    if device.file.actuator is not None:
+        defined.append(f"-DESEA_GEAR_BITS={int(device.file.actuator.encoder_bits.value)}u")
+    return defined
+
+
+def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Path]:
     # Objects of the hand-written code.
     common = [find_compiler(*board.processor.toolchain.gcc), *board.compile_flags, *SECTION_FLAGS]
-    includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport", "-Iapp"]
+    includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport"]
+    includes += ["-Iapp", "-Idrivers"]
     bare = (folder / f"boards/{board.name}/link.ld").is_file()
-    flags = [*APP_FLAGS, *board.app_flags, *includes, f'-DESEA_LINK_HEADER="{link_header}"']
+    flags = [*APP_FLAGS, *board.app_flags, *includes, *defined]
     flags += ["-fcallgraph-info=su"] if bare else []
-    parts = ("app", f"boards/{board.name}", *(["port"] if bare else []))
+    parts = ("app", "drivers", f"boards/{board.name}", *(["port"] if bare else []))
     made = []
     for source in (p for part in parts for p in sorted((folder / part).glob("*.c"))):
         name = source.relative_to(folder).as_posix()

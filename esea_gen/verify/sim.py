@@ -20,6 +20,7 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.emit.messages import board_roles
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.targets import firmware_folder
+from esea_gen.verify.blackbox import BlackboxRecord, read_record, record_bytes
 from esea_gen.verify.firmware import build_firmware
 from esea_link.session import Session
 from esea_link.transport import LinkError
@@ -98,6 +99,20 @@ class SimBoard(Session):
             self.lib.sim_tick(1, True)
             if poll:
                 self.lib.sim_poll()
+
+    def trouble(self, fault: int) -> None:
+        """What the drivers find, a number of the board's faults; told at the next tick or start."""
+        self.lib.sim_trouble(fault)
+
+    def blackbox(self) -> list[BlackboxRecord]:
+        """What a frozen black box holds, the oldest first, without records that are corrupt."""
+        size = record_bytes(self.device)
+        into = self._ffi.new("uint8_t[]", size)
+        return [
+            read_record(self.device, bytes(self._ffi.buffer(into, size)))
+            for k in range(self.lib.sim_blackbox_count())
+            if self.lib.sim_blackbox_read(k, into)
+        ]
 
     @property
     def state_now(self) -> str:

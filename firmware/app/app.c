@@ -40,6 +40,10 @@ static void enter(esea_app_t *app, ESEA_STATE from)
 
     if (app->state == from)
         return;
+    if (app->port->store != NULL && app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY)
+        esea_count(&app->port->store->set.use.armings);
+    if (app->port->store != NULL && app->state == ESEA_STATE_FAULT)
+        esea_count(&app->port->store->set.use.faults);
     if (!esea_state_drives(app->state) || app->state == ESEA_STATE_ARMED)
         forget_wanted(motion);
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY)
@@ -48,6 +52,9 @@ static void enter(esea_app_t *app, ESEA_STATE from)
         motion->fade_left = esea_ticks(ESEA_FADE_MS);
         motion->fade_from_Nm = esea_link_outcome(&app->tasks[0].out).tau_set_Nm;
     }
+    if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL &&
+        esea_blackbox_frozen(app->port->blackbox))
+        esea_blackbox_release(app->port->blackbox);
     if (from == ESEA_STATE_ZEROING) /* whoever ended it: the coefficients are not those of use */
         motion->zeroing_ends = true;
     if (app->state == ESEA_STATE_ZEROING) {
@@ -74,6 +81,12 @@ bool esea_app_event(esea_app_t *app, ESEA_EVENT event)
     return taken;
 }
 
+void esea_app_freeze(esea_app_t *app, uint32_t tick)
+{
+    if (app->state == ESEA_STATE_FAULT && app->port->blackbox != NULL)
+        esea_blackbox_freeze(app->port->blackbox, (uint32_t)app->fault, tick);
+}
+
 void esea_app_fail(esea_app_t *app, ESEA_FAULT fault)
 {
     /* The first fault is the one to report: later ones may follow from it. */
@@ -82,6 +95,7 @@ void esea_app_fail(esea_app_t *app, ESEA_FAULT fault)
     if (app->fault >= ESEA_FIRST_BOARD_FAULT)
         app->clock.runs = false;
     (void)esea_app_event(app, ESEA_EVENT_FAILED);
+    esea_app_freeze(app, app->clock.tick);
     if (app->port->motor != NULL)
         app->port->motor(0.0f, false);
     esea_send_heartbeat(app);
@@ -172,10 +186,13 @@ static bool limits_hold(esea_app_t *app)
 
 bool esea_app_reset(esea_app_t *app)
 {
+    const ESEA_FAULT found = app->port->trouble != NULL ? (ESEA_FAULT)app->port->trouble() : ESEA_FAULT_NONE;
     esea_link_in_t in;
     esea_link_out_t out;
 
     app->clock.runs = false;
+    if (app->port->blackbox != NULL)
+        esea_blackbox_start(app->port->blackbox, (uint32_t)found);
     app->fault = ESEA_FAULT_NONE;
     app->steps = 0u;
     app->sequence_gaps = 0u;
@@ -190,6 +207,10 @@ bool esea_app_reset(esea_app_t *app)
     }
     if (!limits_hold(app)) {
         esea_app_fail(app, ESEA_FAULT_SELF_TEST);
+        return false;
+    }
+    if (found != ESEA_FAULT_NONE) {
+        esea_app_fail(app, found);
         return false;
     }
     memset(&in, 0, sizeof in);
@@ -209,6 +230,10 @@ void esea_app_init(esea_app_t *app, const esea_port_t *port)
     app->port = port;
     esea_signing_start(app);
     esea_parameters_start(app);
+    if (port->store != NULL) {
+        port->store->status = esea_store_open(port->store, port->flash, ESEA_LINK_DEVICE);
+        esea_count(&port->store->set.use.starts); /* saved with the next set */
+    }
     if (esea_app_reset(app))
         esea_send_heartbeat(app);
     app->told = app->state;

@@ -20,8 +20,10 @@
 
 #include <stdint.h>
 
+#include "blackbox.h"
 #include "machine.h"
 #include "port.h"
+#include "store.h"
 #include ESEA_LINK_HEADER /* the device's binding, esea_<device>_link.h: the build names it */
 #include "wire.h"
 
@@ -58,6 +60,8 @@ typedef struct {
     bool timed;    /* last_count is of the tick before */
     uint64_t time; /* the device clock: base ticks since power-on, of the present one */
     bool counted;
+    bool in_time;        /* all that ran since the watchdog was fed */
+    uint32_t late_runs;  /* when it was fed */
     /* Counters; they stay at their maximum. */
     uint32_t lost_ticks;
     uint32_t missed_runs; /* of a task whose run before had not ended */
@@ -147,6 +151,9 @@ void esea_app_check_stack(esea_app_t *app);
 
 /* Ends zeroing, from the main loop: coefficients change while no step reads them. */
 void esea_app_end_zeroing(esea_app_t *app);
+
+/* Freezes the black box where the board is in FAULT; `tick`: of what was found. */
+void esea_app_freeze(esea_app_t *app, uint32_t tick);
 
 /* Timer ticks of a step, those of measuring it included. */
 uint32_t esea_app_measure(esea_app_t *app, uint32_t task, const esea_link_in_t *in, esea_link_out_t *out);

@@ -41,11 +41,24 @@ static uint32_t next_tick(esea_app_t *app, uint32_t passed)
     if (clock->counted) {
         for (uint32_t lost = 1u; lost < passed; ++lost) {
             esea_count(&clock->lost_ticks);
+            clock->in_time = false;
             ++clock->tick;
         }
     }
     clock->counted = true;
     return clock->tick++;
+}
+
+/* What the drivers found; told of by the main loop. */
+static void watch_drivers(esea_app_t *app)
+{
+    const uint32_t fault = app->port->trouble != NULL ? app->port->trouble() : 0u;
+
+    if (fault == 0u)
+        return;
+    if (app->fault == ESEA_FAULT_NONE || app->fault < ESEA_FIRST_BOARD_FAULT)
+        app->fault = (ESEA_FAULT)fault; /* not to be cleared as one of the limits' */
+    (void)esea_app_event(app, ESEA_EVENT_FAILED);
 }
 
 /* Deadlines of the link and of what is wanted. */
@@ -55,6 +68,7 @@ static void supervise(esea_app_t *app)
 
     if (!esea_state_known(app->state)) /* memory was overwritten: the event finds it out */
         (void)esea_app_event(app, ESEA_EVENT_FAILED);
+    watch_drivers(app);
     if (app->port->stop_open != NULL && app->port->stop_open())
         (void)esea_app_event(app, ESEA_EVENT_STOP);
     if (ends(&motion->link_left))
@@ -166,6 +180,7 @@ static void start_slower(esea_app_t *app, uint32_t tick)
             continue;
         if (task->due) { /* its run before has not ended: this one does not start, and the watch tells */
             esea_count(&app->clock.missed_runs);
+            app->clock.in_time = false;
             continue;
         }
         esea_link_fill(number, app->measured, &app->motion.wanted, &task->in);
@@ -174,6 +189,52 @@ static void start_slower(esea_app_t *app, uint32_t tick)
         task->due = true;
         app->port->pend();
     }
+}
+
+/* The slowest task: its period is the control cycle. */
+static uint32_t slowest(void)
+{
+    uint32_t found = 0u, number;
+
+    for (number = 1u; number < ESEA_LINK_TASKS; ++number)
+        if (esea_link_every(number) > esea_link_every(found))
+            found = number;
+    return found;
+}
+
+/* The watchdog is fed where a control cycle begins and all of the one before has come and ended in time.
+ * Where the clock rests, the motor is off, and the ticks alone keep it from resetting. */
+static void feed(esea_app_t *app, uint32_t tick)
+{
+    const uint32_t late_runs = esea_link_late_runs(&app->control);
+    const bool in_time = app->clock.in_time && late_runs == app->clock.late_runs;
+
+    if (app->port->feed == NULL || !starts(slowest(), tick))
+        return;
+    if (in_time)
+        app->port->feed();
+    app->clock.in_time = true;
+    app->clock.late_runs = late_runs;
+}
+
+/* The tick, for the black box. */
+static void remember(esea_app_t *app, const esea_link_outcome_t *outcome, uint32_t tick)
+{
+    const bool on = esea_state_drives(app->state) && outcome->fault == 0u;
+    const bool stop = app->motion.stop_held || (app->port->stop_open != NULL && app->port->stop_open());
+    esea_blackbox_record_t record;
+
+    if (app->port->blackbox == NULL)
+        return;
+    memset(&record, 0, sizeof record);
+    record.tick = (uint16_t)tick;
+    record.state = (uint8_t)app->state;
+    record.fault = (uint8_t)app->fault;
+    record.u_Nm = on ? outcome->u_Nm : 0.0f;
+    record.flags = (uint8_t)((on ? ESEA_BLACKBOX_ON : 0u) | (stop ? ESEA_BLACKBOX_STOP : 0u));
+    esea_blackbox_want(&record, &app->motion.wanted);
+    memcpy(record.measured, app->measured, sizeof record.measured);
+    esea_blackbox_add(app->port->blackbox, &record);
 }
 
 static void drive(esea_app_t *app, const esea_link_outcome_t *outcome)
@@ -190,8 +251,11 @@ void esea_app_tick(esea_app_t *app)
     uint32_t tick, number;
     const uint32_t passed = pass_time(app);
 
-    if (!app->clock.runs)
+    if (!app->clock.runs) {
+        if (app->port->feed != NULL && !esea_state_drives(app->state))
+            app->port->feed();
         return;
+    }
     tick = next_tick(app, passed);
     for (number = 0u; number < ESEA_LINK_MEASURED; ++number)
         app->measured[number] = NAN;
@@ -211,6 +275,9 @@ void esea_app_tick(esea_app_t *app)
     watch_zeroing(app);
     drive(app, &outcome);
     start_slower(app, tick);
+    feed(app, tick);
+    remember(app, &outcome, tick);
+    esea_app_freeze(app, tick);
 }
 
 void esea_app_background(esea_app_t *app)

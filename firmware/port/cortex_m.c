@@ -38,6 +38,9 @@ static struct {
 
 static esea_port_t port;
 static esea_app_t app;
+static esea_store_t store;
+
+__attribute__((section(".noinit"))) static esea_blackbox_t blackbox;
 
 void esea_cortex_m_received(uint8_t byte)
 {
@@ -153,13 +156,17 @@ static void run(void)
         .pend = port_pend,
         .lost_bytes = port_lost_bytes,
         .stack_peak_bytes = port_stack_peak_bytes,
+        .blackbox = &blackbox,
     };
 
     port = board;
     port.stack_bytes = (uint32_t)(esea_stack_top - esea_stack_limit) * (uint32_t)sizeof(uint32_t);
     ESEA_SHPR3 = ESEA_PRIORITY_TICK << 24 | ESEA_PRIORITY_SLOWER << 16;
     esea_board_start();
+    port.store = &store;
     esea_board_drivers(&port);
+    if (port.flash == NULL)
+        port.store = NULL;
     esea_app_init(&app, &port);
     port.base_ticks = start_ticks();
     for (;;)

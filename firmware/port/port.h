@@ -9,6 +9,19 @@
 #include <stddef.h>
 #include <stdint.h>
 
+struct esea_blackbox;
+struct esea_store;
+
+/* Flash for what outlasts the power, in areas that are erased as a whole: an erased byte is 0xFF, a write
+ * only clears bits. */
+typedef struct {
+    uint32_t area_bytes;
+    void (*read)(uint32_t area, uint32_t at, void *to, size_t count);
+    /* False when it failed; addresses and counts are whole words. */
+    bool (*write)(uint32_t area, uint32_t at, const void *from, size_t count);
+    bool (*erase)(uint32_t area);
+} esea_flash_t;
+
 typedef struct {
     /* Name of the board, at most 15 characters. */
     const char *name;
@@ -43,6 +56,16 @@ typedef struct {
     void (*motor)(float u_Nm, bool enable);
     /* Whether the stop line, normally closed, is open. */
     bool (*stop_open)(void);
+    /* A fault that the drivers have found since they were asked last, a number of ESEA_FAULT, else 0; at
+     * every base tick, and once before the first: what reset the board. */
+    uint32_t (*trouble)(void);
+    /* Keeps the watchdog from resetting the board; the first call starts it. */
+    void (*feed)(void);
+    /* Memory that a reset leaves as it is. */
+    struct esea_blackbox *blackbox;
+    /* What outlasts the power, and the flash that it is in; NULL where there is none. */
+    struct esea_store *store;
+    const esea_flash_t *flash;
 } esea_port_t;
 
 #endif

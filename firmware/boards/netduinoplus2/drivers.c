@@ -1,10 +1,283 @@
-/* Drivers of the Netduino Plus 2: none.  So every measurement is NaN, which the control code refuses, and the motor's
- * command goes nowhere.
+/* Drivers of the Netduino Plus 2: encoders, motor, stop line, watchdog, supply.
+ *
+ * Registers are set as the reference manual says and are held against a model of them; none of it has been
+ * tried on a real board, nor have the amplifier's and the motor's numbers below.
+ *
+ *   PA5 PA6 PA7  SPI 1: both AS5048A; PA4 selects the motor side, PB0 the load side
+ *   PB13 PB14    SPI 2: BiSS-C of the motor, by an RS-422 transceiver
+ *   PC6  PC7     set-point (PWM, 5 kHz) and enable of the ESCON 50/5; both pulled down outside
+ *   PC0          its actual current, shifted to 0 to 3.3 V
+ *   PC8          stop line, closed to 3.3 V
  *
  * License: MIT. */
+#include "app.h"
+#include "as5048a.h"
+#include "biss.h"
 #include "cortex_m.h"
+#include "escon.h"
+#include "stm32f405.h"
+#include "stop_line.h"
+
+#define PATIENCE 4000u /* looks at a register until a bus counts as dead; a byte takes 2 us */
+#define PIN(port, number) (16u * (port) + (number))
+#define SIDE_MOTOR PIN(0u, 4u)
+#define SIDE_LOAD PIN(1u, 0u)
+#define BISS_LINE PIN(1u, 13u) /* no select; by its clock */
+#define ENABLE PIN(2u, 7u)
+#define STOP_PIN PIN(2u, 8u)
+#define PWM_TICKS 3200u /* of 16 MHz: 5 kHz */
+#define CURRENT_CHANNEL 10u
+#define WATCHDOG_TICKS 200u /* of 2 kHz: 100 ms, 68 to 188 */
+
+static const esea_stop_line_config_t stop_config = { STOP_PIN, 20u };
+static const esea_escon_config_t motor_config = {
+    .enable_pin = ENABLE,
+    .adc = CURRENT_CHANNEL,
+    .Nm_A = 0.05f, /* assumed, as are the next three */
+    .full_A = 5.0f,
+    .A_count = 0.005f,
+    .zero_counts = 2048.0f,
+    .least_counts = 8u,
+    .most_counts = 4087u,
+    .bound_Nm = 0.05f,
+    .follow = 0.025f, /* a lag of 40 ms; the drive's is 35 */
+    .ticks = 20u,
+};
+
+static esea_escon_t motor;
+static esea_stop_line_t stop_line;
+static float set_Nm;
+static bool watched, reset_by_watchdog;
+
+bool esea_board_until(uint32_t address, uint32_t mask, uint32_t bits, uint32_t looks)
+{
+    for (; looks > 0u; --looks)
+        if ((ESEA_REG(address) & mask) == bits)
+            return true;
+    return false;
+}
+
+static void hw_put_pin(uint32_t pin, bool high)
+{
+    ESEA_GPIO_BSRR(pin / 16u) = 1u << (pin % 16u + (high ? 0u : 16u));
+}
+
+static bool hw_get_pin(uint32_t pin)
+{
+    return (ESEA_GPIO_IDR(pin / 16u) >> (pin % 16u) & 1u) != 0u;
+}
+
+static bool hw_spi(uint32_t line, const uint8_t *out, uint8_t *in, size_t count)
+{
+    const uint32_t spi = line == BISS_LINE ? ESEA_SPI2 : ESEA_SPI1;
+    bool alive = true;
+    size_t i;
+
+    if (line != BISS_LINE)
+        hw_put_pin(line, false);
+    for (i = 0u; i < count && alive; ++i) {
+        ESEA_SPI_DR(spi) = out[i];
+        alive = esea_board_until(spi + 0x08u, ESEA_SPI_SR_RXNE, ESEA_SPI_SR_RXNE, PATIENCE);
+        in[i] = (uint8_t)ESEA_SPI_DR(spi);
+    }
+    alive = esea_board_until(spi + 0x08u, ESEA_SPI_SR_BSY, 0u, PATIENCE) && alive;
+    if (line != BISS_LINE)
+        hw_put_pin(line, true);
+    return alive;
+}
+
+static void hw_pwm(uint32_t channel, uint32_t duty)
+{
+    (void)channel; /* there is one */
+    ESEA_TIM3_CCR1 = duty * PWM_TICKS / 10000u;
+}
+
+static bool hw_adc(uint32_t channel, uint32_t *counts)
+{
+    bool ended;
+
+    ESEA_ADC1_SQR3 = channel;
+    ESEA_ADC1_SR = 0u;
+    ESEA_ADC1_CR2 = ESEA_ADC1_CR2_ADON | ESEA_ADC1_CR2_SWSTART;
+    ended = esea_board_until(0x40012000u, ESEA_ADC1_SR_EOC, ESEA_ADC1_SR_EOC, PATIENCE);
+    *counts = ESEA_ADC1_DR & 0xFFFu;
+    return ended;
+}
+
+/* The build names the bits that the device counts with. */
+#if ESEA_LINK_DRIVE
+#if ESEA_ENCODER_BITS > 14 || ESEA_GEAR_BITS > 24
+#error "the device counts with more bits than these encoders have"
+#endif
+static esea_as5048a_t side[2];
+
+static void read_side(uint32_t number, uint32_t line, const esea_hardware_t *on, float *measured)
+{
+    const esea_as5048a_config_t config = { line, ESEA_ENCODER_BITS, 1u };
+    const esea_angle_t angle = esea_as5048a_read(&side[number], &config, on);
+
+    measured[0] = (float)angle.count;
+    measured[1] = (float)angle.frame_error;
+}
+#endif
+
+#ifdef ESEA_LINK_MEASURED_COUNT_GEAR
+static void read_gear(const esea_hardware_t *on, float *measured)
+{
+    static const esea_biss_config_t config = { BISS_LINE, ESEA_GEAR_BITS, ESEA_GEAR_BITS, 8u };
+    static esea_biss_t gear;
+    const esea_angle_t angle = esea_biss_read(&gear, &config, on);
+
+    measured[0] = (float)angle.count;
+    measured[1] = (float)angle.frame_error;
+}
+#endif
+
+static const esea_hardware_t hardware = { hw_spi, hw_put_pin, hw_get_pin, hw_pwm, hw_adc };
+
+static void port_sample(float *measured)
+{
+    /* A count, and behind it what is wrong with it; a device that wants an angle finds none. */
+#if ESEA_LINK_DRIVE
+    read_side(0u, SIDE_MOTOR, &hardware, &measured[ESEA_LINK_MEASURED_COUNT_MOTOR]);
+    read_side(1u, SIDE_LOAD, &hardware, &measured[ESEA_LINK_MEASURED_COUNT_LOAD]);
+#endif
+#ifdef ESEA_LINK_MEASURED_COUNT_GEAR
+    read_gear(&hardware, &measured[ESEA_LINK_MEASURED_COUNT_GEAR]);
+#endif
+    (void)measured;
+    esea_stop_line_look(&stop_line, &stop_config, &hardware);
+}
+
+static void port_motor(float u_Nm, bool enable)
+{
+    set_Nm = enable ? u_Nm : 0.0f;
+    esea_escon_drive(&motor, &motor_config, &hardware, u_Nm, enable);
+}
+
+static bool port_stop_open(void)
+{
+    return esea_stop_line_open(&stop_line, &stop_config, &hardware);
+}
+
+static uint32_t port_trouble(void)
+{
+    if (reset_by_watchdog) {
+        reset_by_watchdog = false;
+        return ESEA_FAULT_WATCHDOG;
+    }
+    if ((ESEA_PWR_CSR & ESEA_PWR_CSR_PVDO) != 0u)
+        return ESEA_FAULT_BROWN_OUT;
+    return esea_escon_wrong(&motor, &motor_config, &hardware, set_Nm) ? ESEA_FAULT_MOTOR_CURRENT : ESEA_FAULT_NONE;
+}
+
+static void set_watchdog(uint32_t divider, uint32_t ticks)
+{
+    ESEA_IWDG_KR = ESEA_IWDG_KR_OPEN;
+    ESEA_IWDG_PR = divider;
+    ESEA_IWDG_RLR = ticks;
+}
+
+static void port_feed(void)
+{
+    if (!watched) {
+        ESEA_IWDG_KR = ESEA_IWDG_KR_START;
+        set_watchdog(ESEA_IWDG_PR_BY_16, WATCHDOG_TICKS);
+        watched = true;
+    }
+    ESEA_IWDG_KR = ESEA_IWDG_KR_FEED;
+}
+
+void esea_board_patience(bool on)
+{
+    if (!watched)
+        return;
+    if (on)
+        set_watchdog(ESEA_IWDG_PR_BY_64, 0xFFFu); /* 8 s, 5.6 at least; an erasure takes 2 */
+    else
+        set_watchdog(ESEA_IWDG_PR_BY_16, WATCHDOG_TICKS);
+    (void)esea_board_until(ESEA_IWDG_SR, 0xFFFFFFFFu, 0u, 100u * PATIENCE); /* some of its own cycles */
+    ESEA_IWDG_KR = ESEA_IWDG_KR_FEED;
+}
+
+static void set_mode(uint32_t pin, uint32_t mode, uint32_t function)
+{
+    const uint32_t port = pin / 16u, number = pin % 16u, nibble = 4u * (number % 8u);
+
+    ESEA_CHANGE(ESEA_GPIO_AFR(port, number), 0xFu << nibble, function << nibble);
+    ESEA_CHANGE(ESEA_GPIO_MODER(port), 3u << (2u * number), mode << (2u * number));
+}
+
+static void start_pins(void)
+{
+    uint32_t number;
+
+    /* What selects stands high, what enables low, before they are outputs. */
+    hw_put_pin(SIDE_MOTOR, true);
+    hw_put_pin(SIDE_LOAD, true);
+    hw_put_pin(ENABLE, false);
+    set_mode(SIDE_MOTOR, ESEA_GPIO_OUTPUT, 0u);
+    set_mode(SIDE_LOAD, ESEA_GPIO_OUTPUT, 0u);
+    set_mode(ENABLE, ESEA_GPIO_OUTPUT, 0u);
+    ESEA_CHANGE(ESEA_GPIO_PUPDR(2u), 3u << 16, ESEA_GPIO_PULL_DOWN << 16); /* PC8: a wire that is off is open */
+    for (number = 5u; number <= 7u; ++number)
+        set_mode(PIN(0u, number), ESEA_GPIO_FUNCTION, 5u);
+    set_mode(BISS_LINE, ESEA_GPIO_FUNCTION, 5u);
+    set_mode(PIN(1u, 14u), ESEA_GPIO_FUNCTION, 5u);
+    set_mode(PIN(2u, 6u), ESEA_GPIO_FUNCTION, 2u);
+    set_mode(PIN(2u, 0u), ESEA_GPIO_ANALOG, 0u);
+}
+
+static void start_peripherals(void)
+{
+    const uint32_t master = ESEA_SPI_CR1_MSTR | ESEA_SPI_CR1_BY_4 | ESEA_SPI_CR1_SSI | ESEA_SPI_CR1_SSM;
+
+    /* AS5048A: read at the second edge.  BiSS: rests high, read at the falling edge, half a bit after the
+     * encoder has put it. */
+    ESEA_SPI_CR1(ESEA_SPI1) = master | ESEA_SPI_CR1_CPHA | ESEA_SPI_CR1_SPE;
+    ESEA_SPI_CR1(ESEA_SPI2) = master | ESEA_SPI_CR1_CPOL | ESEA_SPI_CR1_SPE;
+
+    ESEA_TIM3_PSC = 0u;
+    ESEA_TIM3_ARR = PWM_TICKS - 1u;
+    ESEA_TIM3_CCR1 = PWM_TICKS / 2u;
+    ESEA_TIM3_CCMR1 = ESEA_TIM3_CCMR1_PWM_1;
+    ESEA_TIM3_CCER = 1u;
+    ESEA_TIM3_EGR = 1u;
+    ESEA_TIM3_CR1 = ESEA_TIM3_CR1_ARPE | ESEA_TIM3_CR1_CEN;
+
+    ESEA_ADC1_SMPR1 = 2u; /* channel 10: 28 cycles */
+    ESEA_ADC1_CR2 = ESEA_ADC1_CR2_ADON;
+
+    ESEA_PWR_CR = ESEA_PWR_CR_2V9 | ESEA_PWR_CR_PVDE;
+    reset_by_watchdog = (ESEA_RCC_CSR & ESEA_RCC_CSR_IWDGRSTF) != 0u;
+    ESEA_RCC_CSR |= ESEA_RCC_CSR_RMVF;
+}
 
 void esea_board_drivers(esea_port_t *port)
 {
-    (void)port;
+    ESEA_RCC_AHB1ENR |= ESEA_RCC_AHB1ENR_GPIOA | ESEA_RCC_AHB1ENR_GPIOB | ESEA_RCC_AHB1ENR_GPIOC;
+    ESEA_RCC_APB1ENR |= ESEA_RCC_APB1ENR_TIM3 | ESEA_RCC_APB1ENR_SPI2 | ESEA_RCC_APB1ENR_PWR;
+    ESEA_RCC_APB2ENR |= ESEA_RCC_APB2ENR_SPI1 | ESEA_RCC_APB2ENR_ADC1;
+    __asm__ volatile("dsb" ::: "memory");
+
+    start_pins();
+    /* Where pins do not keep their mode there are none, as in the emulator: without drivers every
+     * measurement is NaN, and the board cannot be armed. */
+    if ((ESEA_GPIO_MODER(2u) >> 14 & 3u) != ESEA_GPIO_OUTPUT)
+        return;
+    start_peripherals();
+#if ESEA_LINK_DRIVE
+    esea_as5048a_start(&side[0]);
+    esea_as5048a_start(&side[1]);
+#endif
+    esea_escon_start(&motor, &motor_config, &hardware);
+
+    port->flash = &esea_board_flash;
+    port->trouble = port_trouble;
+    port->feed = port_feed;
+    if (!ESEA_LINK_DRIVE)
+        return;
+    port->sample = port_sample;
+    port->motor = port_motor;
+    port->stop_open = port_stop_open;
 }

@@ -20,6 +20,10 @@ static line_t received, sent;
 static uint32_t lost, now;
 static float measured[ESEA_LINK_MEASURED + 1u];
 static float motor_Nm;
+static uint32_t trouble_found, times_fed;
+static esea_blackbox_t blackbox; /* its memory outlasts the power */
+static uint8_t cells[ESEA_STORE_AREAS][8192];
+static esea_store_t store;
 static bool motor_on, stop_line_open, slower_asked, stack_used_up;
 
 static bool put(line_t *line, const uint8_t *bytes, size_t count)
@@ -99,6 +103,40 @@ static bool port_stop_open(void)
     return stop_line_open;
 }
 
+static uint32_t port_trouble(void)
+{
+    const uint32_t found = trouble_found;
+
+    trouble_found = 0u;
+    return found;
+}
+
+static void port_feed(void)
+{
+    ++times_fed;
+}
+
+static void flash_read(uint32_t area, uint32_t at, void *to, size_t count)
+{
+    memcpy(to, cells[area] + at, count);
+}
+
+static bool flash_write(uint32_t area, uint32_t at, const void *from, size_t count)
+{
+    const uint8_t *bytes = from;
+    size_t i;
+
+    for (i = 0u; i < count; ++i)
+        cells[area][at + i] &= bytes[i];
+    return true;
+}
+
+static bool flash_erase(uint32_t area)
+{
+    memset(cells[area], 0xFF, sizeof cells[area]);
+    return true;
+}
+
 /* -- what the program calls -------------------------------------------------------------------- */
 
 void sim_start(void);
@@ -118,7 +156,21 @@ float sim_motor_Nm(void);
 bool sim_motor_on(void);
 uint32_t sim_state(void);
 uint32_t sim_fault(void);
+void sim_trouble(uint32_t fault);
+uint32_t sim_times_fed(void);
+uint8_t *sim_flash(uint32_t area);
+bool sim_store_commit(void);
+uint32_t sim_armings(void);
+uint8_t *sim_blackbox_memory(void);
+size_t sim_blackbox_bytes(void);
+uint32_t sim_blackbox_fault(void);
+uint32_t sim_blackbox_tick(void);
+uint32_t sim_blackbox_count(void);
+void sim_blackbox_release(void);
+bool sim_blackbox_read(uint32_t index, void *record);
 bool sim_take_event(uint32_t *state, uint32_t event, const bool *guards);
+
+static const esea_flash_t flash = { sizeof cells[0], flash_read, flash_write, flash_erase };
 
 /* Power on: every encoder's frame is bad until something is measured. */
 void sim_start(void)
@@ -139,6 +191,11 @@ void sim_start(void)
         .sample = port_sample,
         .motor = port_motor,
         .stop_open = port_stop_open,
+        .trouble = port_trouble,
+        .feed = port_feed,
+        .blackbox = &blackbox,
+        .store = &store,
+        .flash = &flash,
     };
     uint32_t i;
 
@@ -243,6 +300,69 @@ uint32_t sim_state(void)
 uint32_t sim_fault(void)
 {
     return (uint32_t)app.fault;
+}
+
+/* What the drivers find, told at the next tick or start. */
+void sim_trouble(uint32_t fault)
+{
+    trouble_found = fault;
+}
+
+uint32_t sim_times_fed(void)
+{
+    return times_fed;
+}
+
+/* The flash's cells, an area of 8192 bytes. */
+uint8_t *sim_flash(uint32_t area)
+{
+    return cells[area];
+}
+
+bool sim_store_commit(void)
+{
+    return esea_store_commit(&store);
+}
+
+uint32_t sim_armings(void)
+{
+    return store.set.use.armings;
+}
+
+/* The memory that a reset leaves as it is; a power cut may not. */
+uint8_t *sim_blackbox_memory(void)
+{
+    return (uint8_t *)&blackbox;
+}
+
+size_t sim_blackbox_bytes(void)
+{
+    return sizeof blackbox;
+}
+
+uint32_t sim_blackbox_fault(void)
+{
+    return blackbox.fault;
+}
+
+uint32_t sim_blackbox_tick(void)
+{
+    return blackbox.tick;
+}
+
+uint32_t sim_blackbox_count(void)
+{
+    return esea_blackbox_count(&blackbox);
+}
+
+void sim_blackbox_release(void)
+{
+    esea_blackbox_release(&blackbox);
+}
+
+bool sim_blackbox_read(uint32_t index, void *record)
+{
+    return esea_blackbox_read(&blackbox, index, record);
 }
 
 /* The transition function alone; guards in the order of its struct. */

@@ -1,0 +1,80 @@
+"""Records of the board's black box (``firmware/app/blackbox.h``): their size, and what they say."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from esea_gen.device import Device
+from esea_gen.emit.dialect import board_roles
+from esea_gen.emit.states import STATES
+
+SECONDS = 2.0
+_HEAD = "<IHHBBBxf"
+_PACKED = ("mode", "stop", "rearm")
+
+
+@dataclass(frozen=True)
+class BlackboxRecord:
+    """A tick as the board lived it.
+
+    tick: its lower 16 bits.
+    fault: number of the fault; 0 for none.
+    on: whether the motor was on; u_Nm: what it was given.
+    stop_held: whether a stop was held, or the stop line open.
+    wanted: what the limits and the laws were given, by name; arrays as tuples.
+    measured: what the drivers gave, by name.
+    """
+
+    tick: int
+    state: str
+    fault: int
+    on: bool
+    stop_held: bool
+    u_Nm: float
+    wanted: dict[str, float | tuple[float, ...]]
+    measured: dict[str, float]
+
+
+def _desired(device: Device) -> list[tuple[str, int]]:
+    roles = board_roles(device.system)
+    if not roles.drive:
+        return [("mode", 1)]
+    return [(x.name, x.port.size) for x in roles.wanted if x.name not in _PACKED]
+
+
+def record_bytes(device: Device) -> int:
+    """Size of a record."""
+    floats = sum(size for _, size in _desired(device)) + len(board_roles(device.system).measured)
+    return struct.calcsize(_HEAD) + 4 * floats
+
+
+def blackbox_records(device: Device, most_bytes: int | None = None) -> int:
+    """How many ticks a black box holds: two seconds, or what the board has memory for."""
+    whole = int(SECONDS / device.system.base_period_s)
+    return whole if most_bytes is None else min(whole, most_bytes // record_bytes(device))
+
+
+def read_record(device: Device, data: bytes) -> BlackboxRecord:
+    """A record out of its bytes."""
+    _, _, tick, state, fault, flags, u_Nm = struct.unpack_from(_HEAD, data)
+    values = struct.unpack_from(f"<{(len(data) - struct.calcsize(_HEAD)) // 4}f", data, 16)
+    wanted: dict[str, float | tuple[float, ...]] = {}
+    if board_roles(device.system).drive:
+        packed = (flags & 3, flags >> 2 & 1, flags >> 3 & 7)
+        wanted = {n: float(v) for n, v in zip(_PACKED, packed, strict=True)}
+    at = 0
+    for name, size in _desired(device):
+        wanted[name] = values[at] if size == 1 else values[at : at + size]
+        at += size
+    names = [x.name for x in board_roles(device.system).measured]
+    return BlackboxRecord(
+        tick,
+        {s.value: s.name for s in STATES}.get(state, f"unknown {state}"),
+        fault,
+        bool(flags & 0x40),
+        bool(flags & 0x80),
+        u_Nm,
+        wanted,
+        dict(zip(names, values[at:], strict=True)),
+    )

@@ -1,0 +1,224 @@
+/* License: MIT. */
+#include "store.h"
+
+#include <string.h>
+
+#define MAGIC 0x45534131u /* "ESA1" */
+#define WHOLE 0x600DC0DEu /* written last */
+#define BLANK 0xFFFFFFFFu
+
+typedef struct {
+    uint32_t magic, layout, bytes, device, sequence;
+    uint32_t crc; /* of the above and the set */
+} head_t;
+
+/* A slot: head, set, last word. */
+#define SLOT_BYTES ((uint32_t)(sizeof(head_t) + sizeof(esea_store_set_t) + sizeof(uint32_t)))
+#define SET_AT ((uint32_t)sizeof(head_t))
+#define LAST_AT (SLOT_BYTES - (uint32_t)sizeof(uint32_t))
+#define CHUNK 64u
+
+/* CRC-32 (IEEE 802.3), to be started with all ones and inverted at the end. */
+static uint32_t crc_over(uint32_t crc, const void *from, size_t count)
+{
+    static const uint32_t of[16] = {
+        0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u, 0x5005713Cu,
+        0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
+    };
+    const uint8_t *at = from;
+
+    for (; count > 0u; --count, ++at) {
+        crc = crc >> 4 ^ of[(crc ^ *at) & 0xFu];
+        crc = crc >> 4 ^ of[(crc ^ (uint32_t)*at >> 4) & 0xFu];
+    }
+    return crc;
+}
+
+static uint32_t crc_of_head(const head_t *head)
+{
+    return crc_over(BLANK, head, offsetof(head_t, crc));
+}
+
+static uint32_t slots(const esea_flash_t *flash)
+{
+    return flash->area_bytes / SLOT_BYTES;
+}
+
+/* The checksum of a set as it stands in flash, of whatever length its head says. */
+static uint32_t crc_in_flash(const esea_flash_t *flash, uint32_t area, uint32_t at, const head_t *head)
+{
+    uint8_t bytes[CHUNK];
+    uint32_t crc = crc_of_head(head), done, n;
+
+    for (done = 0u; done < head->bytes; done += n) {
+        n = head->bytes - done < CHUNK ? head->bytes - done : CHUNK;
+        flash->read(area, at + SET_AT + done, bytes, n);
+        crc = crc_over(crc, bytes, n);
+    }
+    return ~crc;
+}
+
+/* Whether a whole set stands in a slot; of another layout, it fills as much as its head says. */
+static bool look(const esea_flash_t *flash, uint32_t area, uint32_t slot, head_t *head)
+{
+    const uint32_t at = slot * SLOT_BYTES;
+    uint32_t last;
+
+    flash->read(area, at, head, sizeof *head);
+    if (head->magic != MAGIC || head->bytes > flash->area_bytes - at - (SLOT_BYTES - (uint32_t)sizeof(esea_store_set_t)))
+        return false;
+    flash->read(area, at + SET_AT + head->bytes, &last, sizeof last);
+    return last == WHOLE && crc_in_flash(flash, area, at, head) == head->crc;
+}
+
+static void clear(esea_store_t *store)
+{
+    memset(&store->set, 0, sizeof store->set);
+}
+
+ESEA_STORE_STATUS esea_store_open(esea_store_t *store, const esea_flash_t *flash, const char *device)
+{
+    head_t head, newest;
+    uint32_t area, slot;
+
+    memset(store, 0, sizeof *store);
+    memset(&newest, 0, sizeof newest);
+    store->flash = flash;
+    store->device = ~crc_over(BLANK, device, strlen(device));
+    for (area = 0u; area < ESEA_STORE_AREAS; ++area)
+        for (slot = 0u; slot < slots(flash); ++slot)
+            if (look(flash, area, slot, &head) &&
+                (!store->found || (head.sequence - newest.sequence) - 1u < 0x7FFFFFFFu)) {
+                newest = head;
+                store->found = true;
+                store->area = area;
+                store->slot = slot;
+            }
+    if (!store->found)
+        return ESEA_STORE_EMPTY;
+    store->sequence = newest.sequence;
+    if (newest.layout != ESEA_STORE_LAYOUT || newest.bytes != sizeof store->set) {
+        store->slot = slots(flash); /* its slots may lie otherwise: the next goes to the other area */
+        return ESEA_STORE_OTHER_LAYOUT;
+    }
+    if (newest.device != store->device)
+        return ESEA_STORE_OTHER_DEVICE;
+    flash->read(store->area, store->slot * SLOT_BYTES + SET_AT, &store->set, sizeof store->set);
+    if (store->set.parameters > ESEA_STORE_PARAMETERS) {
+        clear(store);
+        return ESEA_STORE_OTHER_LAYOUT;
+    }
+    return ESEA_STORE_LOADED;
+}
+
+static bool blank(const esea_flash_t *flash, uint32_t area, uint32_t slot)
+{
+    uint8_t bytes[CHUNK];
+    uint32_t done, n, i;
+
+    for (done = 0u; done < SLOT_BYTES; done += n) {
+        n = SLOT_BYTES - done < CHUNK ? SLOT_BYTES - done : CHUNK;
+        flash->read(area, slot * SLOT_BYTES + done, bytes, n);
+        for (i = 0u; i < n; ++i)
+            if (bytes[i] != 0xFFu)
+                return false;
+    }
+    return true;
+}
+
+/* Where the next set goes: behind the newest, or at the start of the other area, which is erased. */
+static bool make_room(const esea_store_t *store, uint32_t *area, uint32_t *slot)
+{
+    *area = store->found ? store->area : ESEA_STORE_AREAS - 1u;
+    for (*slot = store->found ? store->slot + 1u : slots(store->flash); *slot < slots(store->flash); ++*slot)
+        if (blank(store->flash, *area, *slot))
+            return true;
+    *area = (*area + 1u) % ESEA_STORE_AREAS;
+    *slot = 0u;
+    return store->flash->erase(*area) && blank(store->flash, *area, *slot);
+}
+
+bool esea_store_commit(esea_store_t *store)
+{
+    static const uint32_t last = WHOLE;
+    const esea_flash_t *const flash = store->flash;
+    head_t head = { MAGIC, ESEA_STORE_LAYOUT, (uint32_t)sizeof store->set, store->device, store->sequence + 1u, 0u };
+    uint32_t area, slot, at;
+    head_t written;
+
+    if (store->set.use.saves != UINT32_MAX)
+        ++store->set.use.saves;
+    head.crc = ~crc_over(crc_of_head(&head), &store->set, sizeof store->set);
+    if (slots(flash) == 0u || !make_room(store, &area, &slot))
+        return false;
+    at = slot * SLOT_BYTES;
+    if (!flash->write(area, at, &head, sizeof head) ||
+        !flash->write(area, at + SET_AT, &store->set, sizeof store->set) ||
+        !flash->write(area, at + LAST_AT, &last, sizeof last) || !look(flash, area, slot, &written))
+        return false;
+    store->found = true;
+    store->area = area;
+    store->slot = slot;
+    store->sequence = head.sequence;
+    return true;
+}
+
+bool esea_store_save(esea_store_t *store, const esea_store_parameter_t *parameters, uint32_t count)
+{
+    uint32_t i, k;
+
+    if (count > ESEA_STORE_PARAMETERS)
+        return false;
+    for (i = 0u; i < count; ++i) {
+        if (parameters[i].value - parameters[i].value != 0.0f) /* NaN, infinity */
+            return false;
+        for (k = 0u; k < i; ++k)
+            if (parameters[k].id == parameters[i].id)
+                return false;
+    }
+    memset(store->set.parameter, 0, sizeof store->set.parameter);
+    if (count > 0u)
+        memcpy(store->set.parameter, parameters, count * sizeof *parameters);
+    store->set.parameters = count;
+    return esea_store_commit(store);
+}
+
+uint32_t esea_store_load(const esea_store_t *store, esea_store_parameter_t *parameters, uint32_t capacity)
+{
+    const uint32_t count = store->set.parameters < capacity ? store->set.parameters : capacity;
+
+    if (count > 0u)
+        memcpy(parameters, store->set.parameter, count * sizeof *parameters);
+    return count;
+}
+
+const esea_store_encoder_t *esea_store_encoder(const esea_store_t *store, uint32_t serial)
+{
+    uint32_t i;
+
+    for (i = 0u; i < ESEA_STORE_ENCODERS && serial != 0u; ++i)
+        if (store->set.encoder[i].serial == serial)
+            return &store->set.encoder[i];
+    return NULL;
+}
+
+bool esea_store_put_encoder(esea_store_t *store, const esea_store_encoder_t *encoder)
+{
+    uint32_t place = ESEA_STORE_ENCODERS, i;
+
+    if (encoder->serial == 0u || encoder->nodes > ESEA_STORE_NODES || encoder->zero_rad - encoder->zero_rad != 0.0f)
+        return false;
+    for (i = 0u; i < encoder->nodes; ++i)
+        if (encoder->correction_rad[i] - encoder->correction_rad[i] != 0.0f)
+            return false;
+    for (i = ESEA_STORE_ENCODERS; i > 0u; --i)
+        if (store->set.encoder[i - 1u].serial == 0u)
+            place = i - 1u;
+    for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
+        if (store->set.encoder[i].serial == encoder->serial)
+            place = i;
+    if (place == ESEA_STORE_ENCODERS)
+        return false;
+    store->set.encoder[place] = *encoder;
+    return true;
+}

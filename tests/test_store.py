@@ -1,0 +1,514 @@
+"""What outlasts the power: sets of parameters in flash whose power is cut at any byte.
+
+The flash is modelled as it is: an erased byte is 0xFF, a write only clears bits, and where the
+power goes one byte is left half written.
+"""
+
+from __future__ import annotations
+
+import binascii
+import random
+import re
+import struct
+import subprocess
+
+import cffi
+import pytest
+
+from esea_gen.targets import APP_FLAGS, firmware_folder
+from esea_gen.verify.chips import declarations
+
+from .conftest import require_tool
+
+EMPTY, LOADED, OTHER_LAYOUT, OTHER_DEVICE = range(4)
+# parameters, encoders, nodes
+SMALL, WHOLE = (4, 2, 4), (160, 4, 64)
+HEAD, LAST = 24, 4
+
+
+def set_bytes(size) -> int:
+    parameters, encoders, nodes = size
+    return 4 + 8 * parameters + encoders * (12 + 4 * nodes) + 24
+
+
+def build(folder, size):
+    require_tool("gcc")
+    app, target = firmware_folder() / "app", folder / f"store{size[0]}.so"
+    names = ("PARAMETERS", "ENCODERS", "NODES")
+    defined = [f"-DESEA_STORE_{n}={v}u" for n, v in zip(names, size, strict=True)]
+    command = [
+        *("gcc", *APP_FLAGS, "-Wpedantic", "-Wshadow", "-Wdouble-promotion", "-shared", "-fPIC"),
+        *(
+            "-fsanitize=undefined",
+            "-fsanitize-undefined-trap-on-error",
+            f"-I{app}",
+            f"-I{app.parent / 'port'}",
+            *defined,
+        ),
+        *(app / "store.c", "-o", target),
+    ]
+    subprocess.run(command, check=True)
+    ffi = cffi.FFI()
+    port = declarations(app.parent / "port" / "port.h")
+    flash = re.search(
+        r"typedef struct \{\s+uint32_t area_bytes;.*?\} esea_flash_t;", port, re.DOTALL
+    )
+    text = flash[0] + declarations(app / "store.h")
+    for name, value in zip(names, size, strict=True):
+        text = text.replace(f"ESEA_STORE_{name}]", f"{value}]")
+    ffi.cdef(text)
+    return ffi, ffi.dlopen(str(target)), size
+
+
+class Flash:
+    """Two areas that hold so many sets each; the power may be cut after so many bytes."""
+
+    def __init__(self, library, slots=2, seed=0):
+        self.ffi, self.lib, self.size = library
+        self.slot = set_bytes(self.size) + HEAD + LAST
+        self.areas = [bytearray(b"\xff" * (slots * self.slot + 12)) for _ in range(2)]
+        self.left = None  # bytes until the power is cut
+        self.draw = random.Random(seed)
+        self.broken = False
+        self.erased = [0, 0]
+        ffi = self.ffi
+        self.kept = (
+            ffi.callback("void(uint32_t, uint32_t, void *, size_t)", self.read),
+            ffi.callback("bool(uint32_t, uint32_t, const void *, size_t)", self.write),
+            ffi.callback("bool(uint32_t)", self.erase),
+        )
+        self.c = ffi.new("esea_flash_t *", (len(self.areas[0]), *self.kept))
+
+    def read(self, area, at, to, count):
+        assert at + count <= len(self.areas[area])
+        self.ffi.buffer(to, count)[:] = self.areas[area][at : at + count]
+
+    def change(self, area, at, value):
+        """One byte; False once the power is gone, and half of it where it goes."""
+        if self.left == 0:
+            old = self.areas[area][at]
+            some = self.draw.randrange(256)
+            self.areas[area][at] = old & some | value & ~some
+            self.left = -1
+            return False
+        if self.left is not None:
+            if self.left < 0:
+                return False
+            self.left -= 1
+        self.areas[area][at] = value
+        return True
+
+    def write(self, area, at, data, count):
+        assert at % 4 == count % 4 == 0
+        assert at + count <= len(self.areas[area])
+        new = bytes(self.ffi.buffer(data, count))
+        if self.broken:
+            return False
+        return all(
+            self.change(area, at + k, self.areas[area][at + k] & b) for k, b in enumerate(new)
+        )
+
+    def erase(self, area):
+        self.erased[area] += 1
+        order = list(range(len(self.areas[area])))
+        if self.left is not None:
+            self.draw.shuffle(order)  # an erasure has no order
+        return all(self.change(area, at, 0xFF) for at in order)
+
+
+class Store:
+    """A store on a flash, opened."""
+
+    def __init__(self, flash, device=b"elbow_drive"):
+        self.flash, self.ffi, self.lib = flash, flash.ffi, flash.lib
+        self.c = self.ffi.new("esea_store_t *")
+        self.status = self.lib.esea_store_open(self.c, flash.c, device)
+
+    def save(self, values: dict[int, float]) -> bool:
+        pairs = self.ffi.new("esea_store_parameter_t[]", list(values.items()))
+        return bool(self.lib.esea_store_save(self.c, pairs, len(values)))
+
+    def load(self, capacity=None) -> dict[int, float]:
+        most = self.flash.size[0] if capacity is None else capacity
+        pairs = self.ffi.new("esea_store_parameter_t[]", most + 1)
+        count = self.lib.esea_store_load(self.c, pairs, most)
+        return {pairs[k].id: pairs[k].value for k in range(count)}
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("store"), SMALL)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("store"), WHOLE)
+
+
+def a_set(number: int, count: int = 4) -> dict[int, float]:
+    return {0x1000 * k + 7: number + k / 4 for k in range(count)}
+
+
+def test_nothing_was_saved(library):
+    store = Store(Flash(library))
+    assert (store.status, store.load()) == (EMPTY, {})
+
+
+@pytest.mark.parametrize("saves", range(1, 12))
+@pytest.mark.parametrize("slots", [1, 2, 3])
+def test_the_last_set_that_was_saved_is_there_at_power_up(library, slots, saves):
+    flash = Flash(library, slots)
+    store = Store(flash)
+    for number in range(saves):
+        assert store.save(a_set(number, number % 5))
+    again = Store(flash)
+    assert again.status == LOADED
+    assert again.load() == a_set(saves - 1, (saves - 1) % 5)
+    assert again.c.sequence == again.c.set.use.saves == saves
+    # An area is erased once for each of its fillings.
+    assert sum(flash.erased) == -(-saves // slots)
+    assert again.save({1: 0.5})
+    assert Store(flash).load() == {1: 0.5}
+
+
+def test_bytes_in_flash_are_as_the_header_says(library):
+    """Head, set, last word; the checksum is that of binascii."""
+    flash = Flash(library)
+    assert Store(flash).save({0x11223344: 0.5})
+    data = bytes(flash.areas[0])
+    magic, layout, size, device, sequence, crc = struct.unpack_from("<6I", data)
+    assert (magic, layout, size, sequence) == (0x45534131, 1, set_bytes(SMALL), 1)
+    assert device == binascii.crc32(b"elbow_drive")
+    assert crc == binascii.crc32(data[:20] + data[24 : 24 + size])
+    assert struct.unpack_from("<IIf", data, 24) == (1, 0x11223344, 0.5)
+    assert data[24 + size : flash.slot] == bytes.fromhex("dec00d60")
+    assert set(data[flash.slot :]) == {0xFF}
+
+
+def cut_everywhere(flash, wanted_old, wanted_new, step=1):
+    """A save whose power is cut after each byte; how often each of the two was there after it."""
+    before = [bytes(a) for a in flash.areas]
+    found = {"old": 0, "new": 0}
+    at = 0
+    while True:
+        flash.areas = [bytearray(a) for a in before]
+        flash.left, flash.draw = None, random.Random(at)
+        store = Store(flash)
+        flash.left = at
+        done = store.save(wanted_new)
+        ended = flash.left is not None and flash.left >= 0
+        flash.left = None
+        again = Store(flash)
+        values = again.load()
+        assert values in (wanted_old, wanted_new), at
+        assert again.status == (LOADED if values or wanted_old or values == wanted_new else EMPTY)
+        found["new" if values == wanted_new else "old"] += 1
+        # Whatever was left there, the next save is taken.
+        if at % 7 == 0:
+            assert again.save({9: 9.0})
+            assert Store(flash).load() == {9: 9.0}
+        if ended:
+            assert done
+            return found
+        at += step
+
+
+@pytest.mark.parametrize("saves", range(6))
+@pytest.mark.parametrize("slots", [1, 2])
+def test_a_power_cut_at_any_byte_leaves_the_old_set_or_the_new_one(library, slots, saves):
+    """Also while an area is erased; with and without a set before."""
+    flash = Flash(library, slots)
+    store = Store(flash)
+    old = {}
+    for number in range(saves):
+        old = a_set(number)
+        assert store.save(old)
+    found = cut_everywhere(flash, old, a_set(77))
+    # New once the last word stands: the run that ended, and perhaps a last byte that was all there.
+    assert 1 <= found["new"] <= 3
+    assert found["old"] >= flash.slot - 2 + (len(flash.areas[0]) if saves % slots == 0 else 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("saves", range(3))
+def test_a_power_cut_at_any_byte_of_a_whole_set(whole, saves):
+    flash = Flash(whole, 1)
+    store = Store(flash)
+    old = {}
+    for number in range(saves):
+        old = a_set(number, 160)
+        assert store.save(old)
+    assert cut_everywhere(flash, old, a_set(77, 160))["old"] > flash.slot
+
+
+@pytest.mark.parametrize("saves", [1, 2, 3])
+def test_two_power_cuts_in_a_row(library, saves):
+    """The second at any byte of a save after the first, drawn."""
+    draw = random.Random(8)
+    for first in range(0, 160, 3):
+        flash = Flash(library, 1, seed=first)
+        store = Store(flash)
+        for number in range(saves):
+            assert store.save(a_set(number))
+        old = a_set(saves - 1)
+        for cut, values in ((first, a_set(50)), (draw.randrange(320), a_set(60))):
+            store = Store(flash)
+            old = store.load()
+            flash.left = cut
+            store.save(values)
+            flash.left = None
+            assert Store(flash).load() in (old, values)
+
+
+def test_any_bit_that_flips_loses_the_set_and_gives_the_one_before(library):
+    flash = Flash(library, 2)
+    store = Store(flash)
+    assert store.save(a_set(1))
+    assert store.save(a_set(2))
+    kept = bytes(flash.areas[0])
+    for bit in range(8 * flash.slot):
+        at = flash.slot + bit // 8
+        flash.areas[0][at] ^= 1 << bit % 8
+        assert Store(flash).load() == a_set(1), bit
+        flash.areas[0][:] = kept
+    assert Store(flash).load() == a_set(2)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_content_of_the_flash_is_opened_and_saved_to(library, seed):
+    draw = random.Random(seed)
+    flash = Flash(library, 2)
+    for area in flash.areas:
+        area[:] = draw.choice([draw.randbytes(len(area)), bytes(len(area)), b"\xff" * len(area)])
+        if draw.random() < 0.5:  # a head that is right and says any size
+            size = draw.choice([0, 3, 116, 10**9, 2**32 - 1, len(area)])
+            struct.pack_into("<IIIII", area, 0, 0x45534131, 1, size, 5, draw.randrange(2**32))
+    store = Store(flash)
+    assert (store.status, store.load()) == (EMPTY, {})
+    assert store.save(a_set(3))
+    assert Store(flash).load() == a_set(3)
+
+
+def sealed(flash, slot=0, area=0, **changed):
+    """Changes words of a head and makes its checksum fit."""
+    names = ("magic", "layout", "bytes", "device", "sequence")
+    data, at = flash.areas[area], slot * flash.slot
+    words = dict(zip(names, struct.unpack_from("<5I", data, at), strict=True)) | changed
+    head = struct.pack("<5I", *words.values())
+    size = words["bytes"]
+    crc = binascii.crc32(head + bytes(data[at + 24 : at + 24 + size]))
+    data[at : at + 24] = head + struct.pack("<I", crc)
+    struct.pack_into("<I", data, at + 24 + size, 0x600DC0DE)
+
+
+@pytest.mark.parametrize("layout", [0, 2, 99])
+@pytest.mark.parametrize("grown", [-8, 0, 40])
+def test_an_older_or_newer_layout_is_refused_and_then_replaced(library, layout, grown):
+    flash = Flash(library, 2)
+    assert Store(flash).save(a_set(1))
+    sealed(flash, layout=layout, bytes=set_bytes(SMALL) + grown)
+    store = Store(flash)
+    assert (store.status, store.load()) == (OTHER_LAYOUT, {})
+    kept = bytes(flash.areas[0])
+    assert store.save(a_set(2))
+    # The other firmware's set stands as it was, until the areas are changed again.
+    assert bytes(flash.areas[0]) == kept
+    again = Store(flash)
+    assert (again.status, again.load()) == (LOADED, a_set(2))
+
+
+def test_a_layout_of_the_same_number_and_another_size_is_refused(library):
+    flash = Flash(library, 2)
+    assert Store(flash).save(a_set(1))
+    sealed(flash, bytes=set_bytes(SMALL) - 4)
+    assert Store(flash).status == OTHER_LAYOUT
+
+
+def test_another_device_s_set_is_refused(library):
+    flash = Flash(library)
+    assert Store(flash).save(a_set(1))
+    other = Store(flash, b"elbow_mpc")
+    assert (other.status, other.load()) == (OTHER_DEVICE, {})
+    assert other.save(a_set(2))
+    assert Store(flash, b"elbow_mpc").load() == a_set(2)
+    assert Store(flash).status == OTHER_DEVICE
+
+
+@pytest.mark.parametrize("sequence", [2**31 - 1, 2**32 - 2, 2**32 - 1, 0])
+def test_the_number_may_pass_its_end(library, sequence):
+    flash = Flash(library, 1)
+    store = Store(flash)
+    assert store.save(a_set(0))
+    sealed(flash, sequence=sequence)
+    for number in range(1, 5):
+        store = Store(flash)
+        assert store.load() == a_set(number - 1)
+        assert store.save(a_set(number))
+    assert Store(flash).c.sequence == (sequence + 4) % 2**32
+
+
+def test_too_many_parameters_in_a_set_that_is_whole_are_refused(library):
+    flash = Flash(library)
+    assert Store(flash).save(a_set(1))
+    struct.pack_into("<I", flash.areas[0], 24, 5)
+    sealed(flash)
+    store = Store(flash)
+    assert (store.status, store.load()) == (OTHER_LAYOUT, {})
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        [(k, 0.0) for k in range(5)],
+        [(1, 1.0), (2, 2.0), (1, 1.0)],
+        [(1, float("nan"))],
+        [(1, 1.0), (2, float("inf"))],
+        [(1, -float("inf"))],
+    ],
+    ids=["too many", "twice", "nan", "inf", "-inf"],
+)
+def test_what_cannot_be_saved_changes_nothing(library, values):
+    flash = Flash(library)
+    store = Store(flash)
+    assert store.save(a_set(1))
+    pairs = store.ffi.new("esea_store_parameter_t[]", values)
+    before = [bytes(a) for a in flash.areas]
+    assert not store.lib.esea_store_save(store.c, pairs, len(values))
+    assert store.load() == a_set(1)
+    assert [bytes(a) for a in flash.areas] == before
+
+
+def test_no_more_is_loaded_than_there_is_room_for(library):
+    store = Store(Flash(library))
+    assert store.save(a_set(1))
+    assert store.load(2) == dict(list(a_set(1).items())[:2])
+    assert store.load(0) == {}
+
+
+def test_no_parameters_are_a_set_too(library):
+    flash = Flash(library)
+    store = Store(flash)
+    assert store.save(a_set(1))
+    assert store.save({})
+    assert (Store(flash).status, Store(flash).load()) == (LOADED, {})
+
+
+def test_a_flash_that_does_not_take_it_leaves_the_old_set(library):
+    flash = Flash(library)
+    store = Store(flash)
+    assert store.save(a_set(1))
+    flash.broken = True
+    assert not store.save(a_set(2))
+    flash.broken = False
+    assert Store(flash).load() == a_set(1)
+
+
+@pytest.mark.parametrize("at", range(0, 144, 3))
+def test_a_cell_that_cannot_be_set_is_found_when_it_is_read_back(library, at):
+    flash = Flash(library, 2)
+    store = Store(flash)
+    assert store.save(a_set(1))
+    clean = flash.write
+
+    def worn(area, where, data, count):
+        ok = clean(area, where, data, count)
+        flash.areas[area][flash.slot + at] |= 0xFF
+        return ok
+
+    flash.kept = (
+        flash.kept[0],
+        flash.ffi.callback("bool(uint32_t, uint32_t, const void *, size_t)", worn),
+    )
+    flash.c.write = flash.kept[1]
+    assert not store.save(a_set(2))
+    assert Store(flash).load() == a_set(1)
+
+
+@pytest.mark.parametrize("room", [0, 4, 100])
+def test_an_area_that_is_too_small_takes_nothing(library, room):
+    flash = Flash(library)
+    flash.areas = [bytearray(b"\xff" * room) for _ in range(2)]
+    flash.c.area_bytes = room
+    store = Store(flash)
+    assert store.status == EMPTY
+    assert not store.save(a_set(1))
+
+
+# -- encoders and counters -------------------------------------------------------------------------
+
+
+def encoder(store, serial, zero_rad=0.25, values=(0.5, -0.25)):
+    table = [*values, *[0.0] * (store.flash.size[2] - len(values))]
+    made = store.ffi.new("esea_store_encoder_t *", (serial, zero_rad, len(values), table))
+    return bool(store.lib.esea_store_put_encoder(store.c, made))
+
+
+def known(store, serial):
+    found = store.lib.esea_store_encoder(store.c, serial)
+    if found == store.ffi.NULL:
+        return None
+    return found.zero_rad, list(found.correction_rad[0 : found.nodes])
+
+
+def test_an_encoder_is_known_by_its_serial_number_alone(library):
+    flash = Flash(library)
+    store = Store(flash)
+    assert known(store, 0) is None
+    assert encoder(store, 4711)
+    assert encoder(store, 4712, -1.5, ())
+    assert encoder(store, 4711, 0.75, (0.125,))
+    assert not encoder(store, 4713)  # there is room for two
+    assert store.lib.esea_store_commit(store.c)
+    again = Store(flash)
+    assert known(again, 4711) == (0.75, [0.125])
+    assert known(again, 4712) == (-1.5, [])
+    assert known(again, 4713) is None
+    assert known(again, 0) is None
+    # Parameters and encoders do not disturb each other.
+    assert again.save(a_set(5))
+    assert known(Store(flash), 4711) == (0.75, [0.125])
+
+
+@pytest.mark.parametrize(
+    ("serial", "zero_rad", "values"),
+    [
+        (0, 0.0, ()),
+        (1, float("nan"), ()),
+        (1, float("inf"), ()),
+        (1, 0.0, (0.0, float("nan"))),
+        (1, 0.0, (float("inf"),)),
+    ],
+)
+def test_what_is_no_encoder_is_refused(library, serial, zero_rad, values):
+    store = Store(Flash(library))
+    assert not encoder(store, serial, zero_rad, values)
+    assert known(store, 1) is None
+
+
+def test_a_table_that_is_too_long_is_refused(library):
+    store = Store(Flash(library))
+    made = store.ffi.new("esea_store_encoder_t *", {"serial": 1, "nodes": 5})
+    assert not store.lib.esea_store_put_encoder(store.c, made)
+    made.nodes = 4
+    assert store.lib.esea_store_put_encoder(store.c, made)
+
+
+def test_counters_outlast_the_power(library):
+    flash = Flash(library)
+    store = Store(flash)
+    store.c.set.use.armings, store.c.set.use.active_s = 3, 4000
+    store.c.set.use.saves = 2**32 - 1
+    assert store.lib.esea_store_commit(store.c)
+    use = Store(flash).c.set.use
+    assert (use.armings, use.active_s, use.saves) == (3, 4000, 2**32 - 1)
+
+
+def test_the_whole_size(whole):
+    flash = Flash(whole, 1)
+    assert flash.slot == 4 + 8 * 160 + 4 * (12 + 4 * 64) + 24 + 28
+    store = Store(flash)
+    assert store.save(a_set(1, 160))
+    assert encoder(store, 9, 0.5, [k / 64 for k in range(64)])
+    assert store.lib.esea_store_commit(store.c)
+    assert Store(flash).load() == a_set(1, 160)
+    assert known(Store(flash), 9) == (0.5, [k / 64 for k in range(64)])
