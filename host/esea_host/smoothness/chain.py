@@ -72,8 +72,14 @@ class Derivatives:
                 f"The last {duration_s:g} s of a record of {there / self.fs_Hz:g} s.",
                 "Record longer, or take less.",
             )
-        kept = (self.position, self.velocity, self.acceleration, self.jerk)
-        return Derivatives(*(x[..., -samples:] for x in kept), self.fs_Hz, self.processing)
+        return Derivatives(
+            self.position[..., -samples:],
+            self.velocity[..., -samples:],
+            self.acceleration[..., -samples:],
+            self.jerk[..., -samples:],
+            self.fs_Hz,
+            self.processing,
+        )
 
 
 def derivatives(
@@ -147,4 +153,3 @@ def _low_pass(stop_Hz: float, fs_Hz: float) -> tuple[Array, float]:
     # Power after both passes is the fourth power of one pass' amplitude.
     through = np.abs(response) ** 4 >= 0.5
     return sections, float(frequency[np.flatnonzero(through)[-1]])
-

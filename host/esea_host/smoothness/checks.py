@@ -26,7 +26,7 @@ class NoAnswerError(ValueError):
     Parameters
     ----------
     reason : str
-        ``shape``, ``rate``, ``short``, ``gap``, ``constant``, ``aliased``, ``cutoff`` or ``setting``.
+        ``shape``, ``rate``, ``short``, ``gap``, ``constant``, ``aliased``, ``cutoff``, ``setting``.
     what : str
         What is wrong, the value against its limit.
     fix : str
@@ -48,9 +48,15 @@ def checked_rate(fs_Hz: float) -> float:
 
 
 def rows(
-    signal: ArrayLike, name: str, fs_Hz: float, time_s: ArrayLike | None = None
+    signal: ArrayLike,
+    name: str,
+    fs_Hz: float,
+    time_s: ArrayLike | None = None,
+    magnitude: bool = False,
 ) -> tuple[Array, bool]:
     """The signal as rows of movements, and whether it came as a stack of them.
+
+    magnitude: of its absolute value.
 
     Raises
     ------
@@ -68,7 +74,7 @@ def rows(
             "Give one movement, shape (samples,), or several, shape (movements, samples).",
         )
     stacked = array.ndim == 2
-    found = np.atleast_2d(array)
+    found = np.atleast_2d(np.abs(array) if magnitude else array)
     if found.shape[1] < LEAST_SAMPLES:
         raise NoAnswerError(
             "short",
@@ -140,8 +146,8 @@ def not_aliased(found: Array, name: str, stacked: bool) -> None:
     if bad.any():
         raise NoAnswerError(
             "aliased",
-            f"{name}{_row(bad, stacked)} is aliased or all noise: just below half the sampling rate "
-            f"its spectrum still has {share[np.argmax(bad)]:.0%} of its maximum (less than "
+            f"{name}{_row(bad, stacked)} is aliased or all noise: just below half the sampling "
+            f"rate its spectrum still has {share[np.argmax(bad)]:.0%} of its maximum (less than "
             f"{ALIASED:.0%}).",
             "Sample faster, behind an anti-aliasing filter, or filter the noise first.",
         )

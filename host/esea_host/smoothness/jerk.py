@@ -60,9 +60,9 @@ def ldlj(
 
     Notes
     -----
-    The reference's is invariant to amplitude and duration.  The thesis' has T^5, which goes with the
-    amplitude of the movement, beside the speed's, and no time step: it grows with duration and with
-    the sampling rate.  Jerk amplifies noise: filter first, and say how.
+    The reference's is invariant to amplitude and duration.  The thesis' has T^5, which goes with
+    the amplitude of the movement, beside the speed's, and no time step: it grows with duration and
+    with the sampling rate.  Jerk amplifies noise: filter first, and say how.
 
     References
     ----------
@@ -163,7 +163,9 @@ def _dimensionless(
             )
     total = np.einsum("ij,ij->i", change, change)
     if (total <= (8 * np.finfo(np.float64).eps * peak * fs_Hz**2) ** 2 * found.shape[1]).any():
-        raise NoAnswerError("constant", "The acceleration is constant.", "Its jerk is 0: leave it out.")
+        raise NoAnswerError(
+            "constant", "The acceleration is constant.", "Its jerk is 0: leave it out."
+        )
     if convention == "thesis":
         return np.asarray(duration_s**5 / peak**2 * total), stacked
     return np.asarray(duration_s**3 / peak**2 * total / fs_Hz), stacked

@@ -54,10 +54,15 @@ def submovements(
             f"A threshold of {threshold} and peaks {apart_s} s apart.",
             "More than 0 and less than 1; 0 s or more.",
         )
-    found, stacked = rows(np.abs(speed), "The speed", fs_Hz, time_s)
+    found, stacked = rows(speed, "The speed", fs_Hz, time_s, magnitude=True)
     apart = max(1.0, apart_s * fs_Hz)
+    highest = found.max(axis=1, keepdims=True)
+    # Of equal peaks each would stand out of all that lies between them and the next higher one:
+    # a slope of a billionth makes the first the highest.
+    sloped = found - 1e-9 * highest * np.linspace(0, 1, found.shape[1])
     counts = [
-        len(find_peaks(row, prominence=threshold * row.max(), distance=apart)[0]) for row in found
+        len(find_peaks(row, prominence=threshold * top, distance=apart)[0])
+        for row, top in zip(sloped, highest[:, 0], strict=True)
     ]
     return SmoothnessResult(
         "submovements",
@@ -111,7 +116,7 @@ def peak_speed_ratio(
         2002: its speed metric is the inverse of this ratio.
     """
     fs_Hz = checked_rate(fs_Hz)
-    found, stacked = rows(np.abs(speed), "The speed", fs_Hz, time_s)
+    found, stacked = rows(speed, "The speed", fs_Hz, time_s, magnitude=True)
     return SmoothnessResult(
         "peak-speed ratio",
         as_value(found.max(axis=1) / found.mean(axis=1), stacked),

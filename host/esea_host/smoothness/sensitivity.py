@@ -44,9 +44,7 @@ class Band:
         } | {"refused": list(self.refused)}
 
 
-def sensitivity_band(
-    metric: Callable[..., SmoothnessResult], **grid: Sequence[float]
-) -> Band:
+def sensitivity_band(metric: Callable[..., SmoothnessResult], **grid: Sequence[float]) -> Band:
     """Lowest and highest value of a metric over every combination of settings.
 
     Parameters

@@ -89,29 +89,9 @@ def sparc(
     thesis = convention == "thesis"
     chosen = CUTOFF_HZ[convention] if cutoff_Hz is None else cutoff_Hz
     cutoff_Hz = checked_cutoff(chosen, fs_Hz, "A cut-off")
-    if not 0 < threshold < 1:
-        raise NoAnswerError("setting", f"A threshold of {threshold}.", "More than 0, less than 1.")
-    if padlevel not in range(_MOST_PADDING + 1):
-        raise NoAnswerError("setting", f"A padlevel of {padlevel}.", f"0 to {_MOST_PADDING}.")
-    found, stacked = rows(np.abs(speed) if thesis else speed, "The speed", fs_Hz, time_s)
-    n = found.shape[1]
-    if n * cutoff_Hz < fs_Hz:
-        raise NoAnswerError(
-            "short",
-            f"{n / fs_Hz:g} s are too short for a band up to {cutoff_Hz:g} Hz: at least "
-            f"{1 / cutoff_Hz:g} s.",
-            "Record longer.",
-        )
-    not_aliased(found, "The speed", stacked)
-    length = 2 ** (math.ceil(math.log2(n)) + padlevel)
-    frequency = np.arange(length // 2 + 1) * (fs_Hz / length)
-    frequency = frequency[frequency <= cutoff_Hz]
-    values = np.concatenate(
-        [
-            _arc_lengths(_low_spectrum(found[i : i + _BLOCK], length, len(frequency)), threshold)
-            for i in range(0, len(found), _BLOCK)
-        ]
-    )
+    found, stacked = rows(speed, "The speed", fs_Hz, time_s, magnitude=thesis)
+    _check(found, stacked, fs_Hz, cutoff_Hz, threshold, padlevel)
+    values = _spectral_arcs(found, fs_Hz, cutoff_Hz, threshold, padlevel)
     return SmoothnessResult(
         "SPARC",
         as_value(values if thesis else -values, stacked),
@@ -119,7 +99,7 @@ def sparc(
         convention,
         not thesis,
         fs_Hz,
-        n,
+        found.shape[1],
         f"{'' if thesis else '-'}arc length of the normalised magnitude spectrum",
         cutoff_Hz,
         threshold,
@@ -130,6 +110,34 @@ def sparc(
             "rectified": thesis,
         },
     )
+
+
+def _check(
+    found: Array, stacked: bool, fs_Hz: float, cutoff_Hz: float, threshold: float, padlevel: int
+) -> None:
+    if not 0 < threshold < 1:
+        raise NoAnswerError("setting", f"A threshold of {threshold}.", "More than 0, less than 1.")
+    if padlevel not in range(_MOST_PADDING + 1):
+        raise NoAnswerError("setting", f"A padlevel of {padlevel}.", f"0 to {_MOST_PADDING}.")
+    duration_s = found.shape[1] / fs_Hz
+    if duration_s * cutoff_Hz < 1:
+        raise NoAnswerError(
+            "short",
+            f"{duration_s:g} s are too short for a band up to {cutoff_Hz:g} Hz: at least "
+            f"{1 / cutoff_Hz:g} s.",
+            "Record longer.",
+        )
+    not_aliased(found, "The speed", stacked)
+
+
+def _spectral_arcs(
+    found: Array, fs_Hz: float, cutoff_Hz: float, threshold: float, padlevel: int
+) -> Array:
+    length = 2 ** (math.ceil(math.log2(found.shape[1])) + padlevel)
+    frequency = np.arange(length // 2 + 1) * (fs_Hz / length)
+    bins = int(np.sum(frequency <= cutoff_Hz))
+    blocks = [found[i : i + _BLOCK] for i in range(0, len(found), _BLOCK)]
+    return np.concatenate([_arc_lengths(_low_spectrum(b, length, bins), threshold) for b in blocks])
 
 
 def _low_spectrum(found: Array, length: int, bins: int) -> Array:
