@@ -41,13 +41,13 @@ def sparc(
     Parameters
     ----------
     speed : array_like
-        Speed in any unit, shape (samples,), or a stack of movements, shape (movements, samples).
+        Speed, no velocity, in any unit; shape (samples,), or a stack (movements, samples).
     fs_Hz : float
         Sampling rate.
     convention : str
         ``"reference"``: the published package's, negative, larger is smoother, up to 10 Hz,
         normalised by the largest magnitude.  ``"thesis"``: eq. 6.6, positive, smaller is smoother,
-        up to 4 Hz, of the absolute value of what is given, whose largest magnitude is at 0 Hz.
+        up to 4 Hz, of the absolute value, whose largest magnitude is at 0 Hz.
     cutoff_Hz : float, optional
         Upper end of the band in place of the convention's.
     threshold : float
@@ -67,8 +67,7 @@ def sparc(
     Raises
     ------
     NoAnswerError
-        The signal is constant, too short, has gaps, is aliased, or half the sampling rate is below
-        the cut-off.
+        The signal is constant, too short, has gaps, is aliased, or the cut-off is above Nyquist.
 
     Notes
     -----
@@ -76,13 +75,11 @@ def sparc(
 
     .. math:: -\sum_k \sqrt{\left(\frac{\Delta f}{f_c}\right)^2 + (V_{k+1} - V_k)^2}
 
-    Invariant to amplitude, and to duration where the cut-off does not bite.  A signed oscillation
-    has little at 0 Hz: give the speed, not the velocity.
+    Invariant to amplitude, and to duration where the cut-off does not bite.
 
     References
     ----------
-    [1] S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami, E. Burdet, "On the analysis of
-        movement smoothness", J. NeuroEng. Rehabil. 12:112, 2015.
+    [1] S. Balasubramanian et al., "On the analysis of movement smoothness", JNER 12:112, 2015.
     """
     fs_Hz = checked_rate(fs_Hz)
     checked_choice(convention, tuple(CUTOFF_HZ), "convention")
