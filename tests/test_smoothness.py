@@ -401,7 +401,7 @@ def test_what_was_set_stands_beside_the_number():
     assert (found.window, found.sign) == ("rectangular", "smaller is smoother")
     text = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert text["processing"]["stop_Hz"] == 4.0
-    assert text["settings"]["rectified"] is True
+    assert text["settings"]["normalised_by"] == "0 Hz, rectified"
     with pytest.raises(dataclasses.FrozenInstanceError):
         found.value = 0.0
     for metric in ALL:

@@ -82,12 +82,11 @@ def sparc(
     [1] S. Balasubramanian et al., "On the analysis of movement smoothness", JNER 12:112, 2015.
     """
     fs_Hz = checked_rate(fs_Hz)
-    checked_choice(convention, tuple(CUTOFF_HZ), "convention")
-    thesis = convention == "thesis"
+    thesis = checked_choice(convention, tuple(CUTOFF_HZ), "convention") == "thesis"
     chosen = CUTOFF_HZ[convention] if cutoff_Hz is None else cutoff_Hz
     cutoff_Hz = checked_cutoff(chosen, fs_Hz, "A cut-off")
     found, stacked = rows(speed, "The speed", fs_Hz, time_s, magnitude=thesis)
-    _check(found, stacked, fs_Hz, cutoff_Hz, threshold, padlevel)
+    not_aliased(found, "The speed", stacked)
     values = _spectral_arcs(found, fs_Hz, cutoff_Hz, threshold, padlevel)
     return SmoothnessResult(
         "SPARC",
@@ -103,15 +102,14 @@ def sparc(
         processing=processing,
         settings={
             "padlevel": padlevel,
-            "normalised_by": "the magnitude at 0 Hz" if thesis else "the largest magnitude",
-            "rectified": thesis,
+            "normalised_by": "0 Hz, rectified" if thesis else "the largest magnitude",
         },
     )
 
 
-def _check(
-    found: Array, stacked: bool, fs_Hz: float, cutoff_Hz: float, threshold: float, padlevel: int
-) -> None:
+def _spectral_arcs(
+    found: Array, fs_Hz: float, cutoff_Hz: float, threshold: float, padlevel: int
+) -> Array:
     if not 0 < threshold < 1:
         raise NoAnswerError("setting", f"A threshold of {threshold}.", "More than 0, less than 1.")
     if padlevel not in range(_MOST_PADDING + 1):
@@ -124,12 +122,6 @@ def _check(
             f"{1 / cutoff_Hz:g} s.",
             "Record longer.",
         )
-    not_aliased(found, "The speed", stacked)
-
-
-def _spectral_arcs(
-    found: Array, fs_Hz: float, cutoff_Hz: float, threshold: float, padlevel: int
-) -> Array:
     length = 2 ** (math.ceil(math.log2(found.shape[1])) + padlevel)
     frequency = np.arange(length // 2 + 1) * (fs_Hz / length)
     bins = int(np.sum(frequency <= cutoff_Hz))
