@@ -1,0 +1,1 @@
+"""Interaction quality: is motion through one compliant element smoother, and felt as better?"""
