@@ -1,1 +1,1 @@
-"""Interaction quality: is motion through one compliant element smoother, and felt as better?"""
+"""Interaction quality: through which compliant element motion is smoother, and feels better."""

@@ -94,7 +94,16 @@ class Comparison:
             k: getattr(self, k)
             for k in ("task", "metric", "medians", "thesis_medians", "device_holm", "block_holm")
         }
-        parts = ("device", "block", "effect", "crossover", "mixed", "bayes", "power", "family_power")
+        parts = (
+            "device",
+            "block",
+            "effect",
+            "crossover",
+            "mixed",
+            "bayes",
+            "power",
+            "family_power",
+        )
         return (
             simple
             | {k: None if (v := getattr(self, k)) is None else v.to_dict() for k in parts}
@@ -171,7 +180,9 @@ def analyse_interaction(folder: Path) -> InteractionAnalysis:
 
 def _comparisons(found: Recordings, task: TaskRecordings) -> list[Comparison]:
     if len(task.people) < 2:
-        raise UserError(f"{task.task}: {len(task.people)} person with both elements.", "At least 2.")
+        raise UserError(
+            f"{task.task}: {len(task.people)} person with both elements.", "At least 2."
+        )
     chains = Chains(task.theta_deg, task.fs_Hz, found.manifest.last_s)
     family = len(FAMILY) * len(found.tasks)
     return [_compare(task, chains, m, found.manifest.stop_Hz, family) for m in FAMILY]

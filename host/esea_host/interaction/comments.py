@@ -1,7 +1,7 @@
 """Open comments by theme and tone, coded by two people who do not see each other's codes.
 
-Columns of the CSV: comment, element, coder, theme, tone.  A comment may have several themes: one row
-each.  Themes and tones are words; tones: positive, negative, neutral.
+Columns of the CSV: comment, element, coder, theme, tone.  A comment may have several themes: one
+row each.  Themes and tones are words; tones: positive, negative, neutral.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ class Comments:
             "theme_agreement": {
                 k: None if a is None else a.to_dict() for k, a in self.theme_agreement.items()
             },
-            "tone_agreement": None if self.tone_agreement is None else self.tone_agreement.to_dict(),
+            "tone_agreement": None
+            if self.tone_agreement is None
+            else self.tone_agreement.to_dict(),
             "disagreed": list(self.disagreed),
         }
 
@@ -78,7 +80,9 @@ def read_comments(path: Path) -> Comments:
                 f"Elements: {', '.join(ELEMENTS)}.  Tones: {', '.join(TONES)}.",
             )
         if elements.setdefault(comment, element) != element:
-            raise UserError(f"{where}: comment {comment} is about two elements.", "Split it in two.")
+            raise UserError(
+                f"{where}: comment {comment} is about two elements.", "Split it in two."
+            )
         given = codes.setdefault(row["coder"], {})
         if (comment, theme) in given:
             raise UserError(f"{where}: {comment} has the theme {theme} twice.", "Once a coder.")
@@ -89,7 +93,8 @@ def read_comments(path: Path) -> Comments:
     missing = {c for c, _ in one} ^ {c for c, _ in other}
     if missing:
         raise UserError(
-            f"{path.name}: only one coder has {', '.join(sorted(missing))}.", "Both code all of them."
+            f"{path.name}: only one coder has {', '.join(sorted(missing))}.",
+            "Both code all of them.",
         )
     return _compared((*codes,), one, other, elements)
 

@@ -31,7 +31,7 @@ def read_table(path: Path, needed: Sequence[str]) -> list[dict[str, str]]:
     missing = [c for c in needed if c not in columns]
     if missing:
         raise UserError(
-            f"{path.name}: no column {', '.join(missing)}; there are {', '.join(columns) or 'none'}.",
+            f"{path.name}: no column {', '.join(missing)}, only {', '.join(columns) or 'none'}.",
             f"It needs {', '.join(needed)}.",
         )
     if not rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,9 @@ class LoadingProtocol:
             )
         w, step = 2 * np.pi * self.frequency_Hz, 1 / fs_Hz
         time = np.arange(round(self.cycles / self.frequency_Hz * fs_Hz) + 1) * step
-        angle = self.amplitude_rad * np.sin(w * time)
-        return time, angle, self.amplitude_rad * w * np.cos(w * (time - step / 2))
+        angle = np.asarray(self.amplitude_rad * np.sin(w * time))
+        rate = np.asarray(self.amplitude_rad * w * np.cos(w * (time - step / 2)))
+        return np.asarray(time), angle, rate
 
 
 @dataclass(frozen=True)
@@ -59,14 +61,15 @@ class LoadingCurve:
     """What a loading curve says of an element.
 
     stiffness_Nm_rad: slope of one straight line through all loading branches, the published way;
-    low, high: 95 % interval, the branches left out one by one.  between_Nm_rad: the slope when
-    either direction has an offset of its own, which hysteresis is not part of.  area_J: mean work
+    at_rest_Nm: that line at rest.  low, high: 95 % interval, the branches left out one by one.
+    between_Nm_rad: the slope when either direction has an offset of its own.  area_J: mean work
     lost in a cycle; area_low_J, area_high_J: 95 % interval over the cycles, None with fewer than
     two.  loss_factor: area over pi times stiffness times amplitude squared.
     """
 
     branches: tuple[Branch, ...]
     stiffness_Nm_rad: float
+    at_rest_Nm: float
     low_Nm_rad: float
     high_Nm_rad: float
     between_Nm_rad: float
@@ -87,6 +90,10 @@ class LoadingCurve:
         """Mean over the cycles."""
         return float(np.mean(self.areas_J))
 
+    def line_Nm(self, theta_rad: ArrayLike) -> Array:
+        """The straight line through the loading branches."""
+        return self.at_rest_Nm + self.stiffness_Nm_rad * np.asarray(theta_rad, dtype=np.float64)
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         out: dict[str, Any] = {k: v for k, v in vars(self).items() if k != "branches"}
@@ -96,7 +103,15 @@ class LoadingCurve:
 
     def lines(self) -> list[str]:
         """For a terminal."""
-        share = np.pi / 180
+        k, low, high, between = (
+            np.pi / 180 * v
+            for v in (
+                self.stiffness_Nm_rad,
+                self.low_Nm_rad,
+                self.high_Nm_rad,
+                self.between_Nm_rad,
+            )
+        )
         cycles = f"{len(self.areas_J)} cycle{'s' if len(self.areas_J) > 1 else ''}"
         spread = (
             ""
@@ -104,9 +119,9 @@ class LoadingCurve:
             else f" ({1e3 * self.area_low_J:.4g} to {1e3 * (self.area_high_J or 0):.4g})"
         )
         return [
-            f"loading stiffness   {self.stiffness_Nm_deg:.4f} Nm/deg, 95 % {self.low_Nm_rad * share:.4f} "
-            f"to {self.high_Nm_rad * share:.4f}, {len(self.branches)} branches",
-            f"  without the step between directions {self.between_Nm_rad * share:.4f} Nm/deg",
+            f"loading stiffness   {k:.4f} Nm/deg, 95 % {low:.4f} to {high:.4f}, "
+            f"{len(self.branches)} branches",
+            f"  with an offset for each direction {between:.4f} Nm/deg",
             f"hysteresis          {1e3 * self.area_J:.4g} mJ a cycle{spread}, {cycles}, "
             f"loss factor {self.loss_factor:.3f}",
         ]
@@ -167,13 +182,14 @@ def analyse_loading(
     branches = [b for b in loading_branches(theta) if not (skip_first and b.first)]
     if len({b.positive for b in branches}) < 2 or len(branches) < 3:
         raise UserError(
-            f"{len(branches)} loading branches.", "At least 3, on both sides of rest, for an interval."
+            f"{len(branches)} loading branches.",
+            "At least 3, on both sides of rest, for an interval.",
         )
     pieces = [(theta[b.start : b.stop], tau[b.start : b.stop]) for b in branches]
-    whole = _slope(pieces)
+    whole, at_rest = _line(pieces)
     # The samples of one branch hang together; the branches are what was repeated.
     n = len(pieces)
-    left = np.array([_slope(pieces[:i] + pieces[i + 1 :]) for i in range(n)])
+    left = np.array([_line(pieces[:i] + pieces[i + 1 :])[0] for i in range(n)])
     se = float(np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2)))
     half = float(student.isf(0.025, n - 1)) * se
     between, offset = _slope_with_offsets(pieces)
@@ -184,6 +200,7 @@ def analyse_loading(
     return LoadingCurve(
         tuple(branches),
         whole,
+        at_rest,
         whole - half,
         whole + half,
         between,
@@ -196,9 +213,10 @@ def analyse_loading(
     )
 
 
-def _slope(pieces: list[tuple[Array, Array]]) -> float:
+def _line(pieces: list[tuple[Array, Array]]) -> tuple[float, float]:
     x, y = (np.concatenate(v) for v in zip(*pieces, strict=True))
-    return float(np.polyfit(x, y, 1)[0])
+    slope, offset = np.polyfit(x, y, 1)
+    return float(slope), float(offset)
 
 
 def _slope_with_offsets(pieces: list[tuple[Array, Array]]) -> tuple[float, float]:
@@ -212,10 +230,7 @@ def _areas(theta: Array, tau: Array, extremes: list[int]) -> tuple[float, ...]:
     tops = [i for i in extremes if theta[i] > 0]
     bottoms = [i for i in extremes if theta[i] <= 0]
     side = tops if len(tops) >= len(bottoms) else bottoms
-    found = tuple(
-        float(np.trapezoid(tau[a : b + 1], theta[a : b + 1]))
-        for a, b in zip(side[:-1], side[1:], strict=True)
-    )
+    found = tuple(float(np.trapezoid(tau[a : b + 1], theta[a : b + 1])) for a, b in pairwise(side))
     if not found:
         raise UserError("No whole cycle from extreme to extreme.", "Record at least two cycles.")
     return found

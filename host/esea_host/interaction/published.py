@@ -1,7 +1,8 @@
 """The published numbers of chapter 6, and what follows from them without the thesis' data.
 
 Nothing else was published of the ten people: no value of a person, so neither the medians nor an
-interval can be recomputed.  From a p value of an exact test the rank sum can, and with it an effect.
+interval can be recomputed.  From a p value of an exact test the rank sum can, and with it
+an effect.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ class PublishedRow:
     p: float
 
 
-def _rows(table: str, numbers: dict[str, tuple[tuple[float, float, float], ...]]) -> tuple[PublishedRow, ...]:
+def _rows(
+    table: str, numbers: dict[str, tuple[tuple[float, float, float], ...]]
+) -> tuple[PublishedRow, ...]:
     return tuple(
         PublishedRow(table, task, metric, *values)
         for metric, pair in numbers.items()
@@ -114,6 +117,9 @@ def kurtosis_of_the_printed() -> dict[str, float]:
     for table in (TABLE_6_2, TABLE_6_3):
         for task in TASKS:
             rms, dose = (published(table, task, m) for m in ("RMS acceleration", "VDV"))
-            for which, a, d in (("first", rms.first, dose.first), ("second", rms.second, dose.second)):
+            for which, a, d in (
+                ("first", rms.first, dose.first),
+                ("second", rms.second, dose.second),
+            ):
                 out[f"{table[0].table} {task} {which}"] = (d / a) ** 4 / samples
     return out

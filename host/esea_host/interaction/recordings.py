@@ -159,7 +159,9 @@ def read_recordings(folder: Path) -> Recordings:
         both = [p for p in people if sum(e.participant == p for e in entries) == 2]
         left_out += [f"{p} ({task})" for p in people if p not in both]
         if both:
-            tasks.append(_stacked(folder, manifest, task, [e for e in entries if e.participant in both]))
+            tasks.append(
+                _stacked(folder, manifest, task, [e for e in entries if e.participant in both])
+            )
     if not tasks:
         raise UserError(
             f"{folder}: nobody has both elements in any task.", "Add the missing recordings."
@@ -189,4 +191,6 @@ def _stacked(folder: Path, manifest: Manifest, task: str, entries: list[Entry]) 
         )
     kept = min(shortest, round((manifest.last_s + SETTLE_S) * rate))
     stack = [[angles[p, e][-kept:] for e in ("spring", "elastomer")] for p in people]
-    return TaskRecordings(task, tuple(people), tuple(groups[p] for p in people), np.array(stack), rate)
+    return TaskRecordings(
+        task, tuple(people), tuple(groups[p] for p in people), np.array(stack), rate
+    )

@@ -1,4 +1,4 @@
-"""The exit survey: five levels, first device against second, said again as spring against elastomer.
+"""The exit survey: first device against second, said again as spring against elastomer.
 
 Columns of the CSV: participant, group, comfort, naturalness, control, effort; an answer is a number
 from -2 to 2 or its words ("much less" ... "much more").
@@ -95,9 +95,7 @@ def answer(word: str, where: str) -> int:
     except ValueError:
         level = 99.0
     if level not in LEVELS.values():
-        raise UserError(
-            f"{where}: answer {word!r}.", f"-2 to 2, or one of {', '.join(LEVELS)}."
-        )
+        raise UserError(f"{where}: answer {word!r}.", f"-2 to 2, or one of {', '.join(LEVELS)}.")
     return int(level)
 
 
@@ -114,7 +112,9 @@ def read_survey(path: Path) -> Survey:
         where = f"{path.name}, row {number}"
         who, group = row["participant"], checked_group(row["group"], where)
         if who in people or not who:
-            raise UserError(f"{where}: participant {who!r} again, or without a code.", "One row each.")
+            raise UserError(
+                f"{where}: participant {who!r} again, or without a code.", "One row each."
+            )
         people[who] = group
         for q in QUESTIONS:
             level = answer(row[q], f"{where}, {q}")
@@ -150,18 +150,26 @@ def diverging_bars(survey: Survey) -> Figure:
                 if count:
                     dark = colour in (COLOURS[0], COLOURS[-1])
                     axes.text(
-                        left + count / 2, row, str(count), ha="center", va="center",
+                        left + count / 2,
+                        row,
+                        str(count),
+                        ha="center",
+                        va="center",
                         color="white" if dark else INK,
                     )
                 left += count
         names = [f"{q.name}  (mean {q.mean:+.1f})" for q in survey.questions]
         axes.set_yticks(rows, names)
         axes.axvline(0, color=INK, linewidth=0.8)
-        reach = max(sum(q.counts) - min(sum(q.counts[:2]), sum(q.counts[3:])) for q in survey.questions)
+        reach = max(
+            sum(q.counts) - min(sum(q.counts[:2]), sum(q.counts[3:])) for q in survey.questions
+        )
         axes.set_xlim(-reach - 0.5, reach + 0.5)
         axes.set_xlabel("people: spring less   |   spring more")
         axes.xaxis.set_major_formatter(lambda x, _: f"{abs(x):g}")
         axes.grid(visible=False, axis="y")
-        handles = [mpl.patches.Patch(color=c, label=name) for c, name in zip(COLOURS, LEVELS, strict=True)]
+        handles = [
+            mpl.patches.Patch(color=c, label=name) for c, name in zip(COLOURS, LEVELS, strict=True)
+        ]
         figure.legend(handles=handles, loc="outside upper center", ncols=5)
     return figure

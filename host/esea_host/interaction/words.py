@@ -45,8 +45,9 @@ def comparison_lines(c: Comparison) -> list[str]:
     if c.mixed is not None:
         out.append(f"  mixed model: element {c.mixed.treatment:.3g} +- {c.mixed.treatment_se:.2g}")
     out.append(
-        f"  belief: spring above elastomer {c.bayes.probability_positive:.0%}, within 0.2 sd of none "
-        f"{c.bayes.probability_equivalent:.0%}, evidence for none {c.bayes.bayes_factor_01:.2g}"
+        f"  belief: spring above elastomer {c.bayes.probability_positive:.0%}, within 0.2 sd of "
+        f"none {c.bayes.probability_equivalent:.0%}, "
+        f"evidence for none {c.bayes.bayes_factor_01:.2g}"
     )
     out.append(f"  {c.power.sentence(unit.strip())}")
     out.append(f"  whole family: {c.family_power.sentence(unit.strip())}")
@@ -59,7 +60,8 @@ def comparison_lines(c: Comparison) -> list[str]:
     if beside is not None:
         ours, row = c.thesis_medians, beside["inter_device"]
         out.append(
-            f"  thesis' convention: spring {ours['spring']:.4g}, elastomer {ours['elastomer']:.4g}; "
-            f"published {row['first']:g}, {row['second']:g}, p {row['p']:g}"
+            f"  thesis' convention: spring {ours['spring']:.4g}, elastomer "
+            f"{ours['elastomer']:.4g}; published {row['first']:g}, {row['second']:g}, "
+            f"p {row['p']:g}"
         )
     return out + [f"  note: {n}" for n in c.notes]
