@@ -30,7 +30,7 @@ def people_figure(found: InteractionAnalysis) -> Figure:
                 axes.hlines(np.median(column), x - 0.16, x + 0.16, color=INK, linewidth=1.6)
             axes.set_xlim(-0.4, 1.4)
             axes.set_xticks([0, 1], ["spring", "elastomer"])
-            unit = "" if c.made.unit == "1" else f"\n{c.made.unit}"
+            unit = "" if c.made.unit == "1" else f"\n{c.made.unit}".replace("^2", "²")
             axes.set_title(f"{c.task}: {c.metric}{unit}")
             axes.grid(visible=False, axis="x")
     return figure
@@ -55,7 +55,8 @@ def effects_figure(found: InteractionAnalysis) -> Figure:
             range(len(found.comparisons)),
             [f"{c.task}: {c.metric}" for c in reversed(found.comparisons)],
         )
-        axes.set_xlabel("spring smoother   |   elastomer smoother      (rank-biserial, 95 %)")
+        axes.set_title("Rank-biserial correlation with 95 % interval")
+        axes.set_xlabel("spring smoother   |   elastomer smoother")
     return figure
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_host.interaction.design import read_table
+from esea_host.interaction.recordings import rate_of
 from esea_host.smoothness import (
     Band,
     Derivatives,
@@ -67,18 +68,16 @@ def measure_file(
         t, x = (np.array([float(row[c] or "nan") for row in table]) for c in (time, column))
     except ValueError as error:
         raise UserError(f"{path.name}: {error}.", "Give numbers.") from None
-    step = float(np.median(np.diff(t))) if len(t) > 1 else float("nan")
     unit = column.rsplit("_", 1)[-1] if "_" in column else "unit"
     try:
-        if not step > 0:
-            raise NoAnswerError("rate", f"{time} does not rise.", "Give times in s.")
-        fs_Hz = float(f"{1 / step:.6g}")
+        fs_Hz = rate_of(t)
 
         def chain(stop: float) -> Derivatives:
             found = derivatives(x, fs_Hz, stop, time_s=t)
             return found if last_s is None else found.last(last_s)
 
-        chains = {s: chain(s) for s in (stop_Hz, 0.8 * stop_Hz, 1.5 * stop_Hz) if s < fs_Hz / 2}
+        others = (s for s in (0.8 * stop_Hz, 1.5 * stop_Hz) if s < fs_Hz / 2)
+        chains = {stop_Hz: chain(stop_Hz)} | {s: chain(s) for s in others}
         return _measured(path.name, chains, stop_Hz, f"{unit}/s^2")
     except NoAnswerError as error:
         raise UserError(f"{path.name}: {error.what}", error.fix) from None

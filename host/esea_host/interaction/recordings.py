@@ -100,6 +100,7 @@ def read_manifest(folder: Path) -> Manifest:
     for e in manifest.recording:
         if groups.setdefault(e.participant, e.group) != e.group:
             raise UserError(f"{path.name}: {e.participant} is in two groups.", "Correct one.")
+    for e in manifest.recording:
         if e.element != element_of(e.group, e.block):
             raise UserError(
                 f"{path.name}: {e.file}: group {e.group} has the {element_of(e.group, e.block)} in "
@@ -136,13 +137,17 @@ def read_angle(path: Path) -> tuple[Array, Array]:
     return time, np.rad2deg(theta) if angle == "theta_rad" else theta
 
 
+def rate_of(time_s: Array) -> float:
+    """Mean sampling rate, to six digits, for times are printed with a few only."""
+    step = (time_s[-1] - time_s[0]) / (len(time_s) - 1) if len(time_s) > 1 else 0.0
+    return checked_rate(float(f"{1 / step:.6g}") if step > 0 else 0.0)
+
+
 def steady_angle(path: Path) -> tuple[Array, float]:
     """Angle in degrees and sampling rate; a gap in time or a missing sample is refused."""
     time, theta = read_angle(path)
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     try:
-        # To the tenth digit, for times are printed with a few only.
-        fs_Hz = checked_rate(float(f"{1 / step:.6g}") if step > 0 else 0.0)
+        fs_Hz = rate_of(time)
         rows(theta, "The angle", fs_Hz, time)
     except NoAnswerError as error:
         raise UserError(f"{path.name}: {error.what}", error.fix) from None

@@ -160,7 +160,7 @@ def diverging_bars(survey: Survey) -> Figure:
                 left += count
         names = [f"{q.name}  (mean {q.mean:+.1f})" for q in survey.questions]
         axes.set_yticks(rows, names)
-        axes.axvline(0, color=INK, linewidth=0.8)
+        axes.axvline(0, color=INK, linewidth=0.8, zorder=0)
         reach = max(
             sum(q.counts) - min(sum(q.counts[:2]), sum(q.counts[3:])) for q in survey.questions
         )

@@ -78,7 +78,9 @@ def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
         raise NoStatisticError("Both coders use one code only.", "Chance explains that.")
     table = np.zeros((len(names), len(names)), dtype=int)
     np.add.at(table, ([names.index(str(x)) for x in one], [names.index(str(x)) for x in other]), 1)
-    found = fitted(table)
+    # Of full agreement it also forms a z value, 0/0, which is not used.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = fitted(table)
     return Agreement(
         len(one),
         float(np.trace(table) / len(one)),

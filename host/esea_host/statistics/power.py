@@ -107,6 +107,7 @@ def _noise(n: int) -> Array:
     return np.random.default_rng([SEED, n]).standard_normal((REPEATS, n))
 
 
+@cache
 def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
     """Power of the two-sided exact signed-rank test, for normal differences.
 
@@ -147,6 +148,7 @@ def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
     return float(np.mean(np.minimum(plus, n * (n + 1) / 2 - plus) <= most))
 
 
+@cache
 def detectable_effect(n: int, power: float = 0.8, alpha: float = 0.05) -> float:
     """Smallest standardised difference that n pairs show with the wanted power.
 
@@ -179,6 +181,7 @@ def detectable_effect(n: int, power: float = 0.8, alpha: float = 0.05) -> float:
     )
 
 
+@cache
 def participants_needed(dz: float, power: float = 0.8, alpha: float = 0.05) -> int | None:
     """Fewest pairs that show a standardised difference with the wanted power.
 
