@@ -646,7 +646,7 @@ def test_a_step_may_be_cut_anywhere(force, step, parts):
 
 
 def play(seed, until_s=40.0, hand=None, step_s=0.01):
-    state, events = tasks.Pong(seed=seed), []
+    state, events = tasks.PongState(seed=seed), []
     for k in range(1, round(until_s / step_s)):
         theta = 0.0 if hand is None else hand(state)
         done = tasks.pong_step(state, k * step_s, {"theta_rad": theta})
@@ -669,7 +669,7 @@ def test_a_good_player_saves_more_and_the_game_replays():
 def test_the_ball_does_not_pass_through_a_wall_at_a_late_step():
     """Half a second in one step, or in fifty: the same place."""
     hand = {"theta_rad": 0.0}
-    one = tasks.pong_step(tasks.Pong(seed=1), 0.0, hand).state
+    one = tasks.pong_step(tasks.PongState(seed=1), 0.0, hand).state
     whole = tasks.pong_step(one, 1.1, hand).state
     piece = one
     for k in range(1, 111):
@@ -690,7 +690,7 @@ def test_a_lost_paddle_is_recentred_on_request():
 
 @pytest.mark.parametrize("step", [tasks.pong_step, tasks.tracking_step])
 def test_a_pause_stops_the_task_and_no_time_goes_back(step):
-    begin = tasks.Pong(seed=1) if step is tasks.pong_step else tasks.Tracking()
+    begin = tasks.PongState(seed=1) if step is tasks.pong_step else tasks.TrackingState()
     moving = step(begin, 1.0, {"theta_rad": 0.01}).state
     held = step(moving, 1.5, {"theta_rad": 0.2, "pause": 1.0})
     assert held.events == ("paused",)
@@ -704,7 +704,7 @@ def test_a_pause_stops_the_task_and_no_time_goes_back(step):
 
 def test_the_score_of_tracking():
     """Perfect is 0; a steady offset is that offset."""
-    state = tasks.Tracking()
+    state = tasks.TrackingState()
     for k in range(1, 500):
         state = tasks.tracking_step(
             state, k * 0.01, {"theta_rad": tasks.tracked_rad(k * 0.01) + 0.02}

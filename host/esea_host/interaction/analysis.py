@@ -58,7 +58,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ElementComparison:
     """One metric of one task.
 
     values: shape (people, 2), spring and elastomer.  device: signed ranks of spring minus
@@ -121,7 +121,7 @@ class InteractionAnalysis:
     simulated: bool
     people: tuple[str, ...]
     left_out: tuple[str, ...]
-    comparisons: tuple[Comparison, ...]
+    comparisons: tuple[ElementComparison, ...]
     survey: Survey | None
     comments: Comments | None
 
@@ -178,7 +178,7 @@ def analyse_interaction(folder: Path) -> InteractionAnalysis:
     )
 
 
-def _comparisons(found: Recordings, task: TaskRecordings) -> list[Comparison]:
+def _comparisons(found: Recordings, task: TaskRecordings) -> list[ElementComparison]:
     if len(task.people) < 2:
         raise UserError(
             f"{task.task}: {len(task.people)} person with both elements.", "At least 2."
@@ -190,7 +190,7 @@ def _comparisons(found: Recordings, task: TaskRecordings) -> list[Comparison]:
 
 def _compare(
     task: TaskRecordings, chains: Chains, metric: Metric, stop_Hz: float, family: int
-) -> Comparison:
+) -> ElementComparison:
     made = chains.result(metric, stop_Hz)
     values = chains.values(metric, stop_Hz)
     spring, elastomer = values.T
@@ -221,7 +221,7 @@ def _compare(
             parts.append(None)
             notes.append(f"{name}: {error}")
     n = len(task.people)
-    return Comparison(
+    return ElementComparison(
         task.task,
         metric.name,
         made,

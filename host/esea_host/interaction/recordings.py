@@ -41,7 +41,7 @@ MANIFEST = "interaction.toml"
 SETTLE_S = 3.0
 
 
-class Entry(BaseModel):
+class RecordingEntry(BaseModel):
     """One recording of the manifest."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -58,7 +58,7 @@ class Manifest(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     simulated: bool
-    recording: tuple[Entry, ...] = Field(min_length=1)
+    recording: tuple[RecordingEntry, ...] = Field(min_length=1)
     last_s: float = Field(default=45.0, gt=0)
     stop_Hz: float = Field(default=4.0, gt=0)
     survey: str | None = None
@@ -174,7 +174,9 @@ def read_recordings(folder: Path) -> Recordings:
     return Recordings(folder, manifest, tuple(tasks), tuple(left_out))
 
 
-def _stacked(folder: Path, manifest: Manifest, task: str, entries: list[Entry]) -> TaskRecordings:
+def _stacked(
+    folder: Path, manifest: Manifest, task: str, entries: list[RecordingEntry]
+) -> TaskRecordings:
     people = sorted({e.participant for e in entries})
     groups = {e.participant: e.group for e in entries}
     angles: dict[tuple[str, str], Array] = {}

@@ -58,7 +58,7 @@ def familiar_rad(time_s: float) -> float:
 
 
 @dataclass(frozen=True)
-class Tracking:
+class TrackingState:
     """State: the clock of the target stands still in a pause.
 
     elapsed_s: of the target; squared_rad2_s: integral of the squared error, for the score.
@@ -82,8 +82,8 @@ class Tracking:
 
 
 def tracking_step(
-    state: Tracking, time_s: float, inputs: Mapping[str, float]
-) -> TaskStep[Tracking]:
+    state: TrackingState, time_s: float, inputs: Mapping[str, float]
+) -> TaskStep[TrackingState]:
     """One step of tracking.  Inputs: ``theta_rad``; ``pause`` above 0 holds the target."""
     step_s = _elapsed(state.last_s, time_s)
     paused = inputs.get("pause", 0.0) > 0
@@ -130,7 +130,7 @@ def paddle_step(paddle: Paddle, force_Nm: float, step_s: float) -> Paddle:
 
 
 @dataclass(frozen=True)
-class Pong:
+class PongState:
     """State of the game: paddle at the left edge, ball, counts, seed of the serves.
 
     lost: the paddle is off the screen.  half_paddle, half_ball: sizes.
@@ -164,7 +164,7 @@ _PADDLE_X = -0.95
 _MOST_BOUNCES = 64
 
 
-def pong_step(state: Pong, time_s: float, inputs: Mapping[str, float]) -> TaskStep[Pong]:
+def pong_step(state: PongState, time_s: float, inputs: Mapping[str, float]) -> TaskStep[PongState]:
     """One step of Pong.  Inputs: ``theta_rad``, ``pause``, and ``recentre`` for a lost paddle.
 
     Events: served, saved, missed, paddle_lost, paddle_recentred, paused, resumed.
@@ -194,7 +194,7 @@ def pong_step(state: Pong, time_s: float, inputs: Mapping[str, float]) -> TaskSt
     return TaskStep(moved, scene, {}, tuple(events))
 
 
-def _served(state: Pong) -> Pong:
+def _served(state: PongState) -> PongState:
     # From the seed and the number of the serve: no generator is carried along.
     angle = float(np.random.default_rng([state.seed, state.serves]).uniform(-0.9, 0.9))
     return replace(
@@ -207,7 +207,7 @@ def _served(state: Pong) -> Pong:
     )
 
 
-def _ball(state: Pong, step_s: float) -> tuple[Pong, list[str]]:
+def _ball(state: PongState, step_s: float) -> tuple[PongState, list[str]]:
     # From wall to wall within the step: no speed and no step carries the ball through one.
     left, events, s = step_s, [], state
     low, high = _PADDLE_X + s.half_ball, 1 - s.half_ball

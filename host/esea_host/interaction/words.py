@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from esea_host.interaction.analysis import Comparison, InteractionAnalysis, printed
+from esea_host.interaction.analysis import ElementComparison, InteractionAnalysis, printed
 
 
 def lines(found: InteractionAnalysis) -> list[str]:
@@ -21,7 +21,7 @@ def lines(found: InteractionAnalysis) -> list[str]:
     return out
 
 
-def comparison_lines(c: Comparison) -> list[str]:
+def comparison_lines(c: ElementComparison) -> list[str]:
     """One metric of one task."""
     m, d, b = c.medians, c.device, c.block
     unit = "" if c.made.unit == "1" else f" {c.made.unit}"
