@@ -1,0 +1,1 @@
+"""Interaction quality: through which compliant element motion is smoother, and feels better."""

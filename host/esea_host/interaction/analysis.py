@@ -1,0 +1,270 @@
+"""The cross-over analysed: which element is smoother, how surely, and what could have been seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.errors import UserError
+from esea_host.interaction.comments import Comments, read_comments
+from esea_host.interaction.design import ELEMENTS, FIRST
+from esea_host.interaction.metrics import FAMILY, Chains, Metric, as_published, settings_grid
+from esea_host.interaction.published import (
+    CANNOT,
+    METRICS,
+    TABLE_6_2,
+    TABLE_6_3,
+    TASKS,
+    could_have_seen,
+    published,
+    reread,
+)
+from esea_host.interaction.recordings import Recordings, TaskRecordings, read_recordings
+from esea_host.interaction.survey import Survey, read_survey
+from esea_host.smoothness import NoAnswerError, SmoothnessResult
+from esea_host.statistics import (
+    BayesPaired,
+    Crossover,
+    MixedModel,
+    NoStatisticError,
+    PairedEffect,
+    PowerStatement,
+    SignedRank,
+    bayes_paired,
+    crossover,
+    holm,
+    mixed_model,
+    power_statement,
+    signed_rank,
+    standardised_difference,
+)
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How the settings move a comparison: medians and p over the grid, lowest and highest."""
+
+    spring: tuple[float, float]
+    elastomer: tuple[float, float]
+    p: tuple[float, float]
+    settings: int
+    refused: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ElementComparison:
+    """One metric of one task.
+
+    values: shape (people, 2), spring and elastomer.  device: signed ranks of spring minus
+    elastomer; block: of the first block minus the second.  device_holm, block_holm: over all
+    metrics and tasks.  medians: by element and block; thesis_medians in the thesis' convention.
+    family_power: at the first step of Holm's procedure.
+    """
+
+    task: str
+    metric: str
+    made: SmoothnessResult
+    values: Array
+    medians: dict[str, float]
+    thesis_medians: dict[str, float]
+    device: SignedRank
+    block: SignedRank
+    effect: PairedEffect
+    crossover: Crossover | None
+    mixed: MixedModel | None
+    bayes: BayesPaired
+    power: PowerStatement
+    family_power: PowerStatement
+    band: Sensitivity
+    device_holm: float = float("nan")
+    block_holm: float = float("nan")
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        made = replace(self.made, value=0.0).to_dict()
+        del made["value"]
+        simple = {
+            k: getattr(self, k)
+            for k in ("task", "metric", "medians", "thesis_medians", "device_holm", "block_holm")
+        }
+        parts = (
+            "device",
+            "block",
+            "effect",
+            "crossover",
+            "mixed",
+            "bayes",
+            "power",
+            "family_power",
+        )
+        return (
+            simple
+            | {k: None if (v := getattr(self, k)) is None else v.to_dict() for k in parts}
+            | {"made": made, "values": self.values.tolist(), "band": vars(self.band)}
+            | {"notes": list(self.notes)}
+            | {"published": printed(self.task, self.metric)}
+        )
+
+
+@dataclass(frozen=True)
+class InteractionAnalysis:
+    """A folder's answer."""
+
+    folder: str
+    simulated: bool
+    people: tuple[str, ...]
+    left_out: tuple[str, ...]
+    comparisons: tuple[ElementComparison, ...]
+    survey: Survey | None
+    comments: Comments | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "folder": self.folder,
+            "simulated": self.simulated,
+            "people": list(self.people),
+            "left_out": list(self.left_out),
+            "comparisons": [c.to_dict() for c in self.comparisons],
+            "survey": None if self.survey is None else self.survey.to_dict(),
+            "comments": None if self.comments is None else self.comments.to_dict(),
+            "published": {
+                "table_6_2": reread(TABLE_6_2),
+                "table_6_3": reread(TABLE_6_3),
+                "ten_people_could_have_seen_dz": could_have_seen(),
+                "cannot_be_recomputed": list(CANNOT),
+            },
+        }
+
+
+def printed(task: str, metric: str) -> dict[str, Any] | None:
+    """The published rows of a task and metric, if there are any."""
+    if task not in TASKS or metric not in METRICS:
+        return None
+    return {
+        "inter_block": vars(published(TABLE_6_2, task, metric)),
+        "inter_device": vars(published(TABLE_6_3, task, metric)),
+    }
+
+
+def analyse_interaction(folder: Path) -> InteractionAnalysis:
+    """Everything that a folder of recordings answers."""
+    found = read_recordings(folder)
+    try:
+        comparisons = [c for t in found.tasks for c in _comparisons(found, t)]
+    except (NoAnswerError, NoStatisticError) as error:
+        raise UserError(f"{folder.name}: {error.what}", error.fix) from None
+    device = holm([c.device.p for c in comparisons])
+    block = holm([c.block.p for c in comparisons])
+    manifest = found.manifest
+    return InteractionAnalysis(
+        folder.name,
+        manifest.simulated,
+        tuple(sorted({p for t in found.tasks for p in t.people})),
+        found.left_out,
+        tuple(
+            replace(c, device_holm=float(d), block_holm=float(b))
+            for c, d, b in zip(comparisons, device, block, strict=True)
+        ),
+        read_survey(folder / manifest.survey) if manifest.survey else None,
+        read_comments(folder / manifest.comments) if manifest.comments else None,
+    )
+
+
+def _comparisons(found: Recordings, task: TaskRecordings) -> list[ElementComparison]:
+    if len(task.people) < 2:
+        raise UserError(
+            f"{task.task}: {len(task.people)} person with both elements.", "At least 2."
+        )
+    chains = Chains(task.theta_deg, task.fs_Hz, found.manifest.last_s)
+    family = len(FAMILY) * len(found.tasks)
+    return [_compare(task, chains, m, found.manifest.stop_Hz, family) for m in FAMILY]
+
+
+def _compare(
+    task: TaskRecordings, chains: Chains, metric: Metric, stop_Hz: float, family: int
+) -> ElementComparison:
+    made = chains.result(metric, stop_Hz)
+    values = chains.values(metric, stop_Hz)
+    spring, elastomer = values.T
+    springs_first = np.array([FIRST[g] == ELEMENTS[0] for g in task.groups])
+    one = np.where(springs_first, spring, elastomer)
+    two = np.where(springs_first, elastomer, spring)
+    effect = standardised_difference(spring, elastomer)
+    notes = []
+    parts: list[Any] = []
+    firsts = [FIRST[g] for g in task.groups]
+    seconds = [ELEMENTS[1 - ELEMENTS.index(e)] for e in firsts]
+    for name, run in (
+        ("cross-over", lambda: crossover(one, two, firsts, ELEMENTS)),
+        (
+            "mixed model",
+            lambda: mixed_model(
+                np.concatenate([one, two]),
+                task.people * 2,
+                firsts + seconds,
+                [1] * len(one) + [2] * len(two),
+                ELEMENTS,
+            ),
+        ),
+    ):
+        try:
+            parts.append(run())
+        except NoStatisticError as error:
+            parts.append(None)
+            notes.append(f"{name}: {error}")
+    n = len(task.people)
+    return ElementComparison(
+        task.task,
+        metric.name,
+        made,
+        values,
+        _medians(spring, elastomer, one, two),
+        _thesis_medians(chains, metric, stop_Hz, springs_first),
+        signed_rank(spring, elastomer),
+        signed_rank(one, two),
+        effect,
+        parts[0],
+        parts[1],
+        bayes_paired(spring, elastomer),
+        power_statement(n, effect.sd),
+        power_statement(n, effect.sd, alpha=0.05 / family),
+        _sensitivity(chains, metric),
+        notes=tuple(notes),
+    )
+
+
+def _medians(spring: Array, elastomer: Array, one: Array, two: Array) -> dict[str, float]:
+    named = {"spring": spring, "elastomer": elastomer, "block_1": one, "block_2": two}
+    return {k: float(np.median(v)) for k, v in named.items()}
+
+
+def _thesis_medians(
+    chains: Chains, metric: Metric, stop_Hz: float, springs_first: npt.NDArray[np.bool_]
+) -> dict[str, float]:
+    spring, elastomer = chains.values(as_published(metric), stop_Hz).T
+    one = np.where(springs_first, spring, elastomer)
+    return _medians(spring, elastomer, one, np.where(springs_first, elastomer, spring))
+
+
+def _sensitivity(chains: Chains, metric: Metric) -> Sensitivity:
+    seen, refused = [], []
+    for settings in settings_grid(metric):
+        try:
+            spring, elastomer = chains.values(metric, **settings).T
+            p = signed_rank(spring, elastomer).p
+        except (NoAnswerError, NoStatisticError) as error:
+            refused.append(f"{', '.join(f'{k} {v:g}' for k, v in settings.items())}: {error}")
+            continue
+        seen.append((float(np.median(spring)), float(np.median(elastomer)), p))
+    if not seen:
+        raise UserError(f"{metric.name}: {refused[0]}", "Look at the recordings.")
+    ends = [(min(column), max(column)) for column in zip(*seen, strict=True)]
+    return Sensitivity(ends[0], ends[1], ends[2], len(seen), tuple(refused))

@@ -1,0 +1,149 @@
+"""Open comments by theme and tone, coded by two people who do not see each other's codes.
+
+Columns of the CSV: comment, element, coder, theme, tone.  A comment may have several themes: one
+row each.  Themes and tones are words; tones: positive, negative, neutral.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.errors import UserError
+from esea_host.interaction.design import ELEMENTS, read_table
+from esea_host.statistics import Agreement, NoStatisticError, cohens_kappa
+
+TONES = ("positive", "negative", "neutral")
+
+
+@dataclass(frozen=True)
+class Comments:
+    """Counts by element, theme and tone, and how far the two coders agree.
+
+    theme_agreement: Cohen's kappa of each theme, given or not, over all comments; tone_agreement:
+    over comments and themes that both gave.  None where chance explains all agreement.
+    disagreed: comments that the coders have to talk about.
+    """
+
+    coders: tuple[str, str]
+    comments: int
+    counts: dict[str, dict[str, dict[str, dict[str, int]]]]
+    theme_agreement: dict[str, Agreement | None]
+    tone_agreement: Agreement | None
+    disagreed: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "coders": list(self.coders),
+            "comments": self.comments,
+            "counts": self.counts,
+            "theme_agreement": {
+                k: None if a is None else a.to_dict() for k, a in self.theme_agreement.items()
+            },
+            "tone_agreement": None
+            if self.tone_agreement is None
+            else self.tone_agreement.to_dict(),
+            "disagreed": list(self.disagreed),
+        }
+
+    def lines(self) -> list[str]:
+        """For a terminal."""
+        out = [f"{self.comments} comments, coded by {' and '.join(self.coders)}"]
+        for theme, found in self.theme_agreement.items():
+            out.append(f"  {theme:18s} kappa {_said(found)}")
+        out.append(f"  {'tone':18s} kappa {_said(self.tone_agreement)}")
+        if self.disagreed:
+            out.append(f"  to talk about: {', '.join(self.disagreed)}")
+        return out
+
+
+def _said(found: Agreement | None) -> str:
+    if found is None:
+        return "none: both give one code only"
+    return f"{found.kappa:.2f} ({found.low:.2f} to {found.high:.2f}), {found.n} items"
+
+
+def read_comments(path: Path) -> Comments:
+    """Coded comments from their CSV file."""
+    codes: dict[str, dict[tuple[str, str], str]] = {}
+    elements: dict[str, str] = {}
+    for number, row in enumerate(
+        read_table(path, ("comment", "element", "coder", "theme", "tone")), 2
+    ):
+        where = f"{path.name}, row {number}"
+        comment, element, theme, tone = (row[k] for k in ("comment", "element", "theme", "tone"))
+        if element not in ELEMENTS or tone not in TONES or not theme:
+            raise UserError(
+                f"{where}: element {element!r}, theme {theme!r}, tone {tone!r}.",
+                f"Elements: {', '.join(ELEMENTS)}.  Tones: {', '.join(TONES)}.",
+            )
+        if elements.setdefault(comment, element) != element:
+            raise UserError(
+                f"{where}: comment {comment} is about two elements.", "Split it in two."
+            )
+        given = codes.setdefault(row["coder"], {})
+        if (comment, theme) in given:
+            raise UserError(f"{where}: {comment} has the theme {theme} twice.", "Once a coder.")
+        given[comment, theme] = tone
+    if len(codes) != 2:
+        raise UserError(f"{path.name}: {len(codes)} coders.", "Two, who code the same comments.")
+    one, other = codes.values()
+    missing = {c for c, _ in one} ^ {c for c, _ in other}
+    if missing:
+        raise UserError(
+            f"{path.name}: only one coder has {', '.join(sorted(missing))}.",
+            "Both code all of them.",
+        )
+    return _compared((*codes,), one, other, elements)
+
+
+def _compared(
+    coders: tuple[str, ...],
+    one: dict[tuple[str, str], str],
+    other: dict[tuple[str, str], str],
+    elements: dict[str, str],
+) -> Comments:
+    themes = sorted({theme for _, theme in (*one, *other)})
+    both = sorted(one.keys() & other.keys())
+    counts = {
+        coder: {
+            element: {
+                theme: {
+                    tone: sum(
+                        elements[c] == element and (t, v) == (theme, tone)
+                        for (c, t), v in given.items()
+                    )
+                    for tone in TONES
+                }
+                for theme in themes
+            }
+            for element in ELEMENTS
+        }
+        for coder, given in zip(coders, (one, other), strict=True)
+    }
+    differing = {c for c, _ in one.keys() ^ other.keys()} | {
+        c for c, t in both if one[c, t] != other[c, t]
+    }
+    return Comments(
+        (coders[0], coders[1]),
+        len(elements),
+        counts,
+        {
+            theme: _kappa(
+                [str((c, theme) in one) for c in elements],
+                [str((c, theme) in other) for c in elements],
+            )
+            for theme in themes
+        },
+        _kappa([one[k] for k in both], [other[k] for k in both]),
+        tuple(sorted(differing)),
+    )
+
+
+def _kappa(one: list[str], other: list[str]) -> Agreement | None:
+    try:
+        return cohens_kappa(one, other)
+    except NoStatisticError:
+        return None

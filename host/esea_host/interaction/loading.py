@@ -1,0 +1,244 @@
+"""Loading curves of a compliant element: branches found, stiffness with interval, hysteresis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
+from scipy.signal import find_peaks
+from scipy.stats import t as student
+
+from esea_gen.errors import UserError
+
+Array = npt.NDArray[np.float64]
+
+# An extreme rises above what lies round it by this share of the range: no tremor of a hand does.
+PROMINENCE = 0.25
+
+
+@dataclass(frozen=True)
+class LoadingProtocol:
+    """How the published curves were driven: 10 deg, 0.01 Hz, three cycles."""
+
+    amplitude_rad: float = float(np.deg2rad(10.0))
+    frequency_Hz: float = 0.01
+    cycles: int = 3
+
+    def motion(self, fs_Hz: float) -> tuple[Array, Array, Array]:
+        """Times, angle and rate half a step earlier, as the sensor of a device takes them."""
+        if not (self.amplitude_rad > 0 and self.frequency_Hz > 0 and self.cycles >= 1):
+            raise UserError(f"{self} has no motion.", "Give more than 0.")
+        if fs_Hz < 20 * self.frequency_Hz:
+            raise UserError(
+                f"{fs_Hz:g} Hz for a sine of {self.frequency_Hz:g} Hz.", "20 samples a cycle."
+            )
+        w, step = 2 * np.pi * self.frequency_Hz, 1 / fs_Hz
+        time = np.arange(round(self.cycles / self.frequency_Hz * fs_Hz) + 1) * step
+        angle = np.asarray(self.amplitude_rad * np.sin(w * time))
+        rate = np.asarray(self.amplitude_rad * w * np.cos(w * (time - step / 2)))
+        return np.asarray(time), angle, rate
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Samples ``start`` to ``stop`` (not included): loading, from rest to an extreme.
+
+    first: from the start of the record, before the element was ever bent.
+    """
+
+    start: int
+    stop: int
+    positive: bool
+    first: bool
+
+
+@dataclass(frozen=True)
+class LoadingCurve:
+    """What a loading curve says of an element.
+
+    stiffness_Nm_rad: slope of one straight line through all loading branches, the published way;
+    at_rest_Nm: that line at rest.  low, high: 95 % interval, the branches left out one by one.
+    between_Nm_rad: the slope when either direction has an offset of its own.  area_J: mean work
+    lost in a cycle; area_low_J, area_high_J: 95 % interval over the cycles, None with fewer than
+    two.  loss_factor: area over pi times stiffness times amplitude squared.
+    """
+
+    branches: tuple[Branch, ...]
+    stiffness_Nm_rad: float
+    at_rest_Nm: float
+    low_Nm_rad: float
+    high_Nm_rad: float
+    between_Nm_rad: float
+    offset_Nm: float
+    amplitude_rad: float
+    areas_J: tuple[float, ...]
+    area_low_J: float | None
+    area_high_J: float | None
+    loss_factor: float
+
+    @property
+    def stiffness_Nm_deg(self) -> float:
+        """In the unit of the published values."""
+        return self.stiffness_Nm_rad * np.pi / 180
+
+    @property
+    def area_J(self) -> float:
+        """Mean over the cycles."""
+        return float(np.mean(self.areas_J))
+
+    def line_Nm(self, theta_rad: ArrayLike) -> Array:
+        """The straight line through the loading branches."""
+        return self.at_rest_Nm + self.stiffness_Nm_rad * np.asarray(theta_rad, dtype=np.float64)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        out: dict[str, Any] = {k: v for k, v in vars(self).items() if k != "branches"}
+        out |= {"stiffness_Nm_deg": self.stiffness_Nm_deg, "area_J": self.area_J}
+        out["branches"] = [dict(vars(b)) for b in self.branches]
+        return out
+
+    def lines(self) -> list[str]:
+        """For a terminal."""
+        k, low, high, between = (
+            np.pi / 180 * v
+            for v in (
+                self.stiffness_Nm_rad,
+                self.low_Nm_rad,
+                self.high_Nm_rad,
+                self.between_Nm_rad,
+            )
+        )
+        cycles = f"{len(self.areas_J)} cycle{'s' if len(self.areas_J) > 1 else ''}"
+        spread = (
+            ""
+            if self.area_low_J is None
+            else f" ({1e3 * self.area_low_J:.4g} to {1e3 * (self.area_high_J or 0):.4g})"
+        )
+        return [
+            f"loading stiffness   {k:.4f} Nm/deg, 95 % {low:.4f} to {high:.4f}, "
+            f"{len(self.branches)} branches",
+            f"  with an offset for each direction {between:.4f} Nm/deg",
+            f"hysteresis          {1e3 * self.area_J:.4g} mJ a cycle{spread}, {cycles}, "
+            f"loss factor {self.loss_factor:.3f}",
+        ]
+
+
+def loading_branches(theta_rad: ArrayLike, rest_rad: float = 0.0) -> tuple[Branch, ...]:
+    """Loading branches of a record: from the last passage through rest to each extreme."""
+    theta = _finite(theta_rad, "theta_rad") - rest_rad
+    extremes = _extremes(theta)
+    found, last = [], 0
+    for at in extremes:
+        side = theta[at] > 0
+        # Where it was on the other side for the last time; at the very start it was at rest.
+        before = np.flatnonzero((theta[last:at] > 0) != side)
+        start = last + int(before[-1]) + 1 if len(before) else last
+        # Between two extremes of one side nothing was unloaded to rest.
+        if last == 0 or len(before):
+            found.append(Branch(start, int(at) + 1, bool(side), last == 0))
+        last = int(at)
+    return tuple(b for b in found if b.stop - b.start >= 5)
+
+
+def _finite(values: ArrayLike, name: str) -> Array:
+    found = np.asarray(values, dtype=np.float64)
+    if found.ndim != 1 or len(found) < 20 or not np.isfinite(found).all():
+        raise UserError(
+            f"{name}: {found.shape} samples, {int(np.sum(~np.isfinite(found)))} of them missing.",
+            "Give one column of at least 20 numbers, without gaps.",
+        )
+    return found
+
+
+def _extremes(theta: Array) -> list[int]:
+    reach = float(np.ptp(theta))
+    if reach <= 0:
+        raise UserError("The angle never changes.", "Record whole cycles of loading.")
+    # The record's ends count as well where they are extremes: a level beyond on either side.
+    padded = np.concatenate([[0.0], theta, [0.0]])
+    up, _ = find_peaks(padded, prominence=PROMINENCE * reach, height=PROMINENCE * reach)
+    down, _ = find_peaks(-padded, prominence=PROMINENCE * reach, height=PROMINENCE * reach)
+    found = sorted(int(i) - 1 for i in (*up, *down))
+    if len(found) < 2:
+        raise UserError(
+            f"{len(found)} extremes on either side of rest.",
+            "Record at least one whole cycle; --rest sets the angle at rest.",
+        )
+    return found
+
+
+def analyse_loading(
+    theta_rad: ArrayLike, tau_Nm: ArrayLike, *, rest_rad: float = 0.0, skip_first: bool = False
+) -> LoadingCurve:
+    """Loading stiffness and hysteresis of a torque-displacement record; skip_first: see Branch."""
+    theta = _finite(theta_rad, "theta_rad") - rest_rad
+    tau = _finite(tau_Nm, "tau_Nm")
+    if theta.shape != tau.shape:
+        raise UserError(f"{len(theta)} angles and {len(tau)} torques.", "Give one torque an angle.")
+    branches = [b for b in loading_branches(theta) if not (skip_first and b.first)]
+    if len({b.positive for b in branches}) < 2 or len(branches) < 3:
+        raise UserError(
+            f"{len(branches)} loading branches.",
+            "At least 3, on both sides of rest, for an interval.",
+        )
+    pieces = [(theta[b.start : b.stop], tau[b.start : b.stop]) for b in branches]
+    whole, at_rest = _line(pieces)
+    # The samples of one branch hang together; the branches are what was repeated.
+    n = len(pieces)
+    left = np.array([_line(pieces[:i] + pieces[i + 1 :])[0] for i in range(n)])
+    se = float(np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2)))
+    half = float(student.isf(0.025, n - 1)) * se
+    between, offset = _slope_with_offsets(pieces)
+    extremes = _extremes(theta)
+    areas = _areas(theta, tau, extremes)
+    low, high = _interval(areas)
+    amplitude = float(np.mean(np.abs(theta[extremes])))
+    return LoadingCurve(
+        tuple(branches),
+        whole,
+        at_rest,
+        whole - half,
+        whole + half,
+        between,
+        offset,
+        amplitude,
+        areas,
+        low,
+        high,
+        float(np.mean(areas)) / (np.pi * whole * amplitude**2),
+    )
+
+
+def _line(pieces: list[tuple[Array, Array]]) -> tuple[float, float]:
+    x, y = (np.concatenate(v) for v in zip(*pieces, strict=True))
+    slope, offset = np.polyfit(x, y, 1)
+    return float(slope), float(offset)
+
+
+def _slope_with_offsets(pieces: list[tuple[Array, Array]]) -> tuple[float, float]:
+    x, y = (np.concatenate(v) for v in zip(*pieces, strict=True))
+    columns = np.column_stack([x, np.ones(len(x)), np.where(x > 0, 1.0, -1.0)])
+    slope, _, offset = np.linalg.lstsq(columns, y, rcond=None)[0]
+    return float(slope), float(offset)
+
+
+def _areas(theta: Array, tau: Array, extremes: list[int]) -> tuple[float, ...]:
+    tops = [i for i in extremes if theta[i] > 0]
+    bottoms = [i for i in extremes if theta[i] <= 0]
+    side = tops if len(tops) >= len(bottoms) else bottoms
+    found = tuple(float(np.trapezoid(tau[a : b + 1], theta[a : b + 1])) for a, b in pairwise(side))
+    if not found:
+        raise UserError("No whole cycle from extreme to extreme.", "Record at least two cycles.")
+    return found
+
+
+def _interval(values: tuple[float, ...]) -> tuple[float | None, float | None]:
+    n = len(values)
+    if n < 2:
+        return None, None
+    half = float(student.isf(0.025, n - 1) * np.std(values, ddof=1) / np.sqrt(n))
+    return float(np.mean(values)) - half, float(np.mean(values)) + half

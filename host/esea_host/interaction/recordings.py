@@ -1,0 +1,203 @@
+"""A folder of recordings, as any rig can write it: a manifest and one CSV file a recording.
+
+``interaction.toml``::
+
+    simulated = false
+    last_s = 45.0
+    stop_Hz = 4.0
+    survey = "survey.csv"        # optional
+    comments = "comments.csv"    # optional
+
+    [[recording]]
+    file = "p01_1_tracking.csv"
+    participant = "p01"
+    group = "A"                  # A: spring first, B: elastomer first
+    block = 1
+    element = "spring"
+    task = "tracking"
+
+A recording has the columns ``time_s`` and ``theta_rad`` or ``theta_deg`` at a steady rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from esea_gen.errors import UserError
+from esea_gen.toml_file import checked, parse_toml, read_text
+from esea_host.interaction.design import element_of
+from esea_host.smoothness import NoAnswerError
+from esea_host.smoothness.checks import checked_rate, rows
+
+Array = npt.NDArray[np.float64]
+MANIFEST = "interaction.toml"
+# Kept before the analysed part, for the filter to settle.
+SETTLE_S = 3.0
+
+
+class RecordingEntry(BaseModel):
+    """One recording of the manifest."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    file: str
+    participant: str = Field(min_length=1)
+    group: Literal["A", "B"]
+    block: Literal[1, 2]
+    element: Literal["spring", "elastomer"]
+    task: str = Field(min_length=1)
+
+
+class Manifest(BaseModel):
+    """What is in the folder, and how it is to be analysed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    simulated: bool
+    recording: tuple[RecordingEntry, ...] = Field(min_length=1)
+    last_s: float = Field(default=45.0, gt=0)
+    stop_Hz: float = Field(default=4.0, gt=0)
+    survey: str | None = None
+    comments: str | None = None
+
+
+@dataclass(frozen=True)
+class TaskRecordings:
+    """All complete recordings of a task: angles in degrees, shape (people, 2, samples).
+
+    The second axis is spring, elastomer.  groups: A or B, one a person.
+    """
+
+    task: str
+    people: tuple[str, ...]
+    groups: tuple[str, ...]
+    theta_deg: Array
+    fs_Hz: float
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """A folder, read.  left_out: people without both elements in a task."""
+
+    folder: Path
+    manifest: Manifest
+    tasks: tuple[TaskRecordings, ...]
+    left_out: tuple[str, ...]
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest, checked against the cross-over's design."""
+    path = folder / MANIFEST
+    text = read_text(path, f"Give a folder with {MANIFEST}; see the page on interaction quality.")
+    document = parse_toml(text, path.name, "the page on interaction quality")
+    manifest = checked(Manifest, document, path.name, lambda _: None)
+    seen: dict[tuple[str, str, int], str] = {}
+    groups: dict[str, str] = {}
+    for e in manifest.recording:
+        if groups.setdefault(e.participant, e.group) != e.group:
+            raise UserError(f"{path.name}: {e.participant} is in two groups.", "Correct one.")
+    for e in manifest.recording:
+        if e.element != element_of(e.group, e.block):
+            raise UserError(
+                f"{path.name}: {e.file}: group {e.group} has the {element_of(e.group, e.block)} in "
+                f"block {e.block}, not the {e.element}.",
+                "Correct group, block or element.",
+            )
+        other = seen.setdefault((e.participant, e.task, e.block), e.file)
+        if other != e.file or sum(x == e for x in manifest.recording) > 1:
+            raise UserError(
+                f"{path.name}: {other} and {e.file} are the same person, task and block.",
+                "Keep the valid one.",
+            )
+    return manifest
+
+
+def read_angle(path: Path) -> tuple[Array, Array]:
+    """Times and angle in degrees of a recording."""
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path.name}: {error}.", "Give a CSV file with a header.") from None
+    angle = next((c for c in ("theta_deg", "theta_rad") if c in table), None)
+    if "time_s" not in table or angle is None:
+        raise UserError(
+            f"{path.name}: columns {', '.join(map(str, table.columns))}.",
+            "It needs time_s and theta_rad or theta_deg.",
+        )
+    try:
+        time, theta = table["time_s"].to_numpy(np.float64), table[angle].to_numpy(np.float64)
+    except ValueError as error:
+        raise UserError(f"{path.name}: {error}.", "Give numbers.") from None
+    return time, np.rad2deg(theta) if angle == "theta_rad" else theta
+
+
+def rate_of(time_s: Array) -> float:
+    """Mean sampling rate, to six digits, for times are printed with a few only."""
+    step = (time_s[-1] - time_s[0]) / (len(time_s) - 1) if len(time_s) > 1 else 0.0
+    return checked_rate(float(f"{1 / step:.6g}") if step > 0 else 0.0)
+
+
+def steady_angle(path: Path) -> tuple[Array, float]:
+    """Angle in degrees and sampling rate; a gap in time or a missing sample is refused."""
+    time, theta = read_angle(path)
+    try:
+        fs_Hz = rate_of(time)
+        rows(theta, "The angle", fs_Hz, time)
+    except NoAnswerError as error:
+        raise UserError(f"{path.name}: {error.what}", error.fix) from None
+    return theta, fs_Hz
+
+
+def read_recordings(folder: Path) -> Recordings:
+    """Manifest and all recordings; of each the analysed part with room for the filter."""
+    manifest = read_manifest(folder)
+    tasks, left_out = [], []
+    for task in sorted({e.task for e in manifest.recording}):
+        entries = [e for e in manifest.recording if e.task == task]
+        people = sorted({e.participant for e in entries})
+        both = [p for p in people if sum(e.participant == p for e in entries) == 2]
+        left_out += [f"{p} ({task})" for p in people if p not in both]
+        if both:
+            tasks.append(
+                _stacked(folder, manifest, task, [e for e in entries if e.participant in both])
+            )
+    if not tasks:
+        raise UserError(
+            f"{folder}: nobody has both elements in any task.", "Add the missing recordings."
+        )
+    return Recordings(folder, manifest, tuple(tasks), tuple(left_out))
+
+
+def _stacked(
+    folder: Path, manifest: Manifest, task: str, entries: list[RecordingEntry]
+) -> TaskRecordings:
+    people = sorted({e.participant for e in entries})
+    groups = {e.participant: e.group for e in entries}
+    angles: dict[tuple[str, str], Array] = {}
+    rates = {}
+    for e in entries:
+        angles[e.participant, e.element], rates[e.file] = steady_angle(folder / e.file)
+    rate = next(iter(rates.values()))
+    odd = [f for f, r in rates.items() if abs(r / rate - 1) > 1e-3]
+    if odd:
+        raise UserError(
+            f"{odd[0]}: {rates[odd[0]]:g} Hz, the others {rate:g} Hz.",
+            "The metrics depend on the rate: resample knowingly.",
+        )
+    shortest = min(len(a) for a in angles.values())
+    if shortest < manifest.last_s * rate:
+        raise UserError(
+            f"{folder.name}: a recording of {task} has {shortest / rate:.1f} s.",
+            f"The last {manifest.last_s:g} s are analysed; set last_s, or leave the person out.",
+        )
+    kept = min(shortest, round((manifest.last_s + SETTLE_S) * rate))
+    stack = [[angles[p, e][-kept:] for e in ("spring", "elastomer")] for p in people]
+    return TaskRecordings(
+        task, tuple(people), tuple(groups[p] for p in people), np.array(stack), rate
+    )

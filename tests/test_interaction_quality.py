@@ -1,0 +1,715 @@
+"""Interaction quality: loading curves, elements, survey, recordings to an answer, tasks."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+import tomllib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from esea_gen.errors import UserError
+from esea_host.cli import main
+from esea_host.interaction import analysis, tasks
+from esea_host.interaction.analysis import analyse_interaction
+from esea_host.interaction.comments import read_comments
+from esea_host.interaction.design import element_of
+from esea_host.interaction.elements import (
+    ELEMENTS,
+    PUBLISHED_NM_DEG,
+    element_device,
+    element_file,
+    simulated_loading,
+)
+from esea_host.interaction.loading import (
+    LoadingProtocol,
+    analyse_loading,
+    loading_branches,
+)
+from esea_host.interaction.page import number, render_report
+from esea_host.interaction.published import (
+    COMMENTS,
+    TABLE_6_2,
+    TABLE_6_3,
+    TABLE_6_4,
+    TABLE_6_5,
+    could_have_seen,
+    kurtosis_of_the_printed,
+    reread,
+)
+from esea_host.interaction.recordings import read_manifest
+from esea_host.interaction.survey import (
+    answer,
+    diverging_bars,
+    read_survey,
+    spring_against_elastomer,
+)
+from esea_host.interaction.words import lines
+
+DEG = np.pi / 180
+
+
+def command(monkeypatch, capsys, *arguments):
+    """Exit code, what was shown, what was said on the error channel."""
+    monkeypatch.setattr("sys.argv", ["esea-host", *map(str, arguments)])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    shown = capsys.readouterr()
+    return caught.value.code or 0, shown.out, shown.err
+
+
+# -- loading curves -------------------------------------------------------------------------------
+
+
+def driven(cycles=3, fs_Hz=200.0, friction_Nm=0.05, k=2.8, tremor=0.0, seed=0):
+    """A spring with Coulomb friction: area and slopes are known."""
+    t = np.arange(round(cycles / 0.05 * fs_Hz) + 1) / fs_Hz
+    theta = 10 * DEG * np.sin(2 * np.pi * 0.05 * t)
+    tau = k * theta + friction_Nm * np.sign(np.cos(2 * np.pi * 0.05 * t))
+    noise = np.random.default_rng(seed).normal(0, 1, (2, len(t)))
+    return theta + tremor * DEG * noise[0], tau + tremor * 0.02 * noise[1]
+
+
+def test_loading_branches_are_those_where_the_deflection_grows():
+    theta, _ = driven()
+    found = loading_branches(theta)
+    assert [b.positive for b in found] == [True, False] * 3
+    assert [b.first for b in found] == [True] + [False] * 5
+    loading = np.zeros(len(theta), dtype=bool)
+    for b in found:
+        loading[b.start : b.stop] = True
+    t = np.arange(len(theta)) / 200
+    growing = np.sin(2 * np.pi * 0.05 * t) * np.cos(2 * np.pi * 0.05 * t) > 1e-3
+    assert loading[growing].all()
+    assert np.mean(loading[~growing]) < 0.01
+
+
+@pytest.mark.parametrize("tremor", [0.0, 0.3])
+def test_stiffness_and_hysteresis_of_a_spring_with_friction(tremor):
+    """A hand's tremor of 0.3 deg changes neither; the area of a cycle is 4 friction amplitude."""
+    theta, tau = driven(cycles=4, tremor=tremor)
+    found = analyse_loading(theta, tau)
+    assert len(found.branches) == 8
+    assert found.between_Nm_rad == pytest.approx(2.8, rel=5e-3)
+    # One line over both sides takes part of the step of friction as slope: with the angle's
+    # moments over a quarter sine, 2/pi A and A^2/2, k + friction 2/pi A / (A^2/2).
+    expected = 2.8 + 0.05 * (2 / np.pi) / (10 * DEG / 2)
+    assert found.stiffness_Nm_rad == pytest.approx(expected, rel=1e-2)
+    assert found.area_J == pytest.approx(4 * 0.05 * 10 * DEG, rel=2e-2)
+    assert len(found.areas_J) == 3
+    assert found.area_low_J <= found.area_J <= found.area_high_J
+    assert found.loss_factor == pytest.approx(
+        found.area_J / (np.pi * found.stiffness_Nm_rad * (10 * DEG) ** 2), rel=0.15
+    )
+
+
+def test_the_interval_is_of_the_branches_not_of_the_samples():
+    """Branches that differ widen it; more samples of the same branches do not narrow it."""
+    theta, tau = driven(cycles=4, friction_Nm=0.0)
+    period = int(200 / 0.05)
+    gain = 1 + 0.05 * np.random.default_rng(1).normal(size=8)
+    uneven = tau * np.repeat(gain, period // 2 + 1)[: len(tau)]
+    even = analyse_loading(theta, tau)
+    found = analyse_loading(theta, uneven)
+    assert even.high_Nm_rad - even.low_Nm_rad < 1e-6
+    width = found.high_Nm_rad - found.low_Nm_rad
+    assert width == pytest.approx(2 * 2.36 * 2.8 * np.std(gain, ddof=1) / math.sqrt(8), rel=0.4)
+    twice = analyse_loading(np.repeat(theta, 2), np.repeat(uneven, 2))
+    assert twice.high_Nm_rad - twice.low_Nm_rad == pytest.approx(width, rel=0.02)
+
+
+def test_an_angle_at_rest_other_than_zero():
+    theta, tau = driven()
+    shifted = analyse_loading(theta + 0.3, tau, rest_rad=0.3)
+    assert shifted.stiffness_Nm_rad == pytest.approx(analyse_loading(theta, tau).stiffness_Nm_rad)
+    later = analyse_loading(theta, tau, skip_first=True)
+    assert len(later.branches) == 5
+
+
+@pytest.mark.parametrize(
+    ("theta", "tau", "words"),
+    [
+        (np.zeros(100), np.zeros(100), "never changes"),
+        (np.linspace(0, 1, 100), np.linspace(0, 1, 100), "extremes"),
+        (np.full(100, np.nan), np.zeros(100), "missing"),
+        (np.sin(np.linspace(0, 12, 300)), np.zeros(200), "200 torques"),
+        (np.zeros(5), np.zeros(5), "at least 20"),
+        (np.sin(np.linspace(0, 4.5, 100)), np.zeros(100), "loading branches"),
+    ],
+)
+def test_curves_that_say_nothing(theta, tau, words):
+    with pytest.raises(UserError, match=words):
+        analyse_loading(theta, tau)
+
+
+def test_the_protocol_is_the_published_one():
+    time, theta, omega = LoadingProtocol().motion(100.0)
+    assert time[-1] == pytest.approx(300.0)
+    assert theta.max() == pytest.approx(10 * DEG)
+    middle = (theta[1:] - theta[:-1]) * 100
+    assert omega[1:] == pytest.approx(middle, abs=1e-9)
+    with pytest.raises(UserError, match="20 samples"):
+        LoadingProtocol().motion(0.1)
+
+
+# -- spring and elastomer as devices --------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def curves():
+    quick = LoadingProtocol(frequency_Hz=0.1, cycles=2)
+    return {e: simulated_loading(element_device(e), quick) for e in ELEMENTS}
+
+
+def test_the_ideal_springs_have_their_stiffness_and_lose_nothing(curves):
+    assert curves["spring"].stiffness_Nm_deg == pytest.approx(PUBLISHED_NM_DEG["spring"], rel=1e-6)
+    assert curves["equal"].stiffness_Nm_deg == pytest.approx(
+        PUBLISHED_NM_DEG["elastomer"], rel=1e-6
+    )
+    for e in ("spring", "equal"):
+        assert abs(curves[e].area_J) < 1e-12
+
+
+def test_the_elastomer_loses_and_stiffens_with_speed(curves):
+    """Ten times faster than the protocol it is a little stiffer than published, and lossy."""
+    found = curves["elastomer"]
+    assert 1.0 < found.stiffness_Nm_deg / PUBLISHED_NM_DEG["elastomer"] < 1.1
+    assert found.area_J > 5e-3
+
+
+@pytest.mark.slow
+def test_the_elastomers_stiffness_by_the_protocol():
+    found = simulated_loading(element_device("elastomer"))
+    assert found.stiffness_Nm_deg == pytest.approx(PUBLISHED_NM_DEG["elastomer"], rel=1e-4)
+    assert len(found.branches) == 6
+
+
+def test_the_device_files_say_what_is_assumed():
+    for e in ELEMENTS:
+        document = tomllib.loads(element_file(e).read_text(encoding="utf-8"))
+        assert document["extends"] == "elbow"
+        device = element_device(e)
+        assert device.name == f"rig_{e}"
+        values = dict(device.quantities())
+        assert all(q.source for q in values.values())
+
+
+# -- published ------------------------------------------------------------------------------------
+
+
+def test_the_published_tables_hang_together():
+    """Typed numbers: the kurtosis of the acceleration is that of motion (4.1 to 6.4)."""
+    assert len(TABLE_6_2) == len(TABLE_6_3) == 8
+    values = kurtosis_of_the_printed().values()
+    assert (min(values), max(values)) == (
+        pytest.approx(4.06, abs=0.01),
+        pytest.approx(6.43, abs=0.01),
+    )
+    # Table 6.5 has more themes than there are comments: some have two.
+    assert sum(sum(t) for pair in TABLE_6_5.values() for t in pair) == 33 > COMMENTS
+    # Means of ten answers are tenths.
+    assert all((10 * m) % 1 == pytest.approx(0) for m in map(abs, TABLE_6_4.values()))
+
+
+def test_what_follows_from_the_printed_p_values():
+    rows = {(r["task"], r["metric"]): r for r in reread(TABLE_6_3)}
+    vdv = rows["tracking", "VDV"]
+    assert (vdv["rank_sum"], vdv["p_exact"]) == (2, 6 / 1024)
+    assert vdv["p_holm"] == pytest.approx(8 * 0.0059)
+    others = [r["p_holm"] for k, r in rows.items() if k != ("tracking", "VDV")]
+    assert min(others) > 0.3
+    # Only 0.065, which is 66/1024 = 0.06445 rounded twice, is no p of ten people.
+    odd = [r for t in (TABLE_6_2, TABLE_6_3) for r in reread(t) if not r["as_printed"]]
+    assert [r["p"] for r in odd] == [0.065, 0.065]
+    assert could_have_seen()["one_test"] == pytest.approx(1.02, abs=0.02)
+    assert could_have_seen()["family_of_8"] == pytest.approx(1.53, abs=0.03)
+
+
+# -- survey and comments --------------------------------------------------------------------------
+
+
+def test_group_bs_sign_flips(tmp_path):
+    """Spring and elastomer said by hand: B's first device is the elastomer."""
+    path = tmp_path / "survey.csv"
+    path.write_text(
+        "participant,group,comfort,naturalness,control,effort\n"
+        "a,A,more,much less,0,-1\n"
+        "b,B,More,much_less,no different,1\n"
+        "c,B,-2,0,no difference,2\n"
+    )
+    found = read_survey(path)
+    answers = {q.name: q.answers for q in found.questions}
+    assert answers == {
+        "comfort": (1, -1, 2),
+        "naturalness": (-2, 2, 0),
+        "control": (0, 0, 0),
+        "effort": (-1, -1, -2),
+    }
+    control = found.questions[2]
+    assert (control.test, control.mean, control.p_holm) == (None, 0.0, 1.0)
+    assert found.questions[0].counts == (0, 1, 0, 1, 1)
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+@given(st.integers(-2, 2))
+def test_the_sign_is_the_groups(level):
+    assert spring_against_elastomer(level, "A") == level == -spring_against_elastomer(level, "B")
+    assert answer(str(level), "x") == level
+
+
+def test_the_published_means_can_be_drawn(tmp_path):
+    """Ten answers with the published means; the bars of a question span all ten people."""
+    path = tmp_path / "survey.csv"
+    levels = {"comfort": -2, "naturalness": -3, "control": -3, "effort": -2}
+    rows = ["participant,group,comfort,naturalness,control,effort"]
+    for i in range(10):
+        group = "AB"[i % 2]
+        said = [(-1 if i < -v else 0) * (1 if group == "A" else -1) for v in levels.values()]
+        rows.append(f"p{i},{group}," + ",".join(map(str, said)))
+    path.write_text("\n".join(rows) + "\n")
+    found = read_survey(path)
+    assert {q.name: q.mean for q in found.questions} == pytest.approx(TABLE_6_4)
+    axes = diverging_bars(found).axes[0]
+    widths = np.array([p.get_width() for p in axes.patches]).reshape(4, 5)
+    assert widths.sum(axis=1) == pytest.approx(10)
+    starts = np.array([p.get_x() for p in axes.patches]).reshape(4, 5)[:, 0]
+    # Less to the left: those of "no different" straddle zero.
+    assert starts == pytest.approx([-2 - 8 / 2, -3 - 7 / 2, -3 - 7 / 2, -2 - 8 / 2])
+
+
+def test_two_coders(tmp_path):
+    path = tmp_path / "comments.csv"
+    rows = ["comment,element,coder,theme,tone"]
+    for i in range(8):
+        element = "spring" if i < 4 else "elastomer"
+        rows.append(f"c{i},{element},one,{'smoothness' if i % 2 else 'linearity'},positive")
+        theme = "linearity" if i == 3 else ("smoothness" if i % 2 else "linearity")
+        rows.append(f"c{i},{element},two,{theme},{'negative' if i == 4 else 'positive'}")
+    path.write_text("\n".join(rows) + "\n")
+    found = read_comments(path)
+    assert found.comments == 8
+    # Smoothness: 4 and 3 of 8, 7 agree: (7/8 - 1/2) / (1 - 1/2).
+    assert found.theme_agreement["smoothness"].kappa == pytest.approx(0.75)
+    assert found.counts["one"]["spring"]["smoothness"]["positive"] == 2
+    assert found.counts["two"]["elastomer"]["linearity"]["negative"] == 1
+    assert found.disagreed == ("c3", "c4")
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+HEADER = "participant,group,comfort,naturalness,control,effort\n"
+CODED = "comment,element,coder,theme,tone\n"
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "words"),
+    [
+        (read_survey, HEADER + "a,A,5,0,0,0\n", "row 2, comfort: answer '5'"),
+        (read_survey, HEADER + "a,A,0.5,0,0,0\n", "answer '0.5'"),
+        (read_survey, HEADER + "a,C,0,0,0,0\n", "group 'C'"),
+        (read_survey, HEADER + "a,A,0,0,0,0\na,A,0,0,0,0\n", "row 3: participant 'a' again"),
+        (read_survey, HEADER + "a,A,,0,0,0\n", "answer ''"),
+        (read_survey, "participant,group\na,A\n", "no column comfort, naturalness"),
+        (read_survey, HEADER, "no rows"),
+        (read_comments, CODED + "c,rubber,one,t,positive\n", "element 'rubber'"),
+        (read_comments, CODED + "c,spring,one,t,positive\n", "1 coders"),
+        (
+            read_comments,
+            CODED + "c,spring,one,t,positive\nd,spring,two,t,positive\n",
+            "only one coder has c, d",
+        ),
+    ],
+)
+def test_tables_that_are_refused(tmp_path, read, text, words):
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(UserError, match=words):
+        read(path)
+
+
+# -- a folder of recordings -----------------------------------------------------------------------
+
+FS_HZ = 60.0
+
+
+def wrist(rng, wobble, duration_s=52.0):
+    """The tracked target and corrections on it, deg: simulated."""
+    t = np.arange(round(duration_s * FS_HZ)) / FS_HZ
+    theta = np.degrees(np.sum([0.04 * np.sin(2 * np.pi * f * t) for f in (0.1, 0.2, 0.4, 0.5)], 0))
+    for f in rng.uniform(0.8, 2.5, 8):
+        theta += 0.1 * wobble * np.sin(2 * np.pi * f * t + rng.uniform(0, 6))
+    return t, theta
+
+
+def write_folder(folder, people=8, spring=1.6, period=1.0, seed=3, tasks_=("tracking",)):
+    """Simulated people whose corrections are larger with the spring."""
+    rng = np.random.default_rng(seed)
+    folder.mkdir(exist_ok=True)
+    rows = ["simulated = true"]
+    for i in range(people):
+        group, skill = "AB"[i % 2], rng.lognormal(0, 0.2)
+        for block in (1, 2):
+            element = element_of(group, block)
+            for task in tasks_:
+                wobble = skill * (spring if element == "spring" else 1.0)
+                t, theta = wrist(rng, wobble * (period if block == 2 else 1.0))
+                name = f"p{i}_{block}_{task}.csv"
+                table = np.column_stack([t, np.deg2rad(theta)])
+                np.savetxt(
+                    folder / name, table, "%.9g", ",", header="time_s,theta_rad", comments=""
+                )
+                rows += [
+                    "[[recording]]",
+                    f'file = "{name}"\nparticipant = "p{i}"\ngroup = "{group}"\nblock = {block}',
+                    f'element = "{element}"\ntask = "{task}"',
+                ]
+    (folder / "interaction.toml").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("f") / "virtual")
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return analyse_interaction(folder)
+
+
+def test_an_effect_that_was_put_in_is_found(found):
+    """60 % larger corrections with the spring: all 8 people, p = 2/256."""
+    by_name = {c.metric: c for c in found.comparisons}
+    assert list(by_name) == ["RMS acceleration", "VDV", "LDLJ", "SPARC"]
+    rms = by_name["RMS acceleration"]
+    assert rms.device.p == pytest.approx(2 / 256)
+    assert rms.device.rank_biserial == 1
+    assert rms.device_holm == pytest.approx(4 * 2 / 256)
+    assert rms.medians["spring"] > rms.medians["elastomer"]
+    assert rms.crossover.treatment.estimate == pytest.approx(rms.effect.mean, rel=1e-9)
+    assert rms.mixed.treatment == pytest.approx(rms.effect.mean, rel=1e-6)
+    assert rms.crossover.period.p > 0.01
+    assert rms.bayes.probability_positive > 0.98
+    # Blocks hold the same numbers in another order.
+    assert rms.block.p > 0.1
+    values = np.sort(rms.values.ravel())
+    assert values[0] > 0
+
+
+def test_conventions_of_the_same_recordings(found):
+    """The thesis' VDV is ISO's times fs^(1/4); its LDLJ has the other sign, ranks alike."""
+    by_name = {c.metric: c for c in found.comparisons}
+    vdv, ldlj = by_name["VDV"], by_name["LDLJ"]
+    for k, value in vdv.medians.items():
+        assert vdv.thesis_medians[k] == pytest.approx(value * FS_HZ**0.25)
+    for k, value in ldlj.medians.items():
+        assert ldlj.thesis_medians[k] == pytest.approx(-value + math.log(45.0**2 * FS_HZ))
+    sparc = by_name["SPARC"]
+    assert sparc.made.cutoff_Hz == 4.0
+    assert sparc.thesis_medians["spring"] == pytest.approx(-sparc.medians["spring"])
+
+
+def test_settings_and_bands_stand_beside_each_number(found):
+    for c in found.comparisons:
+        made = c.to_dict()["made"]
+        assert (made["fs_Hz"], made["duration_s"]) == (FS_HZ, 45.0)
+        assert made["processing"]["stop_Hz"] == 4.0
+        assert (made["window"], "smoother" in made["sign"]) == ("rectangular", True)
+        assert "Chebyshev" in made["filter"]
+        assert c.band.spring[0] <= c.medians["spring"] <= c.band.spring[1]
+        assert c.band.p[0] <= c.device.p <= c.band.p[1]
+    assert {c.band.settings for c in found.comparisons} == {4, 36}
+
+
+def test_the_power_is_of_the_design_not_of_the_result(found):
+    """What 8 people see at 80 % is set by n; in units by the spread of the differences."""
+    for c in found.comparisons:
+        assert c.power.n == 8
+        assert c.power.dz == found.comparisons[0].power.dz
+        assert c.power.difference == pytest.approx(c.power.dz * c.effect.sd)
+        assert c.family_power.dz > c.power.dz
+        assert c.family_power.alpha == pytest.approx(0.05 / 4)
+
+
+def test_a_period_effect_is_no_effect_of_the_element(tmp_path):
+    """No element effect, 60 % larger corrections in block 2: seen as period, in either analysis."""
+    where = write_folder(tmp_path / "p", people=8, spring=1.0, period=1.6, seed=5)
+    rms = analyse_interaction(where).comparisons[0]
+    assert rms.block.p < 0.02
+    assert rms.device.p > 0.2
+    assert rms.crossover.period.p < 0.01
+    assert rms.crossover.treatment.p > 0.05
+
+
+def test_what_is_simulated_says_so(found):
+    text = "\n".join(lines(found))
+    assert "SIMULATED" in text
+    assert "published" in text
+    page = render_report(found)
+    assert "Simulated." in page
+    assert not re.search(r'(?:src|href)="(?:https?:)?//', page)
+    assert page.count("<svg") == 2
+    assert "0.0059" in page
+    measured = dataclasses.replace(found, simulated=False)
+    assert "SIMULATED" not in "\n".join(lines(measured))
+
+
+def test_numbers_for_people():
+    assert [number(x) for x in (1234.5, -0.5, None, math.nan, 0.00012)] == [
+        "1234",
+        "−0.5",
+        "-",
+        "-",
+        "0.00012",
+    ]
+
+
+def test_the_command(folder, tmp_path, monkeypatch, capsys):
+    answer_file, page = tmp_path / "a.json", tmp_path / "deep" / "r.html"
+    arguments = ("analyse", "interaction", folder, "--json", answer_file, "--report", page)
+    code, shown, error = command(monkeypatch, capsys, *arguments)
+    assert (code, error) == (0, "")
+    assert "tracking, VDV (iso2631; smaller is smoother)" in shown
+    content = json.loads(answer_file.read_text())
+    assert content["simulated"] is True
+    assert len(content["comparisons"]) == 4
+    assert content["published"]["ten_people_could_have_seen_dz"]["one_test"] > 1
+    assert page.read_text().startswith("<!doctype html>")
+
+
+def changed(folder, tmp_path, old, new, count=1):
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    for path in folder.iterdir():
+        (copy / path.name).write_bytes(path.read_bytes())
+    manifest = copy / "interaction.toml"
+    text = manifest.read_text()
+    assert old in text
+    manifest.write_text(text.replace(old, new, count))
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("simulated = true", "simulated = true\nlast_s = 90", "The last 90 s"),
+        ("simulated = true", "simulated = true\nstop_Hz = 30", "stop band's edge of 30 Hz"),
+        ("simulated = true\n", "", "simulated"),
+        ("block = 2", "block = 1", "not the elastomer"),
+        ('group = "A"', 'group = "B"', "two groups"),
+        ('element = "spring"', 'element = "rubber"', "element"),
+        ("p0_1_tracking", "p9_1_tracking", "p9_1_tracking.csv"),
+        ("simulated = true", 'simulated = true\nsurvey = "none.csv"', "none.csv"),
+        ("simulated = true", "simulated = true\nwindow = 3", "window"),
+    ],
+)
+def test_folders_that_are_refused(folder, tmp_path, monkeypatch, capsys, old, new, words):
+    copy = changed(folder, tmp_path, old, new)
+    code, shown, error = command(monkeypatch, capsys, "analyse", "interaction", copy)
+    assert (code, shown) == (2, "")
+    assert "Traceback" not in error
+    assert words in " ".join(error.split())
+
+
+def test_a_gap_in_a_recording_is_refused_by_name(folder, tmp_path, monkeypatch, capsys):
+    copy = changed(folder, tmp_path, "simulated", "simulated")
+    path = copy / "p3_2_tracking.csv"
+    rows = path.read_text().splitlines()
+    del rows[1500:1560]
+    path.write_text("\n".join(rows) + "\n")
+    code, _, error = command(monkeypatch, capsys, "analyse", "interaction", copy)
+    assert code == 2
+    assert "p3_2_tracking.csv" in error
+    assert "gap" in error
+
+
+def test_people_with_one_element_are_named(folder, tmp_path):
+    text = (folder / "interaction.toml").read_text()
+    last = text.rindex("[[recording]]")
+    copy = changed(folder, tmp_path, text[last:], "")
+    left = analyse_interaction(copy)
+    assert left.left_out == ("p7 (tracking)",)
+    assert len(left.people) == 7
+    assert read_manifest(copy).last_s == 45.0
+
+
+def test_analysis_names_what_it_could_not_do(folder, monkeypatch):
+    """A mixed model that fails is a note beside the other numbers, not an end."""
+
+    def fail(*_):
+        raise analysis.NoStatisticError("The mixed model: singular.", "Look.")
+
+    monkeypatch.setattr(analysis, "mixed_model", fail)
+    found = analyse_interaction(folder).comparisons[0]
+    assert found.mixed is None
+    assert "singular" in found.notes[0]
+
+
+def test_own_data(tmp_path, monkeypatch, capsys):
+    """Any CSV; the metrics' values are those of the library, each with its band."""
+    path = tmp_path / "mine.csv"
+    t, theta = wrist(np.random.default_rng(1), 1.0)
+    np.savetxt(path, np.column_stack([t, theta]), "%.9g", ",", header="t,angle_deg", comments="")
+    content = tmp_path / "mine.json"
+    base = ("smoothness", path, "--column", "angle_deg", "--time", "t")
+    code, shown, error = command(monkeypatch, capsys, *base, "--last", 45, "--json", content)
+    assert (code, error) == (0, "")
+    assert "45 s at 60 Hz" in shown
+    metrics = json.loads(content.read_text())["metrics"]
+    named = {(m["metric"], m["convention"]): m for m in metrics}
+    assert len(named) == 11
+    assert named["VDV", "thesis"]["value"] == pytest.approx(
+        named["VDV", "iso2631"]["value"] * FS_HZ**0.25
+    )
+    assert named["RMS acceleration", "thesis"]["unit"] == "deg/s^2"
+    for m in metrics:
+        assert m["band"]["low"] <= m["value"] <= m["band"]["high"]
+    code, _, error = command(monkeypatch, capsys, *base, "--stop", 40)
+    assert code == 2
+    assert "Nyquist" in error
+    code, _, error = command(monkeypatch, capsys, "smoothness", path, "--column", "none")
+    assert code == 2
+    assert "no column" in error
+
+
+def test_the_other_commands(tmp_path, monkeypatch, capsys):
+    theta, tau = driven()
+    curve = tmp_path / "curve.csv"
+    np.savetxt(
+        curve, np.column_stack([theta, tau]), "%.9g", ",", header="theta_rad,tau_Nm", comments=""
+    )
+    picture, content = tmp_path / "c.png", tmp_path / "c.json"
+    arguments = ("analyse", "loading", curve, "--figure", picture, "--json", content)
+    code, shown, _ = command(monkeypatch, capsys, *arguments)
+    assert code == 0
+    assert "loading stiffness" in shown
+    assert picture.stat().st_size > 5000
+    assert json.loads(content.read_text())["stiffness_Nm_rad"] > 2.8
+    code, shown, _ = command(monkeypatch, capsys, "analyse", "power", "--people", 10)
+    assert code == 0
+    assert "1.02 standard deviations" in shown
+    for bad in (
+        ("analyse", "power", "--people", 1),
+        ("analyse", "loading", curve, "--figure", tmp_path / "c.txt"),
+        ("analyse", "survey", tmp_path / "none.csv"),
+        ("analyse", "comments", curve),
+    ):
+        code, shown, error = command(monkeypatch, capsys, *bad)
+        assert (code, shown) == (2, "")
+        assert "Traceback" not in error
+
+
+# -- tasks ----------------------------------------------------------------------------------------
+
+
+def test_the_target_is_equation_6_1():
+    for t in (0.0, 0.3, 1.0, 7.7):
+        expected = sum(0.04 * math.sin(2 * math.pi * f * t) for f in (0.1, 0.2, 0.4, 0.5))
+        assert tasks.tracked_rad(t) == pytest.approx(expected, abs=1e-15)
+    assert tasks.tracked_rad(10.0) == pytest.approx(0.0, abs=1e-12)  # it repeats
+    assert tasks.familiar_rad(1.25) == pytest.approx(math.radians(10))
+
+
+def test_the_paddle_is_its_equation():
+    """Against a stiff integrator, with one step and with a thousand."""
+    c, inertia, force = 0.011, 1e-5, 0.03
+
+    def right(_, y):
+        return [y[1], (force - c * y[1]) / inertia]
+
+    exact = solve_ivp(right, (0, 0.05), [0.2, -4.0], method="Radau", rtol=1e-10, atol=1e-12)
+    start = tasks.Paddle(0.2, -4.0)
+    once = tasks.paddle_step(start, force, 0.05)
+    many = start
+    for _ in range(1000):
+        many = tasks.paddle_step(many, force, 5e-5)
+    for found in (once, many):
+        assert found.x == pytest.approx(exact.y[0, -1], rel=1e-7)
+        assert found.speed_1_s == pytest.approx(exact.y[1, -1], rel=1e-7)
+    # Nearly x' = 90.9 F after a few milliseconds.
+    assert once.speed_1_s == pytest.approx(90.909 * force, rel=1e-4)
+
+
+@given(st.floats(-0.5, 0.5), st.floats(1e-6, 0.1), st.integers(1, 7))
+def test_a_step_may_be_cut_anywhere(force, step, parts):
+    whole = tasks.paddle_step(tasks.Paddle(0.1, 2.0), force, step)
+    piece = tasks.Paddle(0.1, 2.0)
+    for _ in range(parts):
+        piece = tasks.paddle_step(piece, force, step / parts)
+    assert piece.x == pytest.approx(whole.x, abs=1e-12)
+    assert piece.speed_1_s == pytest.approx(whole.speed_1_s, abs=1e-10)
+
+
+def play(seed, until_s=40.0, hand=None, step_s=0.01):
+    state, events = tasks.PongState(seed=seed), []
+    for k in range(1, round(until_s / step_s)):
+        theta = 0.0 if hand is None else hand(state)
+        done = tasks.pong_step(state, k * step_s, {"theta_rad": theta})
+        state, events = done.state, events + list(done.events)
+    return state, events
+
+
+def test_a_good_player_saves_more_and_the_game_replays():
+    still, _ = play(3)
+    good, events = play(3, hand=lambda s: 0.3 * (s.ball_y - s.paddle.x))
+    assert good.score > 0.9 > still.score
+    assert events.count("saved") == good.saved
+    assert events.count("served") == good.serves == good.missed + 1
+    assert play(3, hand=lambda s: 0.3 * (s.ball_y - s.paddle.x))[0] == good
+    assert play(4)[0] != still
+    assert abs(good.ball_y) <= 1
+    assert -1 <= good.ball_x <= 1
+
+
+def test_the_ball_does_not_pass_through_a_wall_at_a_late_step():
+    """Half a second in one step, or in fifty: the same place."""
+    hand = {"theta_rad": 0.0}
+    one = tasks.pong_step(tasks.PongState(seed=1), 0.0, hand).state
+    whole = tasks.pong_step(one, 1.1, hand).state
+    piece = one
+    for k in range(1, 111):
+        piece = tasks.pong_step(piece, k * 0.01, hand).state
+    assert whole.ball_x == pytest.approx(piece.ball_x, abs=1e-9)
+    assert whole.ball_y == pytest.approx(piece.ball_y, abs=1e-9)
+
+
+def test_a_lost_paddle_is_recentred_on_request():
+    state, events = play(1, until_s=3.0, hand=lambda _: 0.2)
+    assert state.lost
+    assert events.count("paddle_lost") == 1
+    done = tasks.pong_step(state, 3.0, {"theta_rad": 0.0, "recentre": 1.0})
+    assert done.events == ("paddle_recentred",)
+    assert done.state.paddle == tasks.Paddle()
+    assert done.requests == {}
+
+
+@pytest.mark.parametrize("step", [tasks.pong_step, tasks.tracking_step])
+def test_a_pause_stops_the_task_and_no_time_goes_back(step):
+    begin = tasks.PongState(seed=1) if step is tasks.pong_step else tasks.TrackingState()
+    moving = step(begin, 1.0, {"theta_rad": 0.01}).state
+    held = step(moving, 1.5, {"theta_rad": 0.2, "pause": 1.0})
+    assert held.events == ("paused",)
+    back = {"last_s": moving.last_s, "paused": False}
+    assert dataclasses.replace(held.state, **back) == moving
+    on = step(held.state, 1.5, {"theta_rad": 0.01})
+    assert on.events == ("resumed",)
+    with pytest.raises(ValueError, match="goes back"):
+        step(moving, 0.5, {"theta_rad": 0.0})
+
+
+def test_the_score_of_tracking():
+    """Perfect is 0; a steady offset is that offset."""
+    state = tasks.TrackingState()
+    for k in range(1, 500):
+        state = tasks.tracking_step(
+            state, k * 0.01, {"theta_rad": tasks.tracked_rad(k * 0.01) + 0.02}
+        ).state
+    assert state.rms_error_rad == pytest.approx(0.02)
+    scene = tasks.tracking_step(state, 5.0, {"theta_rad": 0.1}).scene
+    assert {m.role for m in scene} == {"target", "cursor"}
+    assert all(abs(m.x) <= 1 for m in scene)
