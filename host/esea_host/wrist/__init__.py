@@ -1,0 +1,1 @@
+"""The wrist study: simulated impairment, virtual normalisation, motor-learning task."""
