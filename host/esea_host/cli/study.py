@@ -125,7 +125,9 @@ def _run(folder: Path, code: str, number: int, seed: int) -> None:
     done = len(state.plan.trials) - len(state.remaining)
     out.print(f"Simulated participant: {done} of {len(state.plan.trials)} trials done.")
     if reason:
-        raise UserError(f"The session ended early: {reason}.", "It can be gone on with: resume.")
+        raise UserError(
+            f"The session ended early: {reason.rstrip('.')}.", "It can be gone on with: resume."
+        )
 
 
 @study_app.command("replay")

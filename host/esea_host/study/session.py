@@ -378,7 +378,10 @@ def replay(
     for attempt in _attempts(found.entries):
         trial = plan.trials[attempt[0].data["trial"] - 1]
         task = task_named(trial.task, path.name)
-        state, digest = task.begin(situation_of(trial, tuple(past))), hashlib.sha256()
+        digest = hashlib.sha256()
+        # One that could not begin has shown nothing.
+        if any(e.kind == "frames" for e in attempt):
+            state = task.begin(situation_of(trial, tuple(past)))
         for e in attempt:
             if e.kind == "frames":
                 for sample in e.data["samples"]:

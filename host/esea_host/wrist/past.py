@@ -71,7 +71,7 @@ def calibrated(past: Sequence[Row], impairment: bool) -> Calibrated:
     ends: dict[str, dict[int, float]] = {}
     traces: dict[str, list[tuple[Sequence[float], Sequence[float]]]] = {}
     for row in past:
-        if row["condition"] != ("constrained" if impairment else "healthy"):
+        if row.get("impairment") != impairment:
             continue
         if row["task"] == "wrist.neutral":
             neutral = (row["neutral_fe_deg"], row["neutral_ru_deg"])

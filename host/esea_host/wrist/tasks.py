@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from esea_gen.errors import UserError
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.task import (
     Actor,
@@ -32,6 +31,9 @@ from esea_host.wrist.simple_person import Follower
 
 Axis = Literal["FE", "RU"]
 Way = Literal[-1, 1]
+
+
+IMPAIRMENT = Column("impairment", bool, "whether the simulated impairment was asked for")
 
 
 class OnAxis(TaskParameters):
@@ -92,6 +94,7 @@ class Neutral(_WristTask):
     title = "Self-selected neutral position"
     Parameters = NeutralParameters
     columns = (
+        IMPAIRMENT,
         Column("neutral_fe_deg", float, "mean of the last second"),
         Column("neutral_ru_deg", float, "mean of the last second"),
     )
@@ -107,7 +110,8 @@ class Neutral(_WristTask):
         outcome = None
         if time_s >= state.parameters.seconds:
             fe, ru = np.mean(np.array(kept)[:, 1:], axis=0)
-            outcome = Outcome({"neutral_fe_deg": float(fe), "neutral_ru_deg": float(ru)})
+            found = {"neutral_fe_deg": float(fe), "neutral_ru_deg": float(ru)}
+            outcome = Outcome({"impairment": state.parameters.impairment, **found})
         scene = Scene((dot("cursor", *angles(inputs)),), (Text("neutral"),))
         asked = requests(state.parameters)
         return Step(replace(state, kept=kept), scene, asked, (), outcome)
@@ -143,6 +147,7 @@ class Range(_WristTask):
     title = "As far as possible"
     Parameters = RangeParameters
     columns = (
+        IMPAIRMENT,
         Column("axis", str, "FE or RU"),
         Column("way", int, "1 or -1"),
         Column("end_deg", float, "furthest angle from the neutral position"),
@@ -162,6 +167,7 @@ class Range(_WristTask):
         outcome = None
         if time_s >= p.seconds:
             row = {"axis": p.axis, "way": p.way, "end_deg": float(p.way * end)}
+            row["impairment"] = p.impairment
             outcome = Outcome(row)
         far = place(p.axis, 100.0 * p.way)
         shapes = (
@@ -182,7 +188,7 @@ class VelocityParameters(OnAxis):
 
     movements: int = Field(5, ge=2, le=50, description="how many, from end to end")
     longest_s: float = Field(30.0, gt=1, le=300, description="then it ends anyhow")
-    near_end: float = Field(0.15, gt=0, lt=0.5, description="share of the range that is an end")
+    near_end: float = Field(0.05, gt=0, lt=0.5, description="share of the range that is an end")
 
 
 @dataclass(frozen=True)
@@ -206,6 +212,7 @@ class Velocity(_WristTask):
     title = "Position-dependent velocity"
     Parameters = VelocityParameters
     columns = (
+        IMPAIRMENT,
         Column("axis", str, "FE or RU"),
         Column("movements", int, "that were made"),
         Column("time_s", list, "times of the samples"),
@@ -251,6 +258,7 @@ class Velocity(_WristTask):
         complaints = quality(low, high, [(state.times, state.thetas)]) if state.times else []
         return Outcome(
             {
+                "impairment": state.parameters.impairment,
                 "axis": state.parameters.axis,
                 "movements": max(state.done, 0),
                 "time_s": list(state.times),
@@ -268,12 +276,3 @@ class Velocity(_WristTask):
         words = [Text(w) for w in state.words if w in ("faster", "further")]
         cursor = dot("cursor", *place(axis, theta))
         return Scene((*nodes, goal, cursor), (Text("sweep", {"left": left}), *words), 90.0)
-
-
-def refuse_without(past: Calibrated, what: str) -> None:
-    """An error where a task needs a calibration that was not made."""
-    if not past.complete:
-        raise UserError(
-            f"{what} needs a whole calibration before it.",
-            "Put neutral, range and velocity for both axes before it in the protocol.",
-        )

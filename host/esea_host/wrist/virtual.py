@@ -1,0 +1,194 @@
+"""Virtual participants do the wrist study, through the same engine and tasks.  Simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from esea_host.study.folder import StudyFolder
+from esea_host.study.plan import generator
+from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
+from esea_host.study.scene import Scene
+from esea_host.study.session import InputSource
+from esea_host.study.task import Actor, Inputs, Row, Situation, Task
+from esea_host.wrist.person import Person, PersonModel, WristActor, person
+from esea_host.wrist.rig import Rig
+
+PROTOCOL = Path(__file__).parent / "protocol.toml"
+
+
+class VirtualPerson(InputSource):
+    """A person in the virtual device, for a session.
+
+    Parameters
+    ----------
+    who : Person
+        Comes again another day.
+    """
+
+    def __init__(self, who: Person) -> None:
+        self.who, self.rig = who, Rig(who.limbs)
+        self.aims = [0.0, 0.0]
+        self._past_s = 0.0
+        self._actor: WristActor | None = None
+
+    def ready(self) -> Mapping[str, Any]:
+        """The torque at rest, as the emitted sensor has it."""
+        still = [(0.0, 0.0, 0.0, 0.0, 0.0)] * 2
+        self.rig.advance(still, False)
+        return {"simulated": True, "tau_Nm": [a.tau_Nm for a in self.rig.axes]}
+
+    def trial(self, task: Task, situation: Situation, number: int) -> Actor:
+        """The person, told what to do."""
+        self._past_s = self.now_s()
+        self._actor = _Learner(self.who, self.rig, task.name, self.aims, situation)
+        return self._actor
+
+    def rest(self, seconds: float) -> None:
+        """The hand relaxes."""
+        self._past_s, self._actor = self.now_s() + seconds, None
+
+    def now_s(self) -> float:
+        """Simulated time."""
+        return self._past_s + (self._actor.time_s if self._actor else 0.0)
+
+
+class _Learner(WristActor):
+    """Learns by what it sees of the target, and of its own gain."""
+
+    def __init__(
+        self, who: Person, rig: Rig, task: str, aims: list[float], situation: Situation
+    ) -> None:
+        super().__init__(who, rig, task, aims)
+        self.moves = not getattr(situation.parameters, "stationary", True)
+        self.learnt = False
+        self.first: tuple[float, float, float, float] | None = None
+
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        # Once a target: half a second after the hand has set off, it was seen to run or stand.
+        seen_s = (self.appeared_s or 0.0) + self.who.model.reaction_s + 0.5
+        if self.appeared_s is not None and not self.learnt and self.time_s > seen_s:
+            self.who.learn(self.moves)
+            self.learnt = True
+        self._feel(scene)
+        return super().react(scene, requests)
+
+    def _feel(self, scene: Scene) -> None:
+        # How far the cursor goes for what the hand does, once it has gone far enough to tell.
+        cursor = next((s for s in scene.shapes if s.role == "cursor"), None)
+        if cursor is None or self.task in ("wrist.neutral", "wrist.range", "wrist.velocity"):
+            return
+        hand = [57.29577951308232 * a.theta_rad for a in self.rig.axes]
+        if self.first is None:
+            self.first = (cursor.x, cursor.y, hand[0], hand[1])
+            return
+        for k, shown in enumerate((cursor.x, cursor.y)):
+            moved = hand[k] - self.first[2 + k]
+            if abs(moved) > 3.0:
+                ratio = (shown - self.first[k]) / moved
+                rate = self.who.model.gain_rate * 0.01 / 0.5
+                self.who.gain[k] += rate * (min(max(ratio, 0.3), 6.0) - self.who.gain[k])
+                self.who.gain[k] = max(self.who.gain[k], 0.3)
+
+
+def wrist_protocol(seed: int, method: str = "rbf") -> Protocol:
+    """The shipped protocol, with a seed of the study and a method of normalisation."""
+    text = PROTOCOL.read_text(encoding="utf-8")
+    text = text.replace("seed = 1\n", f"seed = {seed}\n", 1)
+    text = text.replace("impairment = true }", f'impairment = true, method = "{method}" }}', 1)
+    return parse_protocol(text, PROTOCOL.name)
+
+
+def run_participant(
+    folder: Path, index: int, code: str, seed: int, model: PersonModel
+) -> tuple[str, list[str]]:
+    """All sessions of one virtual participant, in a study of its own process.
+
+    Returns
+    -------
+    code, reasons
+        Of sessions that ended early.
+    """
+    study = StudyFolder.open(folder, durable=False)
+    who = person(generator(seed, 4, index), model)
+    reasons: list[str] = []
+    for number, plan in enumerate(study.protocol.file.session):
+        if number:
+            who.forget(plan.after_days)
+        session = study.session(code, number, VirtualPerson(who))
+        reason = session.run()
+        session.close()
+        if reason:
+            reasons.append(f"{code}, session {number + 1}: {reason}")
+            break
+    return code, reasons
+
+
+def run_study(
+    folder: Path,
+    participants: int,
+    seed: int,
+    jobs: int = 1,
+    method: str = "rbf",
+    model: PersonModel | None = None,
+) -> list[str]:
+    """The wrist study with virtual participants.
+
+    Parameters
+    ----------
+    folder : Path
+        A new folder.
+    participants : int
+        How many.
+    seed : int
+        Of the study and of the people: the same seed is the same study.
+    jobs : int
+        Processes; the data does not depend on it.
+    method : str
+        Normalisation in the constrained state.
+    model : PersonModel, optional
+        The people, other than the default ones.
+
+    Returns
+    -------
+    list of str
+        Sessions that ended early, with the reason.
+    """
+    chosen = model or PersonModel()
+    study = StudyFolder.create(folder, wrist_protocol(seed, method), simulated=True, durable=False)
+    codes = [f"V{k + 1:03d}" for k in range(participants)]
+    for code in codes:
+        study.enrol(code, consent=True)
+    from esea_host.wrist.rig import rig_library
+
+    rig_library()  # compiled once, before the processes start
+    found = Parallel(n_jobs=jobs)(
+        delayed(run_participant)(folder, k, code, seed, chosen) for k, code in enumerate(codes)
+    )
+    for code, _ in found:
+        for c, number, path in study.sessions():
+            if c == code:
+                from esea_host.study.log import read_log
+
+                head = read_log(path).entries[-1].hash
+                study.audit("session_end", participant=code, session=number, head=head)
+    return [r for _, reasons in found for r in reasons]
+
+
+def all_rows(folder: Path) -> list[Row]:
+    """Rows of every participant of a study."""
+    study = StudyFolder.open(folder, durable=False)
+    codes = sorted({c for c, _, _ in study.sessions()})
+    return [row for code in codes for row in study.rows(code)]
+
+
+def other(model: PersonModel, **changes: Any) -> PersonModel:
+    """A model with some numbers changed, for sensitivity."""
+    return replace(model, **changes)
+
+
+__all__: Sequence[str] = ["PROTOCOL", "all_rows", "load_protocol", "run_study", "wrist_protocol"]
