@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -65,7 +64,9 @@ class Scene:
 
     def digest(self) -> bytes:
         """Of every bit of it."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).digest()
+        shapes = [(s.kind, s.role, s.x, s.y, s.size, s.to_x, s.to_y) for s in self.shapes]
+        texts = [(t.key, sorted(t.values.items())) for t in self.texts]
+        return hashlib.sha256(repr((shapes, texts, self.half_width)).encode()).digest()
 
 
 CATALOGUES = Path(__file__).parent / "messages"

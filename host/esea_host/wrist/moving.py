@@ -181,7 +181,7 @@ class CatchParameters(OnScreen):
     mass_kg: float = Field(MASS_KG, gt=0, le=100, description="of the target")
     damping_kg_s: float = Field(DAMPING_KG_S, gt=0, le=1000, description="to the cursor")
     boundary_share: float = Field(
-        1.0, gt=0.2, le=5, description="outer boundary over the smallest range (not published)"
+        1.5, gt=0.2, le=5, description="outer boundary over the smallest range (not published)"
     )
     sse_rate_Hz: float = Field(
         100.0, gt=0, le=1000, description="sampling of the SSE (not published)"

@@ -281,6 +281,10 @@ class WristActor(Actor):
         if self.task in ("wrist.range", "wrist.velocity"):
             length = max(m.sweep_s * min(abs(wanted) / 60.0, 1.0), m.submovement_s)
         if self.task == "wrist.catch" and goal.role == "target":
+            # What is known of equation 7.7: it goes on for a while, and runs from the hand.
+            tau = MASS_KG / DAMPING_KG_S
+            coasts = m.delay_s + tau * (1.0 - math.exp(-length / tau))
+            wanted += self.who.known * self._speed_seen(axis) * coasts / gain
             wanted /= 1.0 - self.who.known * _runs_away(length)
         if abs(wanted) < 0.4:
             return

@@ -150,19 +150,23 @@ class Rig:
 
     def _axis(self, x: AxisState, limb: Limb, m: Sequence[float], share: float, h: float) -> None:
         stiffness, damping, start, end, most = m
-        aim = start + share * (end - start)
+        theta, omega = x.theta_rad, x.omega_rad_s
         rate = (end - start) / (STEPS * h)
-        own = stiffness * (aim - x.theta_rad) + damping * (rate - x.omega_rad_s)
-        own = min(max(own, -most), most)
-        beyond = min(x.theta_rad - limb.low_rad, 0.0) + max(x.theta_rad - limb.high_rad, 0.0)
-        passive = -limb.stiffness_Nm_rad * (x.theta_rad - limb.rest_rad) - END_NM_RAD * beyond
-        passive -= limb.damping_Nms_rad * x.omega_rad_s
-        inertia = limb.inertia_kgm2 + HANDLE_KGM2
-        x.omega_rad_s += h * (own + passive + x.tau_Nm) / inertia
-        x.theta_rad += h * x.omega_rad_s
-        wanted = self._gain * (x.tau_set_Nm - x.tau_Nm)
-        motor = min(max(wanted, -MOTOR_RAD_S), MOTOR_RAD_S)
-        x.deflection_rad_s = motor - x.omega_rad_s
+        own = stiffness * (start + share * (end - start) - theta) + damping * (rate - omega)
+        own = most if own > most else -most if own < -most else own
+        passive = -limb.stiffness_Nm_rad * (theta - limb.rest_rad) - limb.damping_Nms_rad * omega
+        if theta < limb.low_rad:
+            passive -= END_NM_RAD * (theta - limb.low_rad)
+        elif theta > limb.high_rad:
+            passive -= END_NM_RAD * (theta - limb.high_rad)
+        omega += h * (own + passive + x.tau_Nm) / (limb.inertia_kgm2 + HANDLE_KGM2)
+        x.omega_rad_s = omega
+        x.theta_rad = theta + h * omega
+        motor = self._gain * (x.tau_set_Nm - x.tau_Nm)
+        motor = (
+            MOTOR_RAD_S if motor > MOTOR_RAD_S else -MOTOR_RAD_S if motor < -MOTOR_RAD_S else motor
+        )
+        x.deflection_rad_s = motor - omega
         x.deflection_rad += h * x.deflection_rad_s
 
     @property

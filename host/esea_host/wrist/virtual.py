@@ -78,11 +78,11 @@ class _Learner(WristActor):
         return super().react(scene, requests)
 
     def _feel(self, scene: Scene) -> None:
-        # How far the cursor goes for what the hand does, once it has gone far enough to tell.
+        # How far the cursor goes for what the hand was told, once that is far enough to tell.
         cursor = next((s for s in scene.shapes if s.role == "cursor"), None)
         if cursor is None or self.task in ("wrist.neutral", "wrist.range", "wrist.velocity"):
             return
-        hand = [57.29577951308232 * a.theta_rad for a in self.rig.axes]
+        hand = self.aims
         if self.first is None:
             self.first = (cursor.x, cursor.y, hand[0], hand[1])
             return
