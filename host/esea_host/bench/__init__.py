@@ -1,0 +1,1 @@
+"""Our numbers against their peers, in the same run."""

@@ -1,0 +1,174 @@
+"""What has no answer is refused before anything is computed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import scipy.fft
+from numpy.typing import ArrayLike
+
+from esea_host.smoothness.result import Array
+
+LEAST_SAMPLES = 10
+# Share of the largest spectral magnitude that may be left in the top tenth below half the
+# sampling rate.  White noise has 60 % or more; a 2 s reach at 100 Hz with noise of a tenth of its
+# peak has 4 %.
+ALIASED = 0.2
+# A steady rate is one whose steps differ from the mean step by less than this share.
+JITTER = 0.01
+
+
+class NoAnswerError(ValueError):
+    """The signal has no smoothness, or not with these settings.
+
+    Parameters
+    ----------
+    reason : str
+        ``shape``, ``rate``, ``short``, ``gap``, ``constant``, ``aliased``, ``cutoff``, ``setting``.
+    what : str
+        What is wrong, the value against its limit.
+    fix : str
+        What to do about it.
+    """
+
+    def __init__(self, reason: str, what: str, fix: str) -> None:
+        super().__init__(f"{what} {fix}")
+        self.reason, self.what, self.fix = reason, what, fix
+
+
+def checked_rate(fs_Hz: float) -> float:
+    """A sampling rate, finite and above zero."""
+    if not (isinstance(fs_Hz, int | float | np.number) and 0 < fs_Hz < math.inf):
+        raise NoAnswerError(
+            "rate", f"A sampling rate of {fs_Hz} Hz.", "Give it in Hz, more than 0."
+        )
+    return float(fs_Hz)
+
+
+def rows(
+    signal: ArrayLike,
+    name: str,
+    fs_Hz: float,
+    time_s: ArrayLike | None = None,
+    magnitude: bool = False,
+) -> tuple[Array, bool]:
+    """The signal as rows of movements, and whether it came as a stack of them.
+
+    magnitude: of its absolute value.
+
+    Raises
+    ------
+    NoAnswerError
+        The signal has no answer, whatever the metric.
+    """
+    try:
+        array = np.asarray(signal, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise NoAnswerError("shape", f"{name} is no array of numbers.", "Give samples.") from None
+    if array.ndim not in (1, 2) or array.size == 0:
+        raise NoAnswerError(
+            "shape",
+            f"{name} has the shape {array.shape}.",
+            "Give one movement, shape (samples,), or several, shape (movements, samples).",
+        )
+    stacked = array.ndim == 2
+    found = np.atleast_2d(np.abs(array) if magnitude else array)
+    if found.shape[1] < LEAST_SAMPLES:
+        raise NoAnswerError(
+            "short",
+            f"{name} has {found.shape[1]} samples, too short: at least {LEAST_SAMPLES}.",
+            "Record longer or sample faster.",
+        )
+    _no_gap(found, name, stacked)
+    if time_s is not None:
+        _steady(time_s, found.shape[1], fs_Hz)
+    level, spread = np.max(np.abs(found), axis=1), np.ptp(found, axis=1)
+    still = spread <= 8 * np.finfo(np.float64).eps * level
+    if still.any():
+        raise NoAnswerError(
+            "constant",
+            f"{name}{_row(still, stacked)} is constant.",
+            "Nothing moves there: leave it out.",
+        )
+    return found, stacked
+
+
+def _row(bad: Any, stacked: bool) -> str:
+    return f", movement {int(np.argmax(bad))}," if stacked else ""
+
+
+def _no_gap(found: Array, name: str, stacked: bool) -> None:
+    missing = ~np.isfinite(found)
+    if missing.any():
+        bad = missing.any(axis=1)
+        first = int(np.argmax(missing[np.argmax(bad)]))
+        raise NoAnswerError(
+            "gap",
+            f"{name}{_row(bad, stacked)} has a gap: {int(missing.sum())} of {missing.size} samples "
+            f"are NaN or infinite, the first is sample {first}.",
+            "Cut the movement there, or fill the gap knowingly and say so.",
+        )
+
+
+def _steady(time_s: ArrayLike, samples: int, fs_Hz: float) -> None:
+    time = np.asarray(time_s, dtype=np.float64)
+    if time.shape != (samples,) or not np.isfinite(time).all():
+        raise NoAnswerError(
+            "shape",
+            f"The times have the shape {time.shape} for {samples} samples, or are not finite.",
+            "Give one time for each sample.",
+        )
+    step = np.diff(time)
+    worst = int(np.argmax(np.abs(step * fs_Hz - 1)))
+    if abs(step[worst] * fs_Hz - 1) > JITTER:
+        raise NoAnswerError(
+            "gap",
+            f"A gap in time: {step[worst]:.6g} s after sample {worst}, where {fs_Hz:g} Hz has "
+            f"{1 / fs_Hz:.6g} s (at most {JITTER:.0%} off).",
+            "Resample to a steady rate knowingly, or cut the movement there.",
+        )
+
+
+def not_aliased(found: Array, name: str, stacked: bool) -> None:
+    """Refuse what has not died down towards half the sampling rate.
+
+    What was sampled too slowly folds back below it; little is left near half the rate in a movement
+    that was sampled fast enough.
+    """
+    # Without the mean and with a window, else the ends of a record look like high frequencies.
+    n = found.shape[1]
+    tapered = (found - found.mean(axis=1, keepdims=True)) * np.hanning(n)
+    magnitude = np.abs(scipy.fft.rfft(tapered, axis=1))
+    share = magnitude[:, int(0.9 * n / 2) :].max(axis=1) / magnitude.max(axis=1)
+    bad = share >= ALIASED
+    if bad.any():
+        raise NoAnswerError(
+            "aliased",
+            f"{name}{_row(bad, stacked)} is aliased or all noise: just below half the sampling "
+            f"rate its spectrum still has {share[np.argmax(bad)]:.0%} of its maximum (less than "
+            f"{ALIASED:.0%}).",
+            "Sample faster, behind an anti-aliasing filter, or filter the noise first.",
+        )
+
+
+def checked_cutoff(cutoff_Hz: float, fs_Hz: float, what: str) -> float:
+    """A frequency between 0 and half the sampling rate."""
+    if not 0 < cutoff_Hz <= fs_Hz / 2:
+        raise NoAnswerError(
+            "cutoff",
+            f"{what} of {cutoff_Hz:g} Hz: more than 0 and at most {fs_Hz / 2:g} Hz, half the "
+            "sampling rate (Nyquist).",
+            "Sample faster or choose a lower one.",
+        )
+    return float(cutoff_Hz)
+
+
+def checked_choice(value: str, choices: tuple[str, ...], what: str) -> str:
+    """One of the named choices."""
+    if value not in choices:
+        raise NoAnswerError(
+            "setting", f"There is no {what} {value!r}.", f"Choose from {', '.join(choices)}."
+        )
+    return value

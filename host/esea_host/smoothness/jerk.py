@@ -1,0 +1,171 @@
+"""Dimensionless jerk, and its logarithm, by the reference's convention and the thesis'."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from esea_host.smoothness.checks import (
+    NoAnswerError,
+    checked_choice,
+    checked_rate,
+    not_aliased,
+    rows,
+)
+from esea_host.smoothness.result import Array, Processing, SmoothnessResult, as_value
+
+CONVENTIONS = ("reference", "thesis")
+_REFERENCE = "T^3/v_peak^2 * integral of (d2v/dt2)^2 dt"
+_THESIS = "T^5/v_peak^2 * sum over the samples of jerk^2"
+
+
+def ldlj(
+    speed: ArrayLike,
+    fs_Hz: float,
+    convention: str = "reference",
+    *,
+    jerk: ArrayLike | None = None,
+    time_s: ArrayLike | None = None,
+    processing: Processing | None = None,
+) -> SmoothnessResult:
+    r"""Log dimensionless jerk (LDLJ-V) of a speed profile.
+
+    Parameters
+    ----------
+    speed : array_like
+        Speed in any unit, shape (samples,), or a stack, shape (movements, samples).
+    fs_Hz : float
+        Sampling rate.
+    convention : str
+        ``"reference"``: :math:`-\ln(T^3/v_p^2 \int \ddot v^2 dt)`, larger is smoother.
+        ``"thesis"``: eq. 6.5 as its published values have it,
+        :math:`\ln(T^5/v_p^2 \sum \ddot v^2)` over the samples, smaller is smoother.
+    jerk : array_like, optional
+        Jerk in the speed's unit per s^2, of a filter chain; without it second differences of the
+        speed.
+    time_s : array_like, optional
+        Times of the samples, to find gaps, shape (samples,).
+    processing : Processing, optional
+        What filtered the signal, to stand beside the number.
+
+    Returns
+    -------
+    SmoothnessResult
+        One value for each movement.
+
+    Raises
+    ------
+    NoAnswerError
+        The signal is constant, too short, has gaps, or is aliased.
+
+    Notes
+    -----
+    The reference's is invariant to amplitude and duration.  The thesis' has T^5, which goes with
+    the amplitude of the movement, beside the speed's, and no time step: it grows with duration and
+    with the sampling rate.  Jerk amplifies noise: filter first, and say how.
+
+    References
+    ----------
+    [1] S. Balasubramanian, A. Melendez-Calderon, E. Burdet, "A robust and sensitive metric for
+        quantifying movement smoothness", IEEE Trans. Biomed. Eng. 59(8), 2012.
+    [2] S. Balasubramanian et al., J. NeuroEng. Rehabil. 12:112, 2015.
+    """
+    found, stacked = _dimensionless(speed, fs_Hz, convention, jerk, time_s)
+    thesis = convention == "thesis"
+    return SmoothnessResult(
+        "LDLJ",
+        as_value(np.log(found) if thesis else -np.log(found), stacked),
+        "1",
+        convention,
+        not thesis,
+        float(fs_Hz),
+        np.shape(speed)[-1],
+        f"ln({_THESIS})" if thesis else f"-ln({_REFERENCE})",
+        processing=processing,
+        settings={"jerk": "second differences of the speed" if jerk is None else "given"},
+    )
+
+
+def dimensionless_jerk(
+    speed: ArrayLike,
+    fs_Hz: float,
+    convention: str = "reference",
+    *,
+    jerk: ArrayLike | None = None,
+    time_s: ArrayLike | None = None,
+    processing: Processing | None = None,
+) -> SmoothnessResult:
+    """Dimensionless jerk of a speed profile: LDLJ before the logarithm.
+
+    Parameters
+    ----------
+    speed : array_like
+        Speed in any unit, shape (samples,), or a stack, shape (movements, samples).
+    fs_Hz : float
+        Sampling rate.
+    convention : str
+        As in :func:`ldlj`; the reference's is negative, the thesis' positive.
+    jerk : array_like, optional
+        As in :func:`ldlj`.
+    time_s : array_like, optional
+        Times of the samples, to find gaps, shape (samples,).
+    processing : Processing, optional
+        What filtered the signal, to stand beside the number.
+
+    Returns
+    -------
+    SmoothnessResult
+        One value for each movement.
+
+    Raises
+    ------
+    NoAnswerError
+        The signal is constant, too short, has gaps, or is aliased.
+    """
+    found, stacked = _dimensionless(speed, fs_Hz, convention, jerk, time_s)
+    thesis = convention == "thesis"
+    return SmoothnessResult(
+        "dimensionless jerk",
+        as_value(found if thesis else -found, stacked),
+        "1",
+        convention,
+        not thesis,
+        float(fs_Hz),
+        np.shape(speed)[-1],
+        _THESIS if thesis else f"-{_REFERENCE}",
+        processing=processing,
+        settings={"jerk": "second differences of the speed" if jerk is None else "given"},
+    )
+
+
+def _dimensionless(
+    speed: ArrayLike,
+    fs_Hz: float,
+    convention: str,
+    jerk: ArrayLike | None,
+    time_s: ArrayLike | None,
+) -> tuple[Array, bool]:
+    fs_Hz = checked_rate(fs_Hz)
+    checked_choice(convention, CONVENTIONS, "convention")
+    found, stacked = rows(speed, "The speed", fs_Hz, time_s)
+    not_aliased(found, "The speed", stacked)
+    duration_s = found.shape[1] / fs_Hz
+    peak = np.max(np.abs(found), axis=1)
+    if jerk is None:
+        change = np.diff(found, 2, axis=1) * fs_Hz**2
+    else:
+        change, _ = rows(jerk, "The jerk", fs_Hz)
+        if change.shape != found.shape:
+            raise NoAnswerError(
+                "shape",
+                f"The jerk has the shape {change.shape}, the speed {found.shape}.",
+                "Give both at the same samples.",
+            )
+    total = np.einsum("ij,ij->i", change, change)
+    if (total <= (8 * np.finfo(np.float64).eps * peak * fs_Hz**2) ** 2 * found.shape[1]).any():
+        raise NoAnswerError(
+            "constant", "The acceleration is constant.", "Its jerk is 0: leave it out."
+        )
+    if convention == "thesis":
+        return np.asarray(duration_s**5 / peak**2 * total), stacked
+    return np.asarray(duration_s**3 / peak**2 * total / fs_Hz), stacked

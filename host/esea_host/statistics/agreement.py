@@ -1,0 +1,90 @@
+"""Do two people who code the same comments agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_host.statistics.checks import NoStatisticError, as_dict
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Agreement of two coders.
+
+    Parameters
+    ----------
+    n : int
+        Items that both coded.
+    observed : float
+        Share on which they agree.
+    kappa : float
+        Agreement beyond chance, Cohen's.
+    low : float
+        Lower end of its 95 % interval (Fleiss, Cohen and Everitt).
+    high : float
+        Upper end.
+    categories : tuple of str
+        The codes, sorted.
+    table : tuple
+        Counts, first coder's codes in rows.
+    """
+
+    n: int
+    observed: float
+    kappa: float
+    low: float
+    high: float
+    categories: tuple[str, ...]
+    table: tuple[tuple[int, ...], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return as_dict(self)
+
+
+def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
+    """Cohen's kappa of two coders.
+
+    Parameters
+    ----------
+    one : sequence of str
+        The first coder's code of each item.
+    other : sequence of str
+        The second coder's, in the same order.
+
+    Returns
+    -------
+    Agreement
+        Kappa with its interval; 1 where they agree on all of several codes.
+
+    Raises
+    ------
+    NoStatisticError
+        Different numbers of items, none, or both coders use one single code, which chance explains.
+    """
+    from statsmodels.stats.inter_rater import cohens_kappa as fitted
+
+    if len(one) != len(other) or not one:
+        raise NoStatisticError(
+            f"{len(one)} items of one coder, {len(other)} of the other.",
+            "Give both codes of each item.",
+        )
+    names = sorted({str(x) for x in (*one, *other)})
+    if len(names) < 2:
+        raise NoStatisticError("Both coders use one code only.", "Chance explains that.")
+    table = np.zeros((len(names), len(names)), dtype=int)
+    np.add.at(table, ([names.index(str(x)) for x in one], [names.index(str(x)) for x in other]), 1)
+    found = fitted(table)
+    return Agreement(
+        len(one),
+        float(np.trace(table) / len(one)),
+        float(found.kappa),
+        max(-1.0, float(found.kappa_low)),
+        min(1.0, float(found.kappa_upp)),
+        tuple(names),
+        tuple(tuple(int(v) for v in row) for row in table),
+    )

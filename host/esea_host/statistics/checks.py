@@ -1,0 +1,85 @@
+"""What cannot be tested is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
+
+Array = npt.NDArray[np.float64]
+
+
+class NoStatisticError(ValueError):
+    """The numbers do not answer the question.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong.
+    fix : str
+        What to do about it.
+    """
+
+    def __init__(self, what: str, fix: str) -> None:
+        super().__init__(f"{what} {fix}")
+        self.what, self.fix = what, fix
+
+
+def numbers(values: ArrayLike, name: str, least: int = 1) -> Array:
+    """A row of finite numbers, shape (n,)."""
+    try:
+        found = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise NoStatisticError(f"{name}: no numbers.", "Give one number a person.") from None
+    if found.ndim != 1 or len(found) < least:
+        raise NoStatisticError(
+            f"{name}: shape {found.shape}.", f"Give at least {least} numbers, one a person."
+        )
+    if not np.isfinite(found).all():
+        raise NoStatisticError(
+            f"{name}: {int(np.sum(~np.isfinite(found)))} of {len(found)} are missing or infinite.",
+            "Leave these people out knowingly, and say so.",
+        )
+    return found
+
+
+def differences(x: ArrayLike, y: ArrayLike | None, least: int) -> Array:
+    """x - y of the same people, or x itself."""
+    one = numbers(x, "The first condition", least)
+    if y is None:
+        return one
+    other = numbers(y, "The second condition", least)
+    if one.shape != other.shape:
+        raise NoStatisticError(
+            f"{len(one)} people in one condition and {len(other)} in the other.",
+            "Give both values of each person, in the same order.",
+        )
+    return one - other
+
+
+def share(value: float, name: str) -> float:
+    """A probability strictly between 0 and 1."""
+    if not 0 < value < 1:
+        raise NoStatisticError(f"{name} of {value}.", "Give more than 0 and less than 1.")
+    return float(value)
+
+
+def as_dict(result: Any) -> dict[str, Any]:
+    """A result's fields for JSON; what is infinite or missing becomes null."""
+    return {k: _plain(v) for k, v in vars(result).items()}
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

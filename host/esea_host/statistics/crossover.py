@@ -1,0 +1,178 @@
+"""Two treatments, two periods, two sequences: treatment, period and carry-over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import mannwhitneyu, t
+
+from esea_host.statistics.checks import Array, NoStatisticError, as_dict, numbers, share
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An estimate with its interval and tests.
+
+    Parameters
+    ----------
+    estimate : float
+        In the data's unit.
+    low : float
+        Lower end of the interval.
+    high : float
+        Upper end.
+    se : float
+        Standard error.
+    df : int
+        Degrees of freedom.
+    p : float
+        Two-sided, Student's t.
+    p_rank : float
+        Two-sided, Wilcoxon-Mann-Whitney (Koch).
+    """
+
+    estimate: float
+    low: float
+    high: float
+    se: float
+    df: int
+    p: float
+    p_rank: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return as_dict(self)
+
+
+@dataclass(frozen=True)
+class Crossover:
+    """Analysis of a two-period cross-over.
+
+    Parameters
+    ----------
+    treatments : tuple of str
+        First minus second is the treatment effect.
+    people : dict
+        Number of people by the treatment that they had first.
+    treatment : Effect
+        First treatment minus second, free of the period effect.
+    period : Effect
+        Second period minus first, free of the treatment effect.
+    carry_over : Effect
+        Difference of the two sequences' sums: what differs where the order differs.  It has little
+        power; to let it decide on the analysis biases that (Freeman, 1989), so it decides nothing.
+    """
+
+    treatments: tuple[str, str]
+    people: dict[str, int]
+    treatment: Effect
+    period: Effect
+    carry_over: Effect
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return as_dict(self)
+
+
+def crossover(
+    first_period: ArrayLike,
+    second_period: ArrayLike,
+    first_treatment: Sequence[str],
+    treatments: tuple[str, str],
+    confidence: float = 0.95,
+) -> Crossover:
+    """Treatment, period and carry-over effects, by t and by ranks.
+
+    Parameters
+    ----------
+    first_period : array_like
+        Each person's value in the first period, shape (n,).
+    second_period : array_like
+        And in the second, shape (n,).
+    first_treatment : sequence of str
+        Which treatment each had first.
+    treatments : tuple of str
+        Both treatments; the effect is the first's minus the second's.
+    confidence : float
+        Of the intervals.
+
+    Returns
+    -------
+    Crossover
+        The three effects.
+
+    Raises
+    ------
+    NoStatisticError
+        Values are missing, a treatment is unknown, or a sequence has fewer than 2 people.
+
+    References
+    ----------
+    [1] M. Hills, P. Armitage, "The two-period cross-over clinical trial", Br. J. Clin. Pharmacol.
+        8, 1979.
+    [2] S. Senn, Cross-over Trials in Clinical Research, 2nd ed., ch. 3.
+    [3] G. G. Koch, "The use of non-parametric methods in the statistical analysis of the two-period
+        change-over design", Biometrics 28, 1972.
+    """
+    share(confidence, "A confidence")
+    one, two, forward = _checked(first_period, second_period, first_treatment, treatments)
+    change, total = one - two, one + two
+    flipped = np.where(forward, change, -change)
+    return Crossover(
+        treatments,
+        {treatments[0]: int(forward.sum()), treatments[1]: int((~forward).sum())},
+        _contrast(change, forward, 0.5, confidence),
+        # Sign of the second sequence turned: the difference of the sequences is then twice the
+        # first period minus the second.
+        _contrast(-flipped, forward, 0.5, confidence),
+        _contrast(total, forward, 1.0, confidence),
+    )
+
+
+def _checked(
+    first_period: ArrayLike,
+    second_period: ArrayLike,
+    first_treatment: Sequence[str],
+    treatments: tuple[str, str],
+) -> tuple[Array, Array, Any]:
+    one, two = (
+        numbers(first_period, "The first period"),
+        numbers(second_period, "The second period"),
+    )
+    unknown = sorted({str(x) for x in first_treatment} - set(treatments))
+    if unknown or treatments[0] == treatments[1]:
+        raise NoStatisticError(
+            f"First treatments {', '.join(unknown) or treatments[0]}.",
+            f"Give two, here {treatments[0]} and {treatments[1]}.",
+        )
+    forward = np.array([x == treatments[0] for x in first_treatment])
+    if not one.shape == two.shape == forward.shape:
+        raise NoStatisticError(
+            f"{len(one)} first values, {len(two)} second ones, {len(forward)} sequences.",
+            "Give all three of each person, in the same order.",
+        )
+    if min(forward.sum(), (~forward).sum()) < 2:
+        raise NoStatisticError(
+            f"{forward.sum()} and {(~forward).sum()} people in the two sequences.",
+            "At least 2 in each.",
+        )
+    return one, two, forward
+
+
+def _contrast(values: Array, forward: Any, factor: float, confidence: float) -> Effect:
+    # Half, or all, of the difference of the sequences' means, with their common variance.
+    a, b = values[forward], values[~forward]
+    df = len(a) + len(b) - 2
+    pooled = (np.sum((a - a.mean()) ** 2) + np.sum((b - b.mean()) ** 2)) / df
+    se = factor * float(np.sqrt(pooled * (1 / len(a) + 1 / len(b))))
+    estimate = factor * float(a.mean() - b.mean())
+    half = float(t.isf((1 - confidence) / 2, df)) * se
+    # Without any spread nothing can be tested.
+    p = float(2 * t.sf(abs(estimate) / se, df)) if se > 0 else float("nan")
+    tied = len(np.unique(values)) < len(values)
+    rank = mannwhitneyu(a, b, method="asymptotic" if tied else "exact")
+    return Effect(estimate, estimate - half, estimate + half, se, df, p, float(rank.pvalue))

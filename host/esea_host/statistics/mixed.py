@@ -1,0 +1,116 @@
+"""A linear mixed model as a check on the simpler analyses."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from esea_host.statistics.checks import NoStatisticError, as_dict, numbers
+
+
+@dataclass(frozen=True)
+class MixedModel:
+    """Value = mean + treatment + period + person, by restricted maximum likelihood.
+
+    Parameters
+    ----------
+    treatment : float
+        First treatment minus second, in the data's unit.
+    treatment_se : float
+        Its standard error.
+    treatment_p : float
+        Two-sided, normal: too small where people are few.
+    period : float
+        Second period minus first.
+    period_se : float
+        Its standard error.
+    period_p : float
+        Two-sided, normal.
+    between_sd : float
+        Standard deviation between people.
+    within_sd : float
+        And within.
+    notes : tuple of str
+        What the fit had to say.
+    """
+
+    treatment: float
+    treatment_se: float
+    treatment_p: float
+    period: float
+    period_se: float
+    period_p: float
+    between_sd: float
+    within_sd: float
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return as_dict(self)
+
+
+def mixed_model(
+    values: ArrayLike,
+    people: Sequence[str],
+    treatment: Sequence[str],
+    period: Sequence[int],
+    treatments: tuple[str, str],
+) -> MixedModel:
+    """Fit by statsmodels; people who miss a period count as well.
+
+    Parameters
+    ----------
+    values : array_like
+        One a recording, shape (m,).
+    people : sequence of str
+        Whose.
+    treatment : sequence of str
+        Under which treatment.
+    period : sequence of int
+        In which period, 1 or 2.
+    treatments : tuple of str
+        Both treatments; the effect is the first's minus the second's.
+
+    Returns
+    -------
+    MixedModel
+        The estimates.
+
+    Raises
+    ------
+    NoStatisticError
+        Shapes differ, values are missing, or the fit fails.
+    """
+    from statsmodels.regression.mixed_linear_model import MixedLM
+
+    found = numbers(values, "The values", 4)
+    if not len(found) == len(people) == len(treatment) == len(period):
+        raise NoStatisticError("Columns of different lengths.", "Give one row a recording.")
+    first = np.array([x == treatments[0] for x in treatment], dtype=np.float64)
+    second = np.array([x == 2 for x in period], dtype=np.float64)
+    # Both centred: neither effect depends on how the other is coded.
+    columns = np.column_stack([np.ones(len(found)), first - 0.5, second - 0.5])
+    scale = float(np.std(found)) or 1.0
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            fit = MixedLM((found - found.mean()) / scale, columns, groups=np.array(people)).fit()
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise NoStatisticError(f"The mixed model: {error}.", "Look at the data.") from None
+    notes = tuple(dict.fromkeys(str(w.message).strip() for w in caught))
+    return MixedModel(
+        float(fit.fe_params[1]) * scale,
+        float(fit.bse_fe[1]) * scale,
+        float(fit.pvalues[1]),
+        float(fit.fe_params[2]) * scale,
+        float(fit.bse_fe[2]) * scale,
+        float(fit.pvalues[2]),
+        float(np.sqrt(np.asarray(fit.cov_re)[0, 0])) * scale,
+        float(np.sqrt(fit.scale)) * scale,
+        notes,
+    )

@@ -1,0 +1,253 @@
+"""How large a difference a number of people can show, and how many a difference needs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import nct, t
+
+from esea_host.statistics.checks import Array, NoStatisticError, as_dict, share
+from esea_host.statistics.signed_rank import MOST_EXACT, attainable_p
+
+REPEATS, SEED = 20_000, 1
+_MOST_PEOPLE = 2000
+_LARGEST_DZ = 20.0
+
+
+@dataclass(frozen=True)
+class PowerStatement:
+    """What a signed-rank test of n pairs can see.
+
+    Parameters
+    ----------
+    n : int
+        Pairs.
+    alpha : float
+        Two-sided level, of one test.
+    power : float
+        Wanted.
+    dz : float
+        Smallest mean difference that is found with this power, in standard deviations of the
+        differences; infinite where no difference can be found at this level.
+    difference : float
+        The same in the data's unit; not a number without a standard deviation.
+    powers : dict
+        Power by standardised difference.
+    needed : dict
+        People needed for this power, by standardised difference.
+    """
+
+    n: int
+    alpha: float
+    power: float
+    dz: float
+    difference: float
+    powers: dict[str, float]
+    needed: dict[str, int]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return as_dict(self)
+
+    def sentence(self, unit: str = "") -> str:
+        """One sentence for a report."""
+        if math.isinf(self.dz):
+            return (
+                f"{self.n} people cannot show any difference at alpha = {self.alpha:.3g}: their "
+                f"smallest p is {attainable_p(self.n)[0]:.3g}."
+            )
+        size = f"{self.dz:.2f} standard deviations of the differences"
+        if math.isfinite(self.difference):
+            size = f"{self.difference:.3g} {unit}".strip() + f" ({size})"
+        return (
+            f"With {self.n} people and alpha = {self.alpha:.3g} a difference of {size} would have "
+            f"been found with {self.power:.0%} power; smaller ones more often missed than that."
+        )
+
+
+def paired_t_power(n: int, dz: float, alpha: float = 0.05) -> float:
+    """Power of the two-sided paired t test, exact for normal differences.
+
+    Parameters
+    ----------
+    n : int
+        Pairs, at least 2.
+    dz : float
+        Mean difference in standard deviations of the differences.
+    alpha : float
+        Two-sided level.
+
+    Returns
+    -------
+    float
+        Probability of p < alpha.
+
+    Raises
+    ------
+    NoStatisticError
+        Fewer than 2 pairs, or alpha is no probability.
+    """
+    share(alpha, "An alpha")
+    if n < 2:
+        raise NoStatisticError(f"{n} pairs.", "At least 2.")
+    critical, shift = float(t.isf(alpha / 2, n - 1)), dz * math.sqrt(n)
+    found = float(nct.sf(critical, n - 1, shift) + nct.cdf(-critical, n - 1, shift))
+    # So far off that the noncentral distribution is not a number, nothing is missed.
+    return found if math.isfinite(found) else 1.0
+
+
+@cache
+def _noise(n: int) -> Array:
+    # The same for every effect, so that power rises with the effect in one sample, too.
+    return np.random.default_rng([SEED, n]).standard_normal((REPEATS, n))
+
+
+def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
+    """Power of the two-sided exact signed-rank test, for normal differences.
+
+    Parameters
+    ----------
+    n : int
+        Pairs.
+    dz : float
+        Mean difference in standard deviations of the differences.
+    alpha : float
+        Two-sided level.
+
+    Returns
+    -------
+    float
+        Share of 20000 simulated samples with p < alpha: a standard error of at most 0.0035.
+
+    Raises
+    ------
+    NoStatisticError
+        Fewer than 2 pairs, more than 2000, or alpha is no probability.
+
+    Notes
+    -----
+    Beyond 50 pairs that of the t test with 3/pi of the pairs: its asymptotic efficiency.
+    """
+    share(alpha, "An alpha")
+    if not 2 <= n <= _MOST_PEOPLE:
+        raise NoStatisticError(f"{n} pairs.", f"Give 2 to {_MOST_PEOPLE}.")
+    if n > MOST_EXACT:
+        return paired_t_power(round(n * 3 / math.pi), dz, alpha)
+    most = int(np.sum(attainable_p(n) < alpha)) - 1  # largest smaller rank sum that is significant
+    if most < 0:
+        return 0.0
+    found = _noise(n) + dz
+    ranks = np.argsort(np.argsort(np.abs(found), axis=1), axis=1) + 1.0
+    plus = np.sum(ranks, axis=1, where=found > 0)
+    return float(np.mean(np.minimum(plus, n * (n + 1) / 2 - plus) <= most))
+
+
+def detectable_effect(n: int, power: float = 0.8, alpha: float = 0.05) -> float:
+    """Smallest standardised difference that n pairs show with the wanted power.
+
+    Parameters
+    ----------
+    n : int
+        Pairs.
+    power : float
+        Wanted.
+    alpha : float
+        Two-sided level.
+
+    Returns
+    -------
+    float
+        d_z; infinite where n pairs cannot be significant at this level.
+
+    Raises
+    ------
+    NoStatisticError
+        As :func:`signed_rank_power`.
+    """
+    share(power, "A power")
+    if signed_rank_power(n, _LARGEST_DZ, alpha) < power:
+        return math.inf
+    if alpha >= power:
+        return 0.0
+    return float(
+        brentq(lambda d: signed_rank_power(n, d, alpha) - power, 0.0, _LARGEST_DZ, xtol=1e-4)
+    )
+
+
+def participants_needed(dz: float, power: float = 0.8, alpha: float = 0.05) -> int | None:
+    """Fewest pairs that show a standardised difference with the wanted power.
+
+    Parameters
+    ----------
+    dz : float
+        Mean difference in standard deviations of the differences.
+    power : float
+        Wanted.
+    alpha : float
+        Two-sided level.
+
+    Returns
+    -------
+    int or None
+        Pairs; None where 2000 are not enough.
+
+    Raises
+    ------
+    NoStatisticError
+        alpha or power is no probability.
+    """
+    share(power, "A power")
+    low, high = 2, _MOST_PEOPLE
+    if signed_rank_power(high, dz, alpha) < power:
+        return None
+    while low < high:
+        middle = (low + high) // 2
+        if signed_rank_power(middle, dz, alpha) >= power:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def power_statement(
+    n: int, sd: float = math.nan, power: float = 0.8, alpha: float = 0.05
+) -> PowerStatement:
+    """What n pairs could have shown, whatever they did show.
+
+    Parameters
+    ----------
+    n : int
+        Pairs.
+    sd : float
+        Standard deviation of the differences, for the answer in the data's unit.
+    power : float
+        Wanted.
+    alpha : float
+        Two-sided level of one test; of a family of m tests the first step of Holm's is alpha / m.
+
+    Returns
+    -------
+    PowerStatement
+        Never of the difference that was observed: the power of that says no more than its p.
+
+    Raises
+    ------
+    NoStatisticError
+        As :func:`signed_rank_power`.
+    """
+    dz = detectable_effect(n, power, alpha)
+    sizes = (0.2, 0.5, 0.8, 1.0, 1.5)
+    return PowerStatement(
+        n,
+        alpha,
+        power,
+        dz,
+        dz * sd,
+        {f"{d:g}": signed_rank_power(n, d, alpha) for d in sizes},
+        {f"{d:g}": m for d in sizes if (m := participants_needed(d, power, alpha)) is not None},
+    )

@@ -1,0 +1,287 @@
+"""Wilcoxon's signed-rank test, with what it leaves unsaid: effect, interval, ties, zeros."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import norm, rankdata
+
+from esea_host.statistics.checks import Array, NoStatisticError, as_dict, differences, share
+
+# Up to here all 2^n signs are counted: their number is exact in a double.
+MOST_EXACT = 50
+ZEROS = ("drop", "pratt")
+METHODS = ("auto", "exact", "normal")
+
+
+@dataclass(frozen=True)
+class SignedRank:
+    """Two-sided signed-rank test of paired differences, with effects.
+
+    Parameters
+    ----------
+    n : int
+        Pairs.
+    zeros : int
+        Differences that are 0.
+    zero_method : str
+        ``"drop"``: they are left out before ranking (Wilcoxon); ``"pratt"``: after ranking.
+    ties : int
+        Differences whose magnitude another one shares; they get the mean of their ranks.
+    w_plus : float
+        Sum of the ranks of positive differences.
+    w_minus : float
+        Sum of the ranks of negative ones.
+    p : float
+        Two-sided.
+    method : str
+        ``"exact"``: every assignment of signs to these ranks counted; ``"normal"``: with ties and
+        continuity corrected.
+    hodges_lehmann : float
+        Median of the means of all pairs of differences (zeros too), in the data's unit.
+    low : float
+        Lower end of its interval.
+    high : float
+        Upper end.
+    confidence : float
+        What the interval attains; few people do not allow 95 %.
+    rank_biserial : float
+        (w_plus - w_minus) / (w_plus + w_minus), -1 to 1.
+    rank_biserial_low : float
+        Lower end of its score interval.
+    rank_biserial_high : float
+        Upper end.
+    """
+
+    n: int
+    zeros: int
+    zero_method: str
+    ties: int
+    w_plus: float
+    w_minus: float
+    p: float
+    method: str
+    hodges_lehmann: float
+    low: float
+    high: float
+    confidence: float
+    rank_biserial: float
+    rank_biserial_low: float
+    rank_biserial_high: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return as_dict(self)
+
+
+def signed_rank(
+    x: ArrayLike,
+    y: ArrayLike | None = None,
+    *,
+    zeros: str = "drop",
+    method: str = "auto",
+    confidence: float = 0.95,
+) -> SignedRank:
+    """Test whether paired differences x - y are symmetric about 0.
+
+    Parameters
+    ----------
+    x : array_like
+        One condition, or differences, shape (n,).
+    y : array_like, optional
+        The other condition of the same people, shape (n,).
+    zeros : str
+        ``"drop"`` or ``"pratt"``.
+    method : str
+        ``"exact"``, ``"normal"``, or ``"auto"``: exact up to 50 pairs, ties and zeros included.
+    confidence : float
+        Of the intervals.
+
+    Returns
+    -------
+    SignedRank
+        Test, effects, intervals.
+
+    Raises
+    ------
+    NoStatisticError
+        All differences are 0, or a value is missing.
+
+    References
+    ----------
+    [1] M. Hollander, D. A. Wolfe, E. Chicken, Nonparametric Statistical Methods, 3.1 to 3.3.
+    [2] D. S. Kerby, "The simple difference formula", Comprehensive Psychology 3, 2014.
+    """
+    share(confidence, "A confidence")
+    if zeros not in ZEROS or method not in METHODS:
+        raise NoStatisticError(
+            f"zeros={zeros!r}, method={method!r}.",
+            f"Choose from {', '.join(ZEROS)} and {', '.join(METHODS)}.",
+        )
+    found = differences(x, y, least=1)
+    kept = found[found != 0]
+    if len(kept) == 0:
+        raise NoStatisticError("All differences are 0.", "There is nothing to rank.")
+    if method == "exact" and len(kept) > MOST_EXACT:
+        raise NoStatisticError(
+            f"{len(kept)} differences.", f"Up to {MOST_EXACT} are counted; take 'auto'."
+        )
+    ranks = rankdata(np.abs(found))[found != 0] if zeros == "pratt" else rankdata(np.abs(kept))
+    plus = float(ranks[kept > 0].sum())
+    minus = float(ranks[kept < 0].sum())
+    exact = method != "normal" and len(kept) <= MOST_EXACT
+    p = _exact_p(ranks, plus) if exact else _normal_p(ranks, plus)
+    _, counts = np.unique(np.abs(kept), return_counts=True)
+    estimate, low, high, attained = hodges_lehmann(found, confidence)
+    biserial = (plus - minus) / (plus + minus)
+    return SignedRank(
+        len(found),
+        len(found) - len(kept),
+        zeros,
+        int(counts[counts > 1].sum()),
+        plus,
+        minus,
+        p,
+        "exact" if exact else "normal",
+        estimate,
+        low,
+        high,
+        attained,
+        biserial,
+        *biserial_interval(biserial, len(kept), confidence),
+    )
+
+
+def null_distribution(ranks: ArrayLike) -> Array:
+    """Probabilities of twice the rank sum, 0 to twice the total, all signs equally likely."""
+    doubled = np.round(2 * np.asarray(ranks, dtype=np.float64)).astype(int)
+    counts = np.zeros(int(doubled.sum()) + 1)
+    counts[0] = 1.0
+    for rank in doubled:
+        counts[rank:] += counts[: len(counts) - rank].copy()
+    return np.asarray(counts / 2.0 ** len(doubled))
+
+
+def _exact_p(ranks: Array, plus: float) -> float:
+    null, at = null_distribution(ranks), round(2 * plus)
+    return float(min(1.0, 2 * min(null[: at + 1].sum(), null[at:].sum())))
+
+
+def _normal_p(ranks: Array, plus: float) -> float:
+    away = abs(plus - ranks.sum() / 2)
+    z = max(0.0, away - 0.5) / math.sqrt(np.sum(ranks**2) / 4)
+    return float(2 * norm.sf(z))
+
+
+def hodges_lehmann(found: Array, confidence: float) -> tuple[float, float, float, float]:
+    """Median of the Walsh averages, its interval, and the confidence that this attains."""
+    i, j = np.triu_indices(len(found))
+    walsh = np.sort((found[i] + found[j]) / 2)
+    n, m = len(found), len(walsh)
+    if n <= MOST_EXACT:
+        below = np.cumsum(null_distribution(np.arange(1, n + 1))[::2])
+    else:
+        spread = math.sqrt(n * (n + 1) * (2 * n + 1) / 24)
+        below = norm.cdf((np.arange(m + 1) + 0.5 - m / 2) / spread)
+    # As many averages are cut off at either end as leave at most half of the error there.
+    cut = int(np.searchsorted(below, (1 - confidence) / 2, side="right"))
+    attained = 1 - 2 * below[cut - 1] if cut > 0 else 1 - 2 * below[0]
+    cut = max(cut, 1)
+    return float(np.median(walsh)), float(walsh[cut - 1]), float(walsh[m - cut]), float(attained)
+
+
+def biserial_interval(biserial: float, n: int, confidence: float) -> tuple[float, float]:
+    """Score interval of a rank-biserial correlation.
+
+    All rho with (biserial - rho)^2 <= z^2 (1 - rho^2) var0, the variance under no difference.  In
+    simulation (6 to 40 people; normal, t3 and exponential differences) it covered 94 % or more; the
+    usual interval by Fisher's transformation 51 to 97 %.
+    """
+    total = n * (n + 1) / 2
+    c = float(norm.isf((1 - confidence) / 2)) ** 2 * (2 * n**3 + 3 * n**2 + n) / 6 / total**2
+    half = math.sqrt(max(0.0, c * (1 + c - biserial**2)))
+    return max(-1.0, (biserial - half) / (1 + c)), min(1.0, (biserial + half) / (1 + c))
+
+
+def attainable_p(n: int) -> Array:
+    """Two-sided exact p values by the smaller rank sum, 0 to n (n + 1) / 4, without ties.
+
+    Parameters
+    ----------
+    n : int
+        Pairs without a zero difference, 1 to 50.
+
+    Returns
+    -------
+    ndarray
+        The value at index w is that of a smaller rank sum w.
+
+    Raises
+    ------
+    NoStatisticError
+        More pairs than are counted.
+    """
+    if not 1 <= n <= MOST_EXACT:
+        raise NoStatisticError(f"{n} pairs.", f"Give 1 to {MOST_EXACT}.")
+    below = np.cumsum(null_distribution(np.arange(1, n + 1))[::2])
+    return np.asarray(np.minimum(1.0, 2 * below[: n * (n + 1) // 4 + 1]))
+
+
+@dataclass(frozen=True)
+class ImpliedEffect:
+    """What a printed p value of an exact signed-rank test says about the effect.
+
+    Parameters
+    ----------
+    rank_sum : int
+        The smaller rank sum whose p is nearest.
+    p : float
+        Its exact p.
+    rank_biserial : float
+        Magnitude of the effect with this rank sum.
+    as_printed : bool
+        Whether this p rounds to what was printed.
+    """
+
+    rank_sum: int
+    p: float
+    rank_biserial: float
+    as_printed: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return as_dict(self)
+
+
+def effect_from_p(p: float, n: int, digits: int = 2) -> ImpliedEffect:
+    """The rank sum, and with it the effect, that a printed p value allows.
+
+    Parameters
+    ----------
+    p : float
+        Two-sided p as printed.
+    n : int
+        Pairs without zeros and ties.
+    digits : int
+        Significant digits that were printed.
+
+    Returns
+    -------
+    ImpliedEffect
+        Of the nearest attainable p.
+
+    Raises
+    ------
+    NoStatisticError
+        p is no probability, or more pairs than are counted.
+    """
+    share(p, "A p value")
+    known = attainable_p(n)
+    at = int(np.argmin(np.abs(known - p)))
+    half = 0.5000001 * 10.0 ** (math.floor(math.log10(p)) - digits + 1)
+    biserial = 1 - 2 * at / (n * (n + 1) / 2)
+    return ImpliedEffect(at, float(known[at]), biserial, bool(abs(known[at] - p) <= half))

@@ -1,0 +1,341 @@
+"""Statistics: published examples, other libraries, enumeration, and what must be refused."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+
+import numpy as np
+import pytest
+import scipy.stats
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.power import TTestPower
+
+from esea_host.statistics import (
+    NoStatisticError,
+    attainable_p,
+    bayes_paired,
+    cohens_kappa,
+    crossover,
+    detectable_effect,
+    effect_from_p,
+    holm,
+    mixed_model,
+    paired_t_power,
+    participants_needed,
+    power_statement,
+    signed_rank,
+    signed_rank_power,
+    standardised_difference,
+)
+from esea_host.statistics.bayes import bayes_factor_01
+
+# R, help page of wilcox.test: Hollander and Wolfe's depression scale.
+BEFORE = [1.83, 0.50, 1.62, 2.48, 1.68, 1.88, 1.55, 3.06, 1.30]
+AFTER = [0.878, 0.647, 0.598, 2.05, 1.06, 1.29, 1.06, 3.14, 1.29]
+# R, data set sleep: extra hours, two drugs, the same ten people.
+DRUG_1 = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
+DRUG_2 = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
+# Senn, Cross-over Trials in Clinical Research, table 3.1: peak flow, formoterol and salbutamol.
+FIRST = [310, 310, 370, 410, 250, 380, 330, 370, 310, 380, 290, 260, 90]
+SECOND = [270, 260, 300, 390, 210, 350, 365, 385, 400, 410, 320, 340, 220]
+SEQUENCE = ["formoterol"] * 7 + ["salbutamol"] * 6
+DRUGS = ("formoterol", "salbutamol")
+
+
+def enumerated_p(found, pratt=False):
+    """Every assignment of signs, counted one by one."""
+    d = np.asarray(found, dtype=float)
+    r = scipy.stats.rankdata(np.abs(d)) if pratt else scipy.stats.rankdata(np.abs(d[d != 0]))
+    r = r[d != 0] if pratt else r
+    d = d[d != 0]
+    seen = r[d > 0].sum()
+    sums = np.array([np.dot(s, r) for s in itertools.product((0, 1), repeat=len(d))])
+    tail = min(np.sum(sums <= seen + 1e-9), np.sum(sums >= seen - 1e-9))
+    return min(1.0, 2 * tail / len(sums))
+
+
+# -- signed rank ----------------------------------------------------------------------------------
+
+
+def test_rs_example():
+    """V = 40, p = 0.03906; pseudo-median 0.46, interval 0.010 to 0.786."""
+    found = signed_rank(BEFORE, AFTER)
+    assert (found.w_plus, found.w_minus, found.method) == (40, 5, "exact")
+    assert found.p == pytest.approx(0.0390625)
+    assert (found.low, found.hodges_lehmann, found.high) == pytest.approx((0.010, 0.46, 0.786))
+    assert found.confidence == pytest.approx(1 - 2 * 10 / 512)
+    assert found.rank_biserial == pytest.approx(35 / 45)
+
+
+def test_zeros_and_ties_are_stated():
+    """R warns of both and takes the normal approximation: p = 0.009091; counted it is 2/512."""
+    found = signed_rank(DRUG_1, DRUG_2)
+    assert (found.n, found.zeros, found.ties) == (10, 1, 2)
+    assert found.p == pytest.approx(2 / 512)
+    assert signed_rank(DRUG_1, DRUG_2, method="normal").p == pytest.approx(0.009091, abs=5e-7)
+    assert (found.rank_biserial, found.rank_biserial_low) == (-1, -1)
+    # All nine slower: (1 - c)/(1 + c) with c = 1.96^2 times the variance under no difference.
+    c = 1.959964**2 * (9 * 10 * 19 / 6) / 45**2
+    assert found.rank_biserial_high == pytest.approx(-(1 - c) / (1 + c), abs=1e-6)
+
+
+def test_scipy_agrees_without_ties():
+    rng = np.random.default_rng(4)
+    for n in (3, 10, 25, 50, 80):
+        d = rng.normal(0.3, 1, n)
+        ours = signed_rank(d)
+        method = "exact" if n <= 50 else "approx"
+        theirs = scipy.stats.wilcoxon(d, method=method, correction=True)
+        assert ours.p == pytest.approx(theirs.pvalue, rel=1e-9)
+        assert min(ours.w_plus, ours.w_minus) == theirs.statistic
+
+
+@settings(max_examples=60)
+@given(st.lists(st.integers(-4, 4), min_size=2, max_size=8).filter(any), st.booleans())
+def test_every_sign_counted(found, pratt):
+    """Five-level answers are full of ties and zeros."""
+    ours = signed_rank(found, zeros="pratt" if pratt else "drop")
+    assert ours.p == pytest.approx(enumerated_p(found, pratt))
+    assert ours.n == len(found)
+    assert ours.zeros == found.count(0)
+    turned = signed_rank([-x for x in found], zeros="pratt" if pratt else "drop")
+    assert turned.p == pytest.approx(ours.p)
+    assert turned.rank_biserial == pytest.approx(-ours.rank_biserial)
+    assert turned.low == pytest.approx(-ours.high)
+
+
+def test_the_interval_holds_what_is_not_rejected():
+    """Duality: a shift inside keeps p above alpha, one outside does not."""
+    rng = np.random.default_rng(8)
+    d = rng.normal(1, 2, 10)
+    found = signed_rank(d)
+    alpha = 1 - found.confidence
+    for shift in (found.low - 1e-6, found.high + 1e-6):
+        assert signed_rank(d - shift).p <= alpha + 1e-12
+    for shift in (found.low + 1e-6, found.high - 1e-6):
+        assert signed_rank(d - shift).p > alpha
+
+
+def test_intervals_cover():
+    """Hodges-Lehmann and rank-biserial, 10 people, a shift of half a standard deviation."""
+    rng = np.random.default_rng(9)
+    total = 10 * 11 / 2
+    # Expectation of the rank-biserial: P(d > 0) for single ranks, P(d_i + d_j > 0) for pairs.
+    single, pair = scipy.stats.norm.cdf(0.5), scipy.stats.norm.cdf(0.5 * math.sqrt(2))
+    true = 2 * (10 * single + 45 * pair) / total - 1
+    results = [signed_rank(rng.normal(0.5, 1, 10)) for _ in range(400)]
+    shift = np.mean([r.low <= 0.5 <= r.high for r in results])
+    biserial = np.mean([r.rank_biserial_low <= true <= r.rank_biserial_high for r in results])
+    assert 0.92 <= shift <= 0.98
+    assert 0.92 <= biserial <= 0.99
+
+
+def test_what_p_values_ten_people_can_have():
+    assert attainable_p(10)[[0, 2, 8]] == pytest.approx([2 / 1024, 6 / 1024, 50 / 1024])
+    assert attainable_p(5)[0] == pytest.approx(2 / 32)
+    assert attainable_p(4)[-1] == 1.0
+    # 0.0059 is a smaller rank sum of 2; nothing rounds to 0.065.
+    implied = effect_from_p(0.0059, 10)
+    assert (implied.rank_sum, implied.as_printed) == (2, True)
+    assert implied.rank_biserial == pytest.approx(1 - 4 / 55)
+    odd = effect_from_p(0.065, 10)
+    assert (odd.rank_sum, odd.as_printed) == (9, False)
+    assert odd.p == pytest.approx(66 / 1024)
+
+
+# -- effects, multiplicity, power -----------------------------------------------------------------
+
+
+def test_rs_paired_t():
+    """t.test(extra ~ group, paired): mean -1.58, interval -2.459886 to -0.7001142, p 0.002833."""
+    found = standardised_difference(DRUG_1, DRUG_2)
+    assert (found.mean, found.low, found.high) == pytest.approx((-1.58, -2.459886, -0.7001142))
+    assert found.p == pytest.approx(0.002833, abs=5e-7)
+    assert found.dz == pytest.approx(-4.0621 / math.sqrt(10), abs=1e-5)
+    # The ends of d_z are those whose noncentral t has the statistic at a tail of 2.5 %.
+    for end, tail in ((found.dz_low, 0.975), (found.dz_high, 0.025)):
+        below = scipy.stats.nct.cdf(-4.062128, 9, end * math.sqrt(10))
+        assert below == pytest.approx(tail, abs=1e-5)
+
+
+def test_holm():
+    """By hand: 4 x 0.01, 3 x 0.012 (not below the one before), 2 x 0.03, 0.2."""
+    assert holm([0.03, 0.01, 0.2, 0.012]) == pytest.approx([0.06, 0.04, 0.2, 0.04])
+    rng = np.random.default_rng(2)
+    p = rng.uniform(0, 1, 9) ** 3
+    assert holm(p) == pytest.approx(multipletests(p, method="holm")[1])
+
+
+def test_t_power_as_g_power_and_statsmodels():
+    """34 pairs for d_z = 0.5 and 80 % (R's pwr: 33.37); 10 pairs see 0.996."""
+    assert paired_t_power(33, 0.5) < 0.8 < paired_t_power(34, 0.5)
+    assert paired_t_power(10, 0.996) == pytest.approx(0.8, abs=1e-3)
+    for n, d, alpha in ((10, 0.3, 0.05), (25, 0.7, 0.01)):
+        theirs = TTestPower().power(d, n, alpha)
+        assert paired_t_power(n, d, alpha) == pytest.approx(theirs, abs=1e-9)
+
+
+def test_signed_rank_power():
+    """Its level under no difference is exact; with one it is a little below the t test's."""
+    level = np.sum(attainable_p(10) < 0.05)
+    assert signed_rank_power(10, 0.0) == pytest.approx(attainable_p(10)[level - 1], abs=5e-3)
+    for n, d in ((10, 1.0), (20, 0.6), (40, 0.4)):
+        ours, t = signed_rank_power(n, d), paired_t_power(n, d)
+        assert t - 0.06 < ours < t + 0.005
+    # Beyond what is counted it goes on without a step.
+    assert signed_rank_power(51, 0.4) == pytest.approx(signed_rank_power(50, 0.4), abs=0.03)
+
+
+def test_power_against_the_test_itself():
+    """The fast count of the simulation, against running the test on fresh samples."""
+    rng = np.random.default_rng(77)
+    hits = np.mean([signed_rank(rng.normal(0.9, 1, 10)).p < 0.05 for _ in range(1500)])
+    assert hits == pytest.approx(signed_rank_power(10, 0.9), abs=4 * math.sqrt(0.2 / 1500))
+
+
+def test_what_ten_people_can_see():
+    dz = detectable_effect(10)
+    assert dz == pytest.approx(1.02, abs=0.02)
+    assert signed_rank_power(10, dz) == pytest.approx(0.8, abs=1e-3)
+    assert participants_needed(1.0) == 11
+    assert participants_needed(0.5) == pytest.approx(35, abs=1)
+    assert participants_needed(0.001) is None
+    said = power_statement(10, sd=40.0)
+    assert said.difference == pytest.approx(40 * dz)
+    assert "With 10 people" in said.sentence("deg/s^2")
+    assert "deg/s^2 (1.0" in said.sentence("deg/s^2")
+    needed = [said.needed[k] for k in ("0.2", "0.5", "0.8", "1", "1.5")]
+    assert needed == sorted(needed, reverse=True)
+    # Five people have no p below 0.0625, whatever the difference.
+    assert detectable_effect(5) == math.inf
+    assert "cannot show any difference" in power_statement(5).sentence()
+    assert json.loads(json.dumps(power_statement(5).to_dict(), allow_nan=False))["dz"] is None
+
+
+# -- cross-over -----------------------------------------------------------------------------------
+
+
+def test_senns_trial():
+    """Published there: 46.6 l/min, interval 22.9 to 70.3, standard error 10.78."""
+    found = crossover(FIRST, SECOND, SEQUENCE, DRUGS)
+    assert found.people == {"formoterol": 7, "salbutamol": 6}
+    t = found.treatment
+    assert (t.estimate, t.low, t.high, t.se) == pytest.approx((46.6, 22.9, 70.3, 10.78), abs=0.05)
+    assert t.df == 11
+    # The mixed model of complete data is the same estimate.
+    long = mixed_model(
+        FIRST + SECOND,
+        [str(i) for i in range(13)] * 2,
+        SEQUENCE + [DRUGS[1] if s == DRUGS[0] else DRUGS[0] for s in SEQUENCE],
+        [1] * 13 + [2] * 13,
+        DRUGS,
+    )
+    assert long.treatment == pytest.approx(t.estimate, rel=1e-6)
+    assert long.treatment_se == pytest.approx(t.se, rel=1e-3)
+    assert long.period == pytest.approx(found.period.estimate, rel=1e-6)
+    assert long.between_sd > long.within_sd
+
+
+def simulated(rng, treatment, period, carry_over, people=20):
+    forward = np.arange(people) % 2 == 0
+    person = rng.normal(0, 5, people)
+    one = person + treatment * forward + rng.normal(0, 1e-3, people)
+    two = person + treatment * ~forward + period + rng.normal(0, 1e-3, people)
+    two = two + carry_over * forward
+    return one, two, ["S" if f else "E" for f in forward]
+
+
+def test_each_effect_is_found_where_it_was_put():
+    rng = np.random.default_rng(6)
+    found = crossover(*simulated(rng, 3.0, 0.7, 0.0), ("S", "E"))
+    assert found.treatment.estimate == pytest.approx(3.0, abs=2e-3)
+    assert found.period.estimate == pytest.approx(0.7, abs=2e-3)
+    assert found.treatment.p_rank < 0.05
+    assert found.carry_over.p > 0.01
+    # A carry-over of the first treatment takes half of itself off the treatment effect.
+    spoilt = crossover(*simulated(rng, 3.0, 0.7, 1.0), ("S", "E"))
+    assert spoilt.treatment.estimate == pytest.approx(2.5, abs=2e-3)
+    # No effect of treatment is made by a period effect, as it is in unequal groups by pairs alone.
+    learning = crossover(*simulated(rng, 0.0, 2.0, 0.0), ("S", "E"))
+    assert abs(learning.treatment.estimate) < 2e-3
+
+
+def test_crossover_t_against_scipy():
+    d = np.array(FIRST, dtype=float) - np.array(SECOND)
+    theirs = scipy.stats.ttest_ind(d[:7], d[7:])
+    found = crossover(FIRST, SECOND, SEQUENCE, DRUGS)
+    assert found.treatment.p == pytest.approx(theirs.pvalue)
+    total = np.array(FIRST) + np.array(SECOND)
+    assert found.carry_over.p == pytest.approx(scipy.stats.ttest_ind(total[:7], total[7:]).pvalue)
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+# -- belief, coders -------------------------------------------------------------------------------
+
+
+def test_rs_bayes_factor():
+    """BayesFactor, ttestBF on sleep: 17.25888; Rouder et al. 2009: t = 2.03, N = 80, r = 1."""
+    found = bayes_paired(DRUG_1, DRUG_2)
+    assert 1 / found.bayes_factor_01 == pytest.approx(17.25888, abs=1e-4)
+    assert bayes_factor_01(2.03, 80, 1.0) == pytest.approx(1.56, abs=0.005)
+    # With a flat prior the interval is Student's.
+    assert (found.low, found.high) == pytest.approx((-2.459886, -0.7001142))
+    assert found.probability_positive == pytest.approx(0.002833 / 2, abs=1e-6)
+    assert bayes_paired(DRUG_1, DRUG_2, equivalence=99.0).probability_equivalent > 0.999
+
+
+def test_no_difference_is_believed_with_more_people():
+    d = np.tile([-1.0, 1.0, 0.5, -0.5], 10)
+    few, many = bayes_paired(d[:8]), bayes_paired(d)
+    assert many.bayes_factor_01 > few.bayes_factor_01 > 1
+    assert many.probability_equivalent > few.probability_equivalent
+
+
+def test_kappa():
+    """The textbook's 20, 5, 10, 15: 0.7 observed, 0.5 by chance, kappa 0.4."""
+    one = ["yes"] * 25 + ["no"] * 25
+    other = ["yes"] * 20 + ["no"] * 5 + ["yes"] * 10 + ["no"] * 15
+    found = cohens_kappa(one, other)
+    assert (found.observed, found.kappa) == pytest.approx((0.7, 0.4))
+    assert found.low < 0.4 < found.high
+    assert cohens_kappa(one, one).kappa == 1
+    assert found.table == ((15, 10), (5, 20))
+
+
+# -- refusals -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: signed_rank([1.0, 2], [1.0, 2]), "All differences are 0"),
+        (lambda: signed_rank([1.0, 2], [1.0]), "2 people in one condition and 1"),
+        (lambda: signed_rank([1.0, math.nan]), "1 of 2 are missing"),
+        (lambda: signed_rank([]), "at least 1"),
+        (lambda: signed_rank(["a"]), "no numbers"),
+        (lambda: signed_rank([1.0], zeros="keep"), "Choose from"),
+        (lambda: signed_rank([1.0], confidence=95), "less than 1"),
+        (lambda: signed_rank(np.arange(1, 60.0), method="exact"), "59 differences"),
+        (lambda: standardised_difference([1.0, 1.0]), "no standard deviation"),
+        (lambda: standardised_difference([1.0]), "at least 2"),
+        (lambda: holm([0.1, 1.2]), "probabilities"),
+        (lambda: crossover([1.0, 2], [1.0, 2], ["S", "E"], ("S", "E")), "At least 2 in each"),
+        (lambda: crossover([1.0], [1.0], ["X"], ("S", "E")), "First treatments X"),
+        (lambda: crossover([1.0, 2], [1.0], ["S", "E"], ("S", "E")), "same order"),
+        (lambda: mixed_model([1.0] * 4, ["a"], ["S"] * 4, [1] * 4, ("S", "E")), "lengths"),
+        (lambda: cohens_kappa(["a"], ["a", "b"]), "1 items of one coder, 2"),
+        (lambda: cohens_kappa(["a", "a"], ["a", "a"]), "one code only"),
+        (lambda: paired_t_power(1, 0.5), "1 pairs"),
+        (lambda: signed_rank_power(10, 0.5, alpha=5), "less than 1"),
+        (lambda: effect_from_p(0.0, 10), "more than 0"),
+        (lambda: attainable_p(51), "1 to 50"),
+        (lambda: bayes_paired([1.0, 2], equivalence=-1), "half-width"),
+    ],
+)
+def test_refusals(call, words):
+    with pytest.raises(NoStatisticError, match=words):
+        call()
