@@ -1,6 +1,6 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
-from esea_host.cli import study
+from esea_host.cli import analyse, study, wrist
 from esea_host.cli.app import app, main
 
-__all__ = ["app", "main", "study"]
+__all__ = ["analyse", "app", "main", "study", "wrist"]

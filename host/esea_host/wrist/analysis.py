@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,18 +69,17 @@ class TableLine:
     metric: str
     unit: str
     n: int
-    first: float | None
-    second: float | None
-    p: float | None
-    p_holm: float | None
-    method: str
-    zeros: int
-    effect: float | None
-    effect_low: float | None
-    effect_high: float | None
-    published_first: float | None
-    published_second: float | None
-    published_p: float | None
+    first: float | None = None
+    second: float | None = None
+    p: float | None = None
+    p_holm: float | None = None
+    method: str = "none"
+    zeros: int = 0
+    effect: float | None = None
+    effect_low: float | None = None
+    effect_high: float | None = None
+    published: tuple[float | None, float | None] = (None, None)
+    published_p: float | None = None
     note: str = ""
 
 
@@ -133,12 +132,12 @@ def analyse(folder: Path) -> WristResult:
     tables: dict[str, tuple[TableLine, ...]] = {}
     sides: dict[str, tuple[str, str]] = {}
     people: dict[str, Mapping[str, Values]] = {}
-    for title, published in TRACKED_PUBLISHED.items():
+    for title, tracks in TRACKED_PUBLISHED.items():
         axis = title[-2:]
         values = {c: t[axis] for c, t in tracked.items() if axis in t}
         lines = [
             Wanted(m, unit, a, b, medians, p)
-            for (m, unit, a, b), (medians, p) in zip(TRACKED, published, strict=True)
+            for (m, unit, a, b), (medians, p) in zip(TRACKED, tracks, strict=True)
         ]
         table = _tested(lines, values)
         tables[title] = (*table, _rms(values, RMS_PUBLISHED[title]))
@@ -170,7 +169,7 @@ def _tracked(rows: Sequence[Row]) -> dict[str, Values]:
 def _learned(rows: Sequence[Row]) -> list[tuple[int, bool, Values]]:
     # Session, whether it was constrained, and its values.
     own = [r for r in rows if r["task"] == "wrist.catch" and not r["familiarisation"]]
-    found = []
+    found: list[tuple[int, bool, Values]] = []
     for session in sorted({r["session"] for r in own}):
         part = [r for r in own if r["session"] == session]
         found.append((session, bool(part[0]["impairment"]), learning(part)))
@@ -189,40 +188,28 @@ def _two(found: Sequence[tuple[int, bool, Values]], keys: tuple[Any, Any]) -> Va
 
 def _tested(lines: Sequence[Wanted], values: Mapping[str, Values]) -> tuple[TableLine, ...]:
     found = [_line(w, values) for w in lines]
-    tested = [k for k, x in enumerate(found) if x.p is not None]
-    adjusted = holm([found[k].p for k in tested]) if tested else []
-    return tuple(
-        TableLine(**{**asdict(x), "p_holm": float(adjusted[tested.index(k)])}) if k in tested else x
-        for k, x in enumerate(found)
-    )
+    tested = {k: x.p for k, x in enumerate(found) if x.p is not None}
+    for k, p in zip(tested, holm(list(tested.values())) if tested else (), strict=True):
+        found[k] = replace(found[k], p_holm=float(p))
+    return tuple(found)
 
 
 def _line(w: Wanted, values: Mapping[str, Values]) -> TableLine:
     pairs = [(v.get(w.first), v.get(w.second)) for v in values.values()]
     both = np.array([(a, b) for a, b in pairs if a is not None and b is not None], np.float64)
-    first, second = np.median(both, axis=0) if len(both) else (None, None)
-    known = {
-        "metric": w.metric,
-        "unit": w.unit,
-        "n": len(both),
-        "first": None if first is None else float(first),
-        "second": None if second is None else float(second),
-        "published_first": w.medians[0],
-        "published_second": w.medians[1],
-        "published_p": w.p,
-        "p_holm": None,
-    }
-    none = dict.fromkeys(("p", "effect", "effect_low", "effect_high"))
+    known = TableLine(w.metric, w.unit, len(both), published=w.medians, published_p=w.p)
+    if not len(both):
+        return replace(known, note="nobody has both values")
+    medians = np.median(both, axis=0)
+    known = replace(known, first=float(medians[0]), second=float(medians[1]))
     try:
-        if not len(both):
-            raise NoStatisticError("Nobody has both values.", "")
         test = signed_rank(both[:, 0], both[:, 1])
     except NoStatisticError as error:
-        return TableLine(**known, **none, method="none", zeros=0, note=str(error).strip())
-    return TableLine(
-        **known,
+        return replace(known, note=str(error))
+    return replace(
+        known,
         p=test.p,
-        method=f"Wilcoxon signed-rank, {test.method}, zeros {test.zero_method}ped",
+        method=f"Wilcoxon signed-rank, {test.method}; zero differences: {test.zero_method}",
         zeros=test.zeros,
         effect=test.rank_biserial,
         effect_low=test.rank_biserial_low,
@@ -233,19 +220,11 @@ def _line(w: Wanted, values: Mapping[str, Values]) -> TableLine:
 def _rms(values: Mapping[str, Values], published: float) -> TableLine:
     each = [v["rms_error_percent"] for v in values.values()]
     known = [x for x in each if x is not None]
-    median = float(np.median(known)) if known else None
-    none = dict.fromkeys(
-        ("first", "p", "p_holm", "effect", "effect_low", "effect_high", "published_first")
-    )
     return TableLine(
-        metric="RMS speed error of the peak",
-        unit="%",
-        n=len(known),
-        second=median,
-        method="none",
-        zeros=0,
-        published_second=published,
-        published_p=None,
-        note="one value a person, nothing to compare",
-        **none,
+        "RMS speed error of the peak",
+        "%",
+        len(known),
+        second=float(np.median(known)) if known else None,
+        published=(None, published),
+        note="one value a person: nothing to compare",
     )

@@ -99,7 +99,7 @@ def cells(line: TableLine) -> list[str]:
     effect = "-"
     if line.effect_low is not None:
         effect = f"{number(line.effect_low)} to {number(line.effect_high)}"
-    published = f"{number(line.published_first)} / {number(line.published_second)}"
+    published = f"{number(line.published[0])} / {number(line.published[1])}"
     head = [line.metric, line.unit, str(line.n), number(line.first), number(line.second)]
     tests = [number(line.p), number(line.p_holm), number(line.effect), effect]
     return [*head, *tests, published, number(line.published_p)]

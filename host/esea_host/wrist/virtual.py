@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from joblib import Parallel, delayed
 
 from esea_host.study.folder import StudyFolder
+from esea_host.study.log import read_log
 from esea_host.study.plan import generator
-from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
+from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.scene import Scene
 from esea_host.study.session import InputSource
 from esea_host.study.task import Actor, Inputs, Row, Situation, Task
 from esea_host.wrist.person import Person, PersonModel, WristActor, person
-from esea_host.wrist.rig import Rig
+from esea_host.wrist.rig import Rig, rig_library
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 
@@ -135,6 +135,7 @@ def run_study(
     jobs: int = 1,
     method: str = "rbf",
     model: PersonModel | None = None,
+    protocol: Protocol | None = None,
 ) -> list[str]:
     """The wrist study with virtual participants.
 
@@ -152,6 +153,8 @@ def run_study(
         Normalisation in the constrained state.
     model : PersonModel, optional
         The people, other than the default ones.
+    protocol : Protocol, optional
+        Another one of wrist tasks.
 
     Returns
     -------
@@ -159,23 +162,18 @@ def run_study(
         Sessions that ended early, with the reason.
     """
     chosen = model or PersonModel()
-    study = StudyFolder.create(folder, wrist_protocol(seed, method), simulated=True, durable=False)
+    asked = protocol or wrist_protocol(seed, method)
+    study = StudyFolder.create(folder, asked, simulated=True, durable=False)
     codes = [f"V{k + 1:03d}" for k in range(participants)]
     for code in codes:
         study.enrol(code, consent=True)
-    from esea_host.wrist.rig import rig_library
-
     rig_library()  # compiled once, before the processes start
     found = Parallel(n_jobs=jobs)(
         delayed(run_participant)(folder, k, code, seed, chosen) for k, code in enumerate(codes)
     )
-    for code, _ in found:
-        for c, number, path in study.sessions():
-            if c == code:
-                from esea_host.study.log import read_log
-
-                head = read_log(path).entries[-1].hash
-                study.audit("session_end", participant=code, session=number, head=head)
+    for code, number, path in study.sessions():
+        head = read_log(path).entries[-1].hash
+        study.audit("session_end", participant=code, session=number, head=head)
     return [r for _, reasons in found for r in reasons]
 
 
@@ -184,11 +182,3 @@ def all_rows(folder: Path) -> list[Row]:
     study = StudyFolder.open(folder, durable=False)
     codes = sorted({c for c, _, _ in study.sessions()})
     return [row for code in codes for row in study.rows(code)]
-
-
-def other(model: PersonModel, **changes: Any) -> PersonModel:
-    """A model with some numbers changed, for sensitivity."""
-    return replace(model, **changes)
-
-
-__all__: Sequence[str] = ["PROTOCOL", "all_rows", "load_protocol", "run_study", "wrist_protocol"]
