@@ -10,14 +10,14 @@ from pydantic import Field
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.task import (
     Actor,
-    Column,
+    DataColumn,
     Inputs,
-    Outcome,
     Situation,
-    Step,
-    Task,
+    StudyTask,
     TaskEvent,
     TaskParameters,
+    TaskStep,
+    TrialOutcome,
     register,
 )
 
@@ -36,15 +36,15 @@ class Holding:
 
 
 @register
-class SteadyHold(Task):
+class SteadyHold(StudyTask):
     """Hold the handle near a place."""
 
     name = "steady_hold"
     title = "Hold the handle near a place"
     Parameters = Hold
     columns = (
-        Column("held", bool, "whether it was held long enough"),
-        Column("after_s", float, "time until then, or until it was missed"),
+        DataColumn("held", bool, "whether it was held long enough"),
+        DataColumn("after_s", float, "time until then, or until it was missed"),
     )
 
     def longest_s(self, parameters: Any) -> float:
@@ -53,7 +53,7 @@ class SteadyHold(Task):
     def begin(self, situation: Situation) -> Holding:
         return Holding(situation.parameters)
 
-    def step(self, state: Holding, time_s: float, inputs: Inputs) -> Step:
+    def step(self, state: Holding, time_s: float, inputs: Inputs) -> TaskStep:
         hold, theta_deg = state.hold, inputs["theta_deg"]
         near = abs(theta_deg - hold.place_deg) <= hold.within_deg
         events: tuple[TaskEvent, ...] = ()
@@ -63,7 +63,7 @@ class SteadyHold(Task):
         held = since_s is not None and time_s - since_s >= hold.hold_s
         outcome = None
         if held or time_s >= hold.longest_s:
-            outcome = Outcome({"held": held, "after_s": time_s})
+            outcome = TrialOutcome({"held": held, "after_s": time_s})
         scene = Scene(
             (
                 Shape("ring", "target", hold.place_deg, 0.0, hold.within_deg),
@@ -71,7 +71,7 @@ class SteadyHold(Task):
             ),
             (Text("reach"),),
         )
-        return Step(replace(state, since_s=since_s), scene, {}, events, outcome)
+        return TaskStep(replace(state, since_s=since_s), scene, {}, events, outcome)
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         return Lagging(rng)

@@ -20,7 +20,7 @@ from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan, explain, group_of
 from esea_host.study.protocol import Protocol, line_of, load_protocol, parse_protocol
 from esea_host.study.scene import COLOURS, Scene, Shape, Text, catalogue, draw, said
-from esea_host.study.session import Session, read_session, replay
+from esea_host.study.session import StudySession, read_session, replay
 from esea_host.study.task import Actor, Situation, task_named
 
 from .conftest import ROOT
@@ -140,7 +140,7 @@ def study_in(folder: Path, protocol: Protocol, durable: bool = False) -> StudyFo
     return study
 
 
-def run_one(study: StudyFolder, code: str = "P01", number: int = 0, **more) -> Session:
+def run_one(study: StudyFolder, code: str = "P01", number: int = 0, **more) -> StudySession:
     session = study.session(code, number, SimulatedSource(3))
     session.run(**more)
     study.finish(code, number, session)

@@ -8,7 +8,7 @@ from typing import Any
 from esea_host.study.plan import generator
 from esea_host.study.scene import Scene
 from esea_host.study.session import InputSource
-from esea_host.study.task import Actor, Inputs, Situation, Task
+from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 
 
 class Timed(Actor):
@@ -24,7 +24,7 @@ class Timed(Actor):
 
 
 class SimulatedSource(InputSource):
-    """Each trial is done by :meth:`Task.simulate`; rests pass in no time.
+    """Each trial is done by :meth:`StudyTask.simulate`; rests pass in no time.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class SimulatedSource(InputSource):
         """Nothing can be wrong with what is simulated."""
         return {"simulated": True}
 
-    def trial(self, task: Task, situation: Situation, number: int) -> Actor:
+    def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """The task's own actor, with random numbers of its own trial."""
         self._past_s = self.now_s()
         actor = task.simulate(situation, generator(self.seed, number, situation.seed))

@@ -19,7 +19,7 @@ from esea_gen.errors import UserError
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan, generator, group_of
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.session import InputSource, Session, read_session
+from esea_host.study.session import InputSource, StudySession, read_session
 from esea_host.study.task import Row
 
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
@@ -147,7 +147,7 @@ class StudyFolder:
 
     def session(
         self, code: str, number: int, source: InputSource, day: int | None = None, early: str = ""
-    ) -> Session:
+    ) -> StudySession:
         """A participant's session, new or to be gone on with.
 
         Parameters
@@ -165,7 +165,7 @@ class StudyFolder:
 
         Returns
         -------
-        Session
+        StudySession
             Ready to run.
         """
         index = self.participants().get(code)
@@ -182,7 +182,7 @@ class StudyFolder:
         self._washout(code, number, day, early)
         plan = build_plan(self.protocol, index, number)
         rules = self.protocol.file.stopping
-        session = Session(
+        session = StudySession(
             self.log_of(code, number), plan, code, source, self.rows(code, number), self.durable
         )
         return session.with_rules(rules.longest_min, rules.failed_in_a_row)
@@ -200,7 +200,7 @@ class StudyFolder:
             )
         self.audit("session_start", participant=code, session=number, day=day, early=early)
 
-    def finish(self, code: str, number: int, session: Session) -> None:
+    def finish(self, code: str, number: int, session: StudySession) -> None:
         """Record that a session ended, with the last hash of its log."""
         self.audit("session_end", participant=code, session=number, head=session.log.head)
 

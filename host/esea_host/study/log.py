@@ -22,7 +22,7 @@ START = "0" * 64
 
 
 @dataclass(frozen=True)
-class Entry:
+class LoggedEvent:
     """One event of a log."""
 
     number: int
@@ -39,7 +39,7 @@ class LogFound:
     torn: bytes of a last line that a crash has cut.  breaks: where the chain does not hold.
     """
 
-    entries: tuple[Entry, ...]
+    entries: tuple[LoggedEvent, ...]
     torn: bytes
     breaks: tuple[str, ...]
 
@@ -76,14 +76,14 @@ def read_log(path: Path) -> LogFound:
     """
     raw = path.read_bytes()
     whole, _, torn = raw.rpartition(b"\n")
-    entries: list[Entry] = []
+    entries: list[LoggedEvent] = []
     breaks: list[str] = []
     before = START
     for k, line in enumerate(whole.split(b"\n") if whole else []):
         try:
             fields = json.loads(line)
             own = fields.pop("hash")
-            entry = Entry(fields["n"], fields["t"], fields["kind"], fields["data"], own)
+            entry = LoggedEvent(fields["n"], fields["t"], fields["kind"], fields["data"], own)
             wrong = "its content was edited" if _hash(fields) != own else ""
             if not wrong and fields["before"] != before:
                 wrong = "a line before it was removed, added or replaced"

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_host.study.protocol import GROUP, BlockPlan, Protocol, TrialRows, parameters_of
-from esea_host.study.task import Task, task_named
+from esea_host.study.protocol import GROUP, Protocol, TrialBlock, TrialRows, parameters_of
+from esea_host.study.task import StudyTask, task_named
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def build_plan(protocol: Protocol, index: int, session: int) -> Plan:
     return Plan(file.name, session, chosen.name, group, tuple(trials))
 
 
-def _ordered(block: BlockPlan, rng: np.random.Generator) -> Iterator[TrialRows]:
+def _ordered(block: TrialBlock, rng: np.random.Generator) -> Iterator[TrialRows]:
     def each(rows: tuple[TrialRows, ...]) -> list[TrialRows]:
         return [row for row in rows for _ in range(row.repeat)]
 
@@ -138,7 +138,7 @@ def _ordered(block: BlockPlan, rng: np.random.Generator) -> Iterator[TrialRows]:
 
 
 def _parameters(
-    protocol: Protocol, task: Task, condition: str, block: BlockPlan, row: TrialRows
+    protocol: Protocol, task: StudyTask, condition: str, block: TrialBlock, row: TrialRows
 ) -> dict[str, Any]:
     given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
     # With the defaults: the log says all that the trial ran with.
@@ -188,7 +188,7 @@ def durations_s(plan: Plan) -> tuple[float, float]:
     return longest, sum(t.rest_before_s for t in plan.trials)
 
 
-def _block_in_words(block: BlockPlan) -> str:
+def _block_in_words(block: TrialBlock) -> str:
     rows = (*block.first, *block.trials, *block.last)
     count, catch = sum(r.repeat for r in rows), sum(r.repeat for r in rows if r.catch)
     words = [f"{block.name}: {count} x {block.task}"]

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
 from esea_gen.toml_file import Problem, checked, nearest, parse_toml, read_text
-from esea_host.study.task import Task, load_tasks, task_named
+from esea_host.study.task import StudyTask, load_tasks, task_named
 
 GROUP = "group"
 SEE = "docs/studies-with-people.md"
@@ -31,7 +31,7 @@ class TrialRows(_Table):
     parameters: dict[str, Any] = Field({}, description="the task's, for these trials")
 
 
-class BlockPlan(_Table):
+class TrialBlock(_Table):
     """A block: trials of one task."""
 
     name: str = Field(description="name, for the log")
@@ -55,7 +55,7 @@ class SessionPlan(_Table):
 
     name: str = Field(description="name, for the log")
     after_days: float = Field(0.0, ge=0, le=3650, description="washout since the last session")
-    block: tuple[BlockPlan, ...] = Field(min_length=1, description="its blocks")
+    block: tuple[TrialBlock, ...] = Field(min_length=1, description="its blocks")
 
 
 class Stopping(_Table):
@@ -65,7 +65,7 @@ class Stopping(_Table):
     failed_in_a_row: int = Field(3, ge=1, description="so many failed trials in a row end it")
 
 
-class ConditionTable(_Table):
+class StudyCondition(_Table):
     """A condition: parameters for every task that has them."""
 
     title: str = Field("", description="in words")
@@ -83,7 +83,7 @@ class ProtocolFile(_Table):
     blinded: tuple[Literal["operator", "participant"], ...] = Field(
         (), description="who does not see the group"
     )
-    conditions: dict[str, ConditionTable] = Field({}, description="conditions by name")
+    conditions: dict[str, StudyCondition] = Field({}, description="conditions by name")
     groups: dict[str, tuple[str, ...]] = Field(
         {}, description="cross-over: per group, the condition of each session"
     )
@@ -147,7 +147,7 @@ def parse_protocol(
 
 
 def parameters_of(
-    protocol: Protocol, task: Task, condition: str, *levels: Mapping[str, Any]
+    protocol: Protocol, task: StudyTask, condition: str, *levels: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Parameters of a trial: its own over the block's over the condition's (those it has)."""
     table = protocol.file.conditions.get(condition)
@@ -184,7 +184,7 @@ def _check(protocol: Protocol) -> None:
                 )
 
 
-def _check_block(protocol: Protocol, at: tuple[int, int], block: BlockPlan) -> set[str]:
+def _check_block(protocol: Protocol, at: tuple[int, int], block: TrialBlock) -> set[str]:
     file, loc = protocol.file, ("session", at[0], "block", at[1])
     task = task_named(block.task, protocol.line(*loc, "task"))
     rows = (*block.first, *block.trials, *block.last)

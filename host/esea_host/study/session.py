@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_host.study.log import Entry, EventLog, LogFound, read_log
+from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
-from esea_host.study.task import Actor, Situation, Step, Task, TaskBrokenError, task_named
+from esea_host.study.task import Actor, Situation, StudyTask, TaskBrokenError, TaskStep, task_named
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
 ABORTED, FAILED = "aborted", "failed"
@@ -45,7 +45,7 @@ class InputSource(ABC):
         """
 
     @abstractmethod
-    def trial(self, task: Task, situation: Situation, number: int) -> Actor:
+    def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """Who acts in the coming trial."""
 
     @abstractmethod
@@ -130,7 +130,7 @@ def _corrected(row: Mapping[str, Any], change: Mapping[str, Any]) -> Mapping[str
     return {**row, change["column"]: change["new"]}
 
 
-class Session:
+class StudySession:
     """One participant's session.
 
     Parameters
@@ -229,7 +229,7 @@ class Session:
 
     _rules: Mapping[str, float] = {"longest_min": 1e9, "failed_in_a_row": 3}
 
-    def with_rules(self, longest_min: float, failed_in_a_row: int) -> Session:
+    def with_rules(self, longest_min: float, failed_in_a_row: int) -> StudySession:
         """Itself with the protocol's stopping rules."""
         self._rules = {"longest_min": longest_min, "failed_in_a_row": failed_in_a_row}
         return self
@@ -330,7 +330,7 @@ class _Frames:
         self._names: list[str] = []
         self._scenes = hashlib.sha256()
 
-    def add(self, time_s: float, inputs: Mapping[str, float], step: Step) -> None:
+    def add(self, time_s: float, inputs: Mapping[str, float], step: TaskStep) -> None:
         if self._names != list(inputs):
             self.flush()
             self._names = list(inputs)
@@ -396,9 +396,9 @@ def replay(
                 past.append(e.data["row"])
 
 
-def _attempts(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
+def _attempts(entries: Sequence[LoggedEvent]) -> Iterator[list[LoggedEvent]]:
     # The events of each time that a trial was run.
-    here: list[Entry] = []
+    here: list[LoggedEvent] = []
     for e in entries:
         if e.kind == "trial":
             if here:

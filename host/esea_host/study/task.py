@@ -32,7 +32,7 @@ class TaskParameters(BaseModel):
 
 
 @dataclass(frozen=True)
-class Column:
+class DataColumn:
     """A column of the data that a task gives: its name carries its unit."""
 
     name: str
@@ -49,7 +49,7 @@ class TaskEvent:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TrialOutcome:
     """How a trial ended by itself: with its row of data, or failed with the reason."""
 
     row: Row | None
@@ -57,7 +57,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Step:
+class TaskStep:
     """What one step of a task gives.
 
     requests: to the device, by name; the device's limits decide what becomes of them.
@@ -68,7 +68,7 @@ class Step:
     scene: Scene
     requests: Mapping[str, float] = field(default_factory=dict)
     events: tuple[TaskEvent, ...] = ()
-    outcome: Outcome | None = None
+    outcome: TrialOutcome | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Actor(ABC):
         """Time since the trial began, and the inputs."""
 
 
-class Task(ABC):
+class StudyTask(ABC):
     """A task.  A new one is one file: a subclass with ``@register``.
 
     Attributes
@@ -110,7 +110,7 @@ class Task(ABC):
     version: ClassVar[str] = "1"
     title: ClassVar[str]
     Parameters: ClassVar[type[TaskParameters]] = TaskParameters
-    columns: ClassVar[tuple[Column, ...]]
+    columns: ClassVar[tuple[DataColumn, ...]]
 
     @abstractmethod
     def longest_s(self, parameters: Any) -> float:
@@ -121,7 +121,7 @@ class Task(ABC):
         """The first state, frozen."""
 
     @abstractmethod
-    def step(self, state: Any, time_s: float, inputs: Inputs) -> Step:
+    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
         """One step; pure."""
 
     @abstractmethod
@@ -151,11 +151,11 @@ class TaskBrokenError(Exception):
     """A task that does not keep to what it declares: the trial fails with this as its reason."""
 
 
-_TASKS: dict[str, Task] = {}
-_OF_MODULE: dict[str, list[Task]] = {}
+_TASKS: dict[str, StudyTask] = {}
+_OF_MODULE: dict[str, list[StudyTask]] = {}
 
 
-def register(kind: type[Task]) -> type[Task]:
+def register(kind: type[StudyTask]) -> type[StudyTask]:
     """Make a task known by its name."""
     _TASKS[kind.name] = kind()
     _OF_MODULE.setdefault(kind.__module__, []).append(_TASKS[kind.name])
@@ -171,7 +171,7 @@ def load_tasks(files: Iterable[Path]) -> None:
         _TASKS.update({t.name: t for t in tasks})
 
 
-def task_named(name: str, where: str) -> Task:
+def task_named(name: str, where: str) -> StudyTask:
     """A registered task."""
     if name not in _TASKS:
         raise UserError(

@@ -12,12 +12,12 @@ from pydantic import Field
 from esea_gen.errors import UserError
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.task import (
-    Column,
+    DataColumn,
     Inputs,
-    Outcome,
     Situation,
-    Step,
     TaskEvent,
+    TaskStep,
+    TrialOutcome,
     register,
 )
 from esea_host.wrist.normalisation import CursorMap
@@ -104,11 +104,11 @@ class Track(_WristTask):
     Parameters = TrackParameters
     columns = (
         IMPAIRMENT,
-        Column("axis", str, "FE or RU"),
-        Column("method", str, "normalisation"),
-        Column("time_s", list, "times of the samples"),
-        Column("cursor_deg", list, "cursor along the axis"),
-        Column("target_deg", list, "the healthy motion"),
+        DataColumn("axis", str, "FE or RU"),
+        DataColumn("method", str, "normalisation"),
+        DataColumn("time_s", list, "times of the samples"),
+        DataColumn("cursor_deg", list, "cursor along the axis"),
+        DataColumn("target_deg", list, "the healthy motion"),
     )
 
     def longest_s(self, parameters: Any) -> float:
@@ -128,7 +128,7 @@ class Track(_WristTask):
         healthy = (tuple(t - start for t in times), tuple(thetas))
         return Tracking(p, cursor_of(situation.past, p), healthy)
 
-    def step(self, state: Tracking, time_s: float, inputs: Inputs) -> Step:
+    def step(self, state: Tracking, time_s: float, inputs: Inputs) -> TaskStep:
         p = state.parameters
         times, thetas = state.healthy
         x, y = state.cursor.at(inputs)
@@ -142,7 +142,7 @@ class Track(_WristTask):
         shapes = (dot("target", *place(p.axis, target), 2.0), dot("cursor", x, y))
         outcome = None
         if time_s >= times[-1]:
-            outcome = Outcome(
+            outcome = TrialOutcome(
                 {
                     "impairment": p.impairment,
                     "axis": p.axis,
@@ -152,7 +152,7 @@ class Track(_WristTask):
                     "target_deg": list(state.targets),
                 }
             )
-        return Step(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), (), outcome)
+        return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), (), outcome)
 
 
 def _interpolated(
@@ -219,17 +219,17 @@ class Catch(_WristTask):
     Parameters = CatchParameters
     columns = (
         IMPAIRMENT,
-        Column("axis", str, "FE or RU"),
-        Column("method", str, "normalisation"),
-        Column("stationary", bool, "whether the target stood still"),
-        Column("achieved", bool, "within 2 deg for 750 ms"),
-        Column("left", bool, "whether it was lost over the boundary"),
-        Column("reach_time_s", float, "from its appearance to the end"),
-        Column("sse_deg2", float, "sum of squared distances at sse_rate_Hz"),
-        Column("distance_deg", float, "where it appeared"),
-        Column("furthest_deg", float, "cursor's furthest way towards it"),
-        Column("nearest_deg", float, "cursor's furthest way from it, negative"),
-        Column("pulled_away", bool, "whether the cursor went away from it first"),
+        DataColumn("axis", str, "FE or RU"),
+        DataColumn("method", str, "normalisation"),
+        DataColumn("stationary", bool, "whether the target stood still"),
+        DataColumn("achieved", bool, "within 2 deg for 750 ms"),
+        DataColumn("left", bool, "whether it was lost over the boundary"),
+        DataColumn("reach_time_s", float, "from its appearance to the end"),
+        DataColumn("sse_deg2", float, "sum of squared distances at sse_rate_Hz"),
+        DataColumn("distance_deg", float, "where it appeared"),
+        DataColumn("furthest_deg", float, "cursor's furthest way towards it"),
+        DataColumn("nearest_deg", float, "cursor's furthest way from it, negative"),
+        DataColumn("pulled_away", bool, "whether the cursor went away from it first"),
     )
 
     def longest_s(self, parameters: Any) -> float:
@@ -242,7 +242,7 @@ class Catch(_WristTask):
         cursor = cursor_of(situation.past, p)
         return Catching(p, cursor, distance, p.boundary_share * smallest)
 
-    def step(self, state: Catching, time_s: float, inputs: Inputs) -> Step:
+    def step(self, state: Catching, time_s: float, inputs: Inputs) -> TaskStep:
         here = state.cursor.at(inputs)
         if state.shown_s is None:
             return self._home(state, time_s, here)
@@ -252,11 +252,13 @@ class Catch(_WristTask):
         left = math.hypot(state.target[0].x_deg, state.target[1].x_deg) > state.boundary_deg
         outcome = None
         if held or left or shown >= p.reach_s:
-            outcome = Outcome(self._row(state, shown, held, left and not held))
+            outcome = TrialOutcome(self._row(state, shown, held, left and not held))
             events = (*events, TaskEvent("caught" if held else "missed"))
-        return Step(state, self._scene(state, here, outcome, held), requests(p), events, outcome)
+        return TaskStep(
+            state, self._scene(state, here, outcome, held), requests(p), events, outcome
+        )
 
-    def _home(self, state: Catching, time_s: float, here: tuple[float, float]) -> Step:
+    def _home(self, state: Catching, time_s: float, here: tuple[float, float]) -> TaskStep:
         near = math.hypot(*here) <= WITHIN_DEG
         since = (time_s if state.home_since_s is None else state.home_since_s) if near else None
         p = state.parameters
@@ -268,8 +270,8 @@ class Catch(_WristTask):
             state = replace(state, shown_s=time_s, target=(Moving(x), Moving(y)))
             events = (TaskEvent("target", {"x_deg": x, "y_deg": y}),)
         elif time_s >= p.home_s:
-            outcome = Outcome(None, "the cursor did not come back to the origin")
-        return Step(state, self._scene(state, here, None, False), requests(p), events, outcome)
+            outcome = TrialOutcome(None, "the cursor did not come back to the origin")
+        return TaskStep(state, self._scene(state, here, None, False), requests(p), events, outcome)
 
     def _moved(
         self, state: Catching, time_s: float, here: tuple[float, float]
@@ -321,7 +323,7 @@ class Catch(_WristTask):
         }
 
     def _scene(
-        self, state: Catching, here: tuple[float, float], outcome: Outcome | None, held: bool
+        self, state: Catching, here: tuple[float, float], outcome: TrialOutcome | None, held: bool
     ) -> Scene:
         shapes = [
             Shape("ring", "boundary", 0.0, 0.0, state.boundary_deg),

@@ -84,7 +84,7 @@ class PersonModel:
 
 
 @dataclass
-class Person:
+class VirtualParticipant:
     """One participant, between trials.
 
     fast, slow: what is known of how far a target runs away, 1 all of it [5].
@@ -115,7 +115,7 @@ class Person:
         self.fast, self.slow = 0.0, self.slow * self.model.retain[1] ** (10 * days)
 
 
-def person(rng: np.random.Generator, model: PersonModel) -> Person:
+def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
     """Draw a person.
 
     Parameters
@@ -127,7 +127,7 @@ def person(rng: np.random.Generator, model: PersonModel) -> Person:
 
     Returns
     -------
-    Person
+    VirtualParticipant
         Each number by a normal factor, cut at two deviations.
     """
 
@@ -158,7 +158,7 @@ def person(rng: np.random.Generator, model: PersonModel) -> Person:
         k = about(stiffness)
         damping = 2 * 0.3 * math.sqrt(k * one.inertia_kgm2)
         limbs.append(Limb(one.inertia_kgm2, k, damping, 0.0, math.radians(low), math.radians(high)))
-    return Person(one, (limbs[0], limbs[1]), rng)
+    return VirtualParticipant(one, (limbs[0], limbs[1]), rng)
 
 
 def minimum_jerk(share: float) -> float:
@@ -194,7 +194,7 @@ class WristActor(Actor):
 
     Parameters
     ----------
-    who : Person
+    who : VirtualParticipant
         Learns by it.
     rig : Rig
         The device.
@@ -204,7 +204,7 @@ class WristActor(Actor):
         Where the hand is held, both axes, deg; goes on from trial to trial.
     """
 
-    def __init__(self, who: Person, rig: Rig, task: str, aims: list[float]) -> None:
+    def __init__(self, who: VirtualParticipant, rig: Rig, task: str, aims: list[float]) -> None:
         self.who, self.rig, self.task, self.aims = who, rig, task, aims
         self.base = list(aims)
         self.time_s = 0.0

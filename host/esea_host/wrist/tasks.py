@@ -15,14 +15,14 @@ from pydantic import Field
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.task import (
     Actor,
-    Column,
+    DataColumn,
     Inputs,
-    Outcome,
     Situation,
-    Step,
-    Task,
+    StudyTask,
     TaskEvent,
     TaskParameters,
+    TaskStep,
+    TrialOutcome,
     register,
 )
 from esea_host.wrist.calibration import quality
@@ -33,7 +33,7 @@ Axis = Literal["FE", "RU"]
 Way = Literal[-1, 1]
 
 
-IMPAIRMENT = Column("impairment", bool, "whether the simulated impairment was asked for")
+IMPAIRMENT = DataColumn("impairment", bool, "whether the simulated impairment was asked for")
 
 
 class OnAxis(TaskParameters):
@@ -63,7 +63,7 @@ def place(axis: str, value: float) -> tuple[float, float]:
     return (value, 0.0) if axis == "FE" else (0.0, value)
 
 
-class _WristTask(Task):
+class _WristTask(StudyTask):
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         return Follower(rng)
 
@@ -95,8 +95,8 @@ class Neutral(_WristTask):
     Parameters = NeutralParameters
     columns = (
         IMPAIRMENT,
-        Column("neutral_fe_deg", float, "mean of the last second"),
-        Column("neutral_ru_deg", float, "mean of the last second"),
+        DataColumn("neutral_fe_deg", float, "mean of the last second"),
+        DataColumn("neutral_ru_deg", float, "mean of the last second"),
     )
 
     def longest_s(self, parameters: Any) -> float:
@@ -105,16 +105,16 @@ class Neutral(_WristTask):
     def begin(self, situation: Situation) -> Resting:
         return Resting(situation.parameters)
 
-    def step(self, state: Resting, time_s: float, inputs: Inputs) -> Step:
+    def step(self, state: Resting, time_s: float, inputs: Inputs) -> TaskStep:
         kept = (*(x for x in state.kept if x[0] > time_s - 1.0), (time_s, *angles(inputs)))
         outcome = None
         if time_s >= state.parameters.seconds:
             fe, ru = np.mean(np.array(kept)[:, 1:], axis=0)
             found = {"neutral_fe_deg": float(fe), "neutral_ru_deg": float(ru)}
-            outcome = Outcome({"impairment": state.parameters.impairment, **found})
+            outcome = TrialOutcome({"impairment": state.parameters.impairment, **found})
         scene = Scene((dot("cursor", *angles(inputs)),), (Text("neutral"),))
         asked = requests(state.parameters)
-        return Step(replace(state, kept=kept), scene, asked, (), outcome)
+        return TaskStep(replace(state, kept=kept), scene, asked, (), outcome)
 
 
 # -- range -----------------------------------------------------------------------------------------
@@ -148,9 +148,9 @@ class Range(_WristTask):
     Parameters = RangeParameters
     columns = (
         IMPAIRMENT,
-        Column("axis", str, "FE or RU"),
-        Column("way", int, "1 or -1"),
-        Column("end_deg", float, "furthest angle from the neutral position"),
+        DataColumn("axis", str, "FE or RU"),
+        DataColumn("way", int, "1 or -1"),
+        DataColumn("end_deg", float, "furthest angle from the neutral position"),
     )
 
     def longest_s(self, parameters: Any) -> float:
@@ -160,7 +160,7 @@ class Range(_WristTask):
         past = calibrated(situation.past, situation.parameters.impairment)
         return Reaching(situation.parameters, past.neutral)
 
-    def step(self, state: Reaching, time_s: float, inputs: Inputs) -> Step:
+    def step(self, state: Reaching, time_s: float, inputs: Inputs) -> TaskStep:
         p = state.parameters
         theta = angles(inputs)[AXES.index(p.axis)] - state.middle[AXES.index(p.axis)]
         end = max(state.end_deg, p.way * theta)
@@ -168,7 +168,7 @@ class Range(_WristTask):
         if time_s >= p.seconds:
             row = {"axis": p.axis, "way": p.way, "end_deg": float(p.way * end)}
             row["impairment"] = p.impairment
-            outcome = Outcome(row)
+            outcome = TrialOutcome(row)
         far = place(p.axis, 100.0 * p.way)
         shapes = (
             Shape("line", "guide", 0.0, 0.0, 1.0, *far),
@@ -177,7 +177,7 @@ class Range(_WristTask):
         )
         text = Text("range_forward", {"direction": DIRECTIONS[p.axis, p.way]})
         scene = Scene(shapes, (text,), 90.0)
-        return Step(replace(state, end_deg=end), scene, requests(p), (), outcome)
+        return TaskStep(replace(state, end_deg=end), scene, requests(p), (), outcome)
 
 
 # -- velocity --------------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ class Sweeping:
 
 
 @register
-class Velocity(_WristTask):
+class VelocitySweep(_WristTask):
     """To and fro through the nodes, as far and as fast as is comfortable."""
 
     name = "wrist.velocity"
@@ -213,11 +213,11 @@ class Velocity(_WristTask):
     Parameters = VelocityParameters
     columns = (
         IMPAIRMENT,
-        Column("axis", str, "FE or RU"),
-        Column("movements", int, "that were made"),
-        Column("time_s", list, "times of the samples"),
-        Column("theta_deg", list, "angle from the neutral position"),
-        Column("complaints", list, "what was not good enough, and what to do"),
+        DataColumn("axis", str, "FE or RU"),
+        DataColumn("movements", int, "that were made"),
+        DataColumn("time_s", list, "times of the samples"),
+        DataColumn("theta_deg", list, "angle from the neutral position"),
+        DataColumn("complaints", list, "what was not good enough, and what to do"),
     )
 
     def longest_s(self, parameters: Any) -> float:
@@ -229,7 +229,7 @@ class Velocity(_WristTask):
         past.range_of(p.axis)
         return Sweeping(p, past)
 
-    def step(self, state: Sweeping, time_s: float, inputs: Inputs) -> Step:
+    def step(self, state: Sweeping, time_s: float, inputs: Inputs) -> TaskStep:
         p = state.parameters
         k = AXES.index(p.axis)
         low, high = state.past.range_of(p.axis)
@@ -252,11 +252,11 @@ class Velocity(_WristTask):
             state = replace(state, words=tuple(dict.fromkeys(c.key for c in found)))
         over = state.done >= p.movements or time_s >= p.longest_s
         outcome = self._outcome(state, low, high) if over else None
-        return Step(state, self._scene(state, theta), requests(p), events, outcome)
+        return TaskStep(state, self._scene(state, theta), requests(p), events, outcome)
 
-    def _outcome(self, state: Sweeping, low: float, high: float) -> Outcome:
+    def _outcome(self, state: Sweeping, low: float, high: float) -> TrialOutcome:
         complaints = quality(low, high, [(state.times, state.thetas)]) if state.times else []
-        return Outcome(
+        return TrialOutcome(
             {
                 "impairment": state.parameters.impairment,
                 "axis": state.parameters.axis,

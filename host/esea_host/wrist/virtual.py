@@ -14,8 +14,8 @@ from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.scene import Scene
 from esea_host.study.session import InputSource
-from esea_host.study.task import Actor, Inputs, Row, Situation, Task
-from esea_host.wrist.person import Person, PersonModel, WristActor, person
+from esea_host.study.task import Actor, Inputs, Row, Situation, StudyTask
+from esea_host.wrist.person import PersonModel, VirtualParticipant, WristActor, person
 from esea_host.wrist.rig import Rig, rig_library
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
@@ -26,11 +26,11 @@ class VirtualPerson(InputSource):
 
     Parameters
     ----------
-    who : Person
+    who : VirtualParticipant
         Comes again another day.
     """
 
-    def __init__(self, who: Person) -> None:
+    def __init__(self, who: VirtualParticipant) -> None:
         self.who, self.rig = who, Rig(who.limbs)
         self.aims = [0.0, 0.0]
         self._past_s = 0.0
@@ -42,7 +42,7 @@ class VirtualPerson(InputSource):
         self.rig.advance(still, False)
         return {"simulated": True, "tau_Nm": [a.tau_Nm for a in self.rig.axes]}
 
-    def trial(self, task: Task, situation: Situation, number: int) -> Actor:
+    def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """The person, told what to do."""
         self._past_s = self.now_s()
         self._actor = _Learner(self.who, self.rig, task.name, self.aims, situation)
@@ -61,7 +61,7 @@ class _Learner(WristActor):
     """Learns by what it sees of the target, and of its own gain."""
 
     def __init__(
-        self, who: Person, rig: Rig, task: str, aims: list[float], situation: Situation
+        self, who: VirtualParticipant, rig: Rig, task: str, aims: list[float], situation: Situation
     ) -> None:
         super().__init__(who, rig, task, aims)
         self.moves = not getattr(situation.parameters, "stationary", True)
