@@ -81,6 +81,8 @@ class TrackParameters(OnScreen):
     """One replay of the own healthy motion."""
 
     take: int = Field(0, ge=0, le=20, description="which block of the healthy calibration, from 0")
+    start_within_deg: float = Field(5.0, gt=0, le=90, description="how near its start is ready")
+    start_s: float = Field(8.0, gt=0, le=60, description="then it starts anyhow")
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,8 @@ class Tracking:
     parameters: TrackParameters
     cursor: Cursor
     healthy: tuple[tuple[float, ...], tuple[float, ...]]
+    ready_since_s: float | None = None
+    begun_s: float | None = None
     times: tuple[float, ...] = ()
     cursors: tuple[float, ...] = ()
     targets: tuple[float, ...] = ()
@@ -112,7 +116,7 @@ class Track(_WristTask):
     )
 
     def longest_s(self, parameters: Any) -> float:
-        return 30.0
+        return float(parameters.start_s) + 30.0
 
     def begin(self, situation: Situation) -> Tracking:
         p = situation.parameters
@@ -124,24 +128,28 @@ class Track(_WristTask):
                 "Name one of them with take, or put the healthy calibration before.",
             )
         times, thetas = traces[p.take]
-        start = times[0]
-        healthy = (tuple(t - start for t in times), tuple(thetas))
+        # Constrained, 0 is the middle of the range; so it is for what is tracked there.
+        middle = sum(calibrated(situation.past, False).range_of(p.axis)) / 2 * p.impairment
+        healthy = (tuple(t - times[0] for t in times), tuple(x - middle for x in thetas))
         return Tracking(p, cursor_of(situation.past, p), healthy)
 
     def step(self, state: Tracking, time_s: float, inputs: Inputs) -> TaskStep:
         p = state.parameters
         times, thetas = state.healthy
         x, y = state.cursor.at(inputs)
-        target = _interpolated(time_s, times, thetas, len(state.times))
+        if state.begun_s is None:
+            return self._get_ready(state, time_s, (x, y))
+        shown = time_s - state.begun_s
+        target = _interpolated(shown, times, thetas, len(state.times))
         state = replace(
             state,
-            times=(*state.times, time_s),
+            times=(*state.times, shown),
             cursors=(*state.cursors, x if p.axis == "FE" else y),
             targets=(*state.targets, target),
         )
         shapes = (dot("target", *place(p.axis, target), 2.0), dot("cursor", x, y))
         outcome = None
-        if time_s >= times[-1]:
+        if shown >= times[-1]:
             outcome = TrialOutcome(
                 {
                     "impairment": p.impairment,
@@ -153,6 +161,18 @@ class Track(_WristTask):
                 }
             )
         return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), (), outcome)
+
+    def _get_ready(self, state: Tracking, time_s: float, here: tuple[float, float]) -> TaskStep:
+        # The motion starts once the cursor has been at its start for half a second.
+        p, start = state.parameters, state.healthy[1][0]
+        near = abs(here[AXES.index(p.axis)] - start) <= p.start_within_deg
+        since = (time_s if state.ready_since_s is None else state.ready_since_s) if near else None
+        held = since is not None and time_s - since >= 0.5
+        begun = time_s if held or time_s >= p.start_s else None
+        events = (TaskEvent("started", {"ready": held}),) if begun is not None else ()
+        shapes = (dot("target", *place(p.axis, start), 2.0), dot("cursor", *here))
+        state = replace(state, ready_since_s=since, begun_s=begun)
+        return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), events)
 
 
 def _interpolated(

@@ -273,6 +273,10 @@ class WristActor(Actor):
         at = goal.y if axis else goal.x
         if self.task == "wrist.track":
             at += self._speed_seen(axis) * (m.delay_s + length / 2)
+            # It is their own motion: nobody expects it beyond half of their own range.
+            limb = self.who.limbs[axis]
+            half = math.degrees(limb.high_rad - limb.low_rad) / 2
+            at = min(max(at, -half), half)
         wanted = at - (cursor.y if axis else cursor.x)
         # What has been commanded since that was seen, and what is still to come of it.
         end = self.base[axis] + sum(x.size_deg for x in self.running if x.axis == axis)
