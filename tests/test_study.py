@@ -234,13 +234,30 @@ def test_corrections_keep_what_was_there(tmp_path, protocol):
     run_one(study)
     session = study.session("P01", 0, SimulatedSource(1))
     session.correct(4, "held", False, "the strap was open")
-    session.skip(4, "shown twice")
+    with pytest.raises(UserError, match="is done"):
+        session.skip(4, "shown twice")
     with pytest.raises(UserError, match="reason"):
         session.skip(5, "")
     session.close()
     assert [r["held"] for r in study.rows("P01") if r["trial"] == 4] == [False]
     (change,) = [e for e in read_log(study.log_of("P01", 0)).entries if e.kind == "correction"]
     assert (change.data["old"], change.data["new"]) == (True, False)
+
+
+def test_a_trial_comes_again_in_its_place(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    run_one(study)
+    session = study.session("P01", 0, SimulatedSource(9))
+    with pytest.raises(UserError, match="reason"):
+        session.repeat(4, "")
+    session.repeat(4, "the strap was open")
+    assert [t.number for t in session.state.remaining] == [4]
+    assert 4 not in [r["trial"] for r in session.state.past]
+    session.run()
+    session.close()
+    again = read_session(study.log_of("P01", 0))
+    assert [r["trial"] for r in again.past] == [1, 2, 3, *range(5, 13), 4]
+    assert all(same for _, _, same in replay(study.log_of("P01", 0)))
 
 
 # -- nothing lost ----------------------------------------------------------------------------------
@@ -456,7 +473,12 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     assert "the same, bit for bit" in call("replay", folder, "P01")
     assert "Every log is as it was written" in call("audit", folder)
     assert "12 of 12 trials are done" in call("resume", folder, "P01")
-    assert "12 rows" in call("export", folder, str(tmp_path / "out"))
+    assert "comes again" in call("repeat", folder, "P01", "3", "--reason", "a cough")
+    assert "Remaining, as planned: 3" in call("resume", folder, "P01")
+    call("repeat", folder, "P01", "2", "--reason", "a cough")
+    call("skip", folder, "P01", "2", "--reason", "no time")
+    assert "12 of 12 trials are done" in call("resume", folder, "P01")
+    assert "11 rows" in call("export", folder, str(tmp_path / "out"))
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
 
 

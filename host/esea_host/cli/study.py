@@ -12,6 +12,7 @@ from esea_host.cli.app import app, out
 
 if TYPE_CHECKING:
     from esea_host.study.folder import StudyFolder
+    from esea_host.study.session import StudySession
 
 study_app = typer.Typer(
     help="Studies with people: protocol, sessions, data.",
@@ -130,6 +131,45 @@ def _run(folder: Path, code: str, number: int, seed: int) -> None:
         )
 
 
+TrialArgument = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")]
+ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
+
+
+@study_app.command("skip")
+def skip(
+    folder: FolderArgument,
+    code: CodeArgument,
+    trial: TrialArgument,
+    session: SessionOption = 1,
+    reason: ReasonOption = "",
+) -> None:
+    """Leave a trial of an interrupted session out."""
+    _begun(folder, code, session).skip(trial, reason)
+    out.print(f"{code}: trial {trial} is left out")
+
+
+@study_app.command("repeat")
+def repeat(
+    folder: FolderArgument,
+    code: CodeArgument,
+    trial: TrialArgument,
+    session: SessionOption = 1,
+    reason: ReasonOption = "",
+) -> None:
+    """Have a trial again: what it gave no longer counts, and stays on record."""
+    _begun(folder, code, session).repeat(trial, reason)
+    out.print(f"{code}: trial {trial} comes again with study resume")
+
+
+def _begun(folder: Path, code: str, number: int) -> StudySession:
+    from esea_host.study.acting import SimulatedSource
+
+    study = _opened(folder)
+    if not study.log_of(code, number - 1).exists():
+        raise UserError(f"{code} has not begun session {number}.", "Name one that was begun.")
+    return study.session(code, number - 1, SimulatedSource(0))
+
+
 @study_app.command("replay")
 def replay_command(folder: FolderArgument, code: CodeArgument, session: SessionOption = 1) -> None:
     """Make every scene of a session again from its log, and say whether they are the same."""
@@ -164,7 +204,7 @@ def audit(folder: FolderArgument) -> None:
 def delete(
     folder: FolderArgument,
     code: CodeArgument,
-    reason: Annotated[str, typer.Option("--reason", help="Why; kept on record.")] = "",
+    reason: ReasonOption = "",
 ) -> None:
     """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
     if not reason:

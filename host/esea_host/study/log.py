@@ -119,6 +119,8 @@ class EventLog:
         self._count = len(self.found.entries)
         self._before = self.found.entries[-1].hash if self._count else START
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        if not self._count:
+            _sync(path.parent)
         if self.found.torn:
             self._set_aside(self.found.torn)
 
@@ -170,3 +172,12 @@ class EventLog:
     def close(self) -> None:
         """Close the file."""
         os.close(self._file)
+
+
+def _sync(folder: Path) -> None:
+    # So that the name of a new file is on disk as well.
+    file = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)

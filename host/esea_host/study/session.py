@@ -95,21 +95,21 @@ def state_of(found: LogFound, path: Path) -> SessionState:
     plan = plan_from(head["plan"])
     states = {t.number: PENDING for t in plan.trials}
     reasons: dict[int, str] = {}
-    past, ended = [], ""
+    past: list[Mapping[str, Any]] = []
+    ended = ""
     for e in found.entries:
         if e.kind == "trial":
             states[e.data["trial"]], ended = RUNNING, ""
         elif e.kind == "trial_end":
             states[e.data["trial"]] = e.data["state"]
             reasons[e.data["trial"]] = e.data["reason"]
-            if e.data["state"] == COMPLETED:
-                past.append(e.data["row"])
         elif e.kind == "skip":
             states[e.data["trial"]], reasons[e.data["trial"]] = "skipped", e.data["reason"]
-        elif e.kind == "correction":
-            past = [_corrected(row, e.data) for row in past]
+        elif e.kind == "repeat":
+            states[e.data["trial"]], reasons[e.data["trial"]] = PENDING, e.data["reason"]
         elif e.kind == "end":
             ended = e.data["reason"]
+        past = _rows_after(past, e)
     running = next((n for n, s in states.items() if s == RUNNING), None)
     return SessionState(
         head["participant"],
@@ -122,6 +122,17 @@ def state_of(found: LogFound, path: Path) -> SessionState:
         len(found.torn),
         found.entries[-1].time_s,
     )
+
+
+def _rows_after(past: list[Mapping[str, Any]], e: LoggedEvent) -> list[Mapping[str, Any]]:
+    # Rows of completed trials, once an event has happened.
+    if e.kind == "trial_end" and e.data["state"] == COMPLETED:
+        return [*past, e.data["row"]]
+    if e.kind == "repeat":
+        return [row for row in past if row["trial"] != e.data["trial"]]
+    if e.kind == "correction":
+        return [_corrected(row, e.data) for row in past]
+    return past
 
 
 def _corrected(row: Mapping[str, Any], change: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -279,7 +290,20 @@ class StudySession:
         """Leave a trial out, with the reason."""
         if not reason:
             raise UserError(f"Trial {number} cannot be skipped without a reason.", "Give one.")
+        if self.state.states.get(number) in (None, COMPLETED):
+            raise UserError(
+                f"Trial {number} is done, or there is none.", "Name one that is to come."
+            )
         self._say("skip", trial=number, reason=reason)
+        self._reread()
+
+    def repeat(self, number: int, reason: str) -> None:
+        """Have a trial again: what it gave no longer counts, and stays on record."""
+        if not reason:
+            raise UserError(f"Trial {number} is not repeated without a reason.", "Give one.")
+        if self.state.states.get(number) in (None, PENDING):
+            raise UserError(f"Trial {number} has not been run.", "Name one that has.")
+        self._say("repeat", trial=number, reason=reason)
         self._reread()
 
     def note(self, text: str) -> None:
@@ -375,36 +399,19 @@ def replay(
     found = read_log(path).sound(path)
     plan = plan_from(found.entries[0].data["plan"])
     past = list(earlier)
-    for attempt in _attempts(found.entries):
-        trial = plan.trials[attempt[0].data["trial"] - 1]
-        task = task_named(trial.task, path.name)
-        digest = hashlib.sha256()
-        # One that could not begin has shown nothing.
-        if any(e.kind == "frames" for e in attempt):
-            state = task.begin(situation_of(trial, tuple(past)))
-        for e in attempt:
-            if e.kind == "frames":
-                for sample in e.data["samples"]:
-                    inputs = dict(zip(e.data["names"], sample[1:], strict=True))
-                    step = task.step(state, sample[0], inputs)
-                    state = step.state
-                    digest.update(step.scene.digest())
-                    last = sample is e.data["samples"][-1]
-                    same = not last or digest.hexdigest() == e.data["scenes"]
-                    yield trial.number, step.scene, same
-            elif e.kind == "trial_end" and e.data["row"] is not None:
-                past.append(e.data["row"])
-
-
-def _attempts(entries: Sequence[LoggedEvent]) -> Iterator[list[LoggedEvent]]:
-    # The events of each time that a trial was run.
-    here: list[LoggedEvent] = []
-    for e in entries:
+    for e in found.entries:
         if e.kind == "trial":
-            if here:
-                yield here
-            here = [e]
-        elif here and e.kind in ("frames", "trial_end"):
-            here.append(e)
-    if here:
-        yield here
+            trial = plan.trials[e.data["trial"] - 1]
+            task, state, digest = task_named(trial.task, path.name), None, hashlib.sha256()
+        elif e.kind == "frames":
+            if state is None:  # one that could not begin has shown nothing
+                state = task.begin(situation_of(trial, tuple(past)))
+            for k, sample in enumerate(e.data["samples"], 1):
+                inputs = dict(zip(e.data["names"], sample[1:], strict=True))
+                step = task.step(state, sample[0], inputs)
+                state = step.state
+                digest.update(step.scene.digest())
+                whole = k == len(e.data["samples"])
+                same = not whole or digest.hexdigest() == e.data["scenes"]
+                yield trial.number, step.scene, same
+        past = _rows_after(past, e)

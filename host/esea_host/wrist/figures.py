@@ -74,7 +74,7 @@ def maps(healthy: NodeSpeeds, constrained: NodeSpeeds, found: CursorMap, axis: s
         own = np.array(constrained.speeds_deg_s, np.float64)
         speeds.plot(constrained.nodes_deg, own, "s-", color=MEASURED, label="constrained", lw=1)
         speeds.set(title=f"{axis}: speed at nodes", xlabel="deg", ylabel="deg/s", ylim=(0, None))
-        speeds.legend()
+        speeds.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, fontsize=8)
         factor.plot(theta, found.scaling(theta), color=MODEL)
         at_nodes = np.array(constrained.nodes_deg)
         factor.plot(at_nodes, found.scaling(at_nodes), "o", color=MEASURED)

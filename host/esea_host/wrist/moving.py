@@ -355,4 +355,4 @@ class Catch(_WristTask):
             shapes.append(Shape("disc", role, x, y, WITHIN_DEG))
         shapes.append(dot("cursor", *here, 0.8))
         text = "reach" if outcome is None else "caught" if held else "missed"
-        return Scene(tuple(shapes), (Text(text),), 1.1 * state.boundary_deg)
+        return Scene(tuple(shapes), (Text(text),), 1.3 * state.boundary_deg)
