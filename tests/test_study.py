@@ -502,3 +502,16 @@ def test_a_task_can_be_simulated_from_its_parameters_alone(protocol):
         if step.outcome:
             break
     assert step.outcome.row["held"]
+
+
+def test_many_simulated_participants_whatever_the_workers(tmp_path):
+    said = []
+    for name, jobs in (("a", "1"), ("b", "2")):
+        words = ["study", "virtual", str(EXAMPLE), "--participants", "4", "--jobs", jobs]
+        done = CliRunner().invoke(app, [*words, "--keep", str(tmp_path / name)])
+        assert done.exit_code == 0, str(done.exception)
+        study = StudyFolder.open(tmp_path / name)
+        assert study.problems() == []
+        said.append((done.output, [study.rows(c) for c in study.participants()]))
+    assert said[0] == said[1]
+    assert "4 SIMULATED participants: 56 trials completed" in said[0][0]

@@ -1,4 +1,4 @@
-"""The wrist study on the command line: ``study virtual wrist`` and ``analyse wrist``."""
+"""``study virtual`` and ``analyse wrist``: virtual participants, and the wrist study's tables."""
 
 from __future__ import annotations
 
@@ -18,13 +18,6 @@ from esea_host.cli.study import study_app
 if TYPE_CHECKING:
     from esea_host.wrist.analysis import WristResult
 
-virtual_app = typer.Typer(
-    help="Virtual participants do a study; all that comes of it is simulated.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-study_app.add_typer(virtual_app, name="virtual")
-
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write as JSON.")]
 ReportOption = Annotated[
     Path | None, typer.Option("--report", metavar="FILE", help="Write one HTML page.")
@@ -34,18 +27,19 @@ CsvOption = Annotated[
 ]
 
 
-@virtual_app.command("wrist")
-def virtual_wrist(
+@study_app.command("virtual")
+def virtual(
+    study: Annotated[str, typer.Argument(metavar="STUDY", help="wrist, or a protocol file.")],
     participants: Annotated[int, typer.Option("--participants", min=1, max=10000)] = 10,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed, the same study.")] = 1,
     jobs: Annotated[
         int, typer.Option("--jobs", help="Processes; the result does not depend on it.")
     ] = -1,
     method: Annotated[
-        str, typer.Option("--method", help="Normalisation: none, linear, published or rbf.")
+        str, typer.Option("--method", help="Wrist: normalisation none, linear, published or rbf.")
     ] = "rbf",
     compare: Annotated[
-        bool, typer.Option("--compare", help="Run the study under every method and compare.")
+        bool, typer.Option("--compare", help="Wrist: the study under every method.")
     ] = False,
     keep: Annotated[
         Path | None, typer.Option("--keep", metavar="FOLDER", help="Keep the study's folder.")
@@ -53,7 +47,7 @@ def virtual_wrist(
     to_json: JsonOption = None,
     report: ReportOption = None,
 ) -> None:
-    """The whole wrist study with virtual participants, beside the published medians."""
+    """A whole study with virtual participants; all that comes of it is simulated."""
     from esea_host.wrist.analysis import analyse
     from esea_host.wrist.past import METHODS
     from esea_host.wrist.virtual import run_study
@@ -62,14 +56,27 @@ def virtual_wrist(
         raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch) / "study"
-        if compare:
+        if study != "wrist":
+            early = _any_protocol(Path(study), folder, participants, seed, jobs)
+        elif compare:
             _compare(folder, participants, seed, jobs, to_json)
             return
-        early = run_study(folder, participants, seed, jobs, method)
-        result = analyse(folder)
-        _shown(result, to_json, report, None)
+        else:
+            early = run_study(folder, participants, seed, jobs, method)
+            _shown(analyse(folder), to_json, report, None)
         for reason in early:
             out.print(f"ended early: {reason}")
+
+
+def _any_protocol(path: Path, folder: Path, participants: int, seed: int, jobs: int) -> list[str]:
+    from esea_host.study.folder import StudyFolder
+    from esea_host.study.many import EveryTask, run_everybody
+    from esea_host.study.protocol import load_protocol
+
+    early = run_everybody(folder, load_protocol(path), participants, EveryTask(seed), jobs)
+    rows = sum(len(StudyFolder.open(folder).rows(f"V{k + 1:03d}")) for k in range(participants))
+    out.print(f"{participants} SIMULATED participants: {rows} trials completed")
+    return early
 
 
 def _compare(folder: Path, participants: int, seed: int, jobs: int, to_json: Path | None) -> None:

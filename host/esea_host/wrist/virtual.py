@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel, delayed
-
 from esea_host.study.folder import StudyFolder
-from esea_host.study.log import read_log
+from esea_host.study.many import run_everybody
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.scene import Scene
@@ -103,29 +102,23 @@ def wrist_protocol(seed: int, method: str = "rbf") -> Protocol:
     return parse_protocol(text, PROTOCOL.name)
 
 
-def run_participant(
-    folder: Path, index: int, code: str, seed: int, model: PersonModel
-) -> tuple[str, list[str]]:
-    """All sessions of one virtual participant, in a study of its own process.
+@dataclass(frozen=True)
+class WristPeople:
+    """Participants of the wrist study: each the same person in every session."""
 
-    Returns
-    -------
-    code, reasons
-        Of sessions that ended early.
-    """
-    study = StudyFolder.open(folder, durable=False)
-    who = person(generator(seed, 4, index), model)
-    reasons: list[str] = []
-    for number, plan in enumerate(study.protocol.file.session):
-        if number:
-            who.forget(plan.after_days)
-        session = study.session(code, number, VirtualPerson(who))
-        reason = session.run()
-        session.close()
-        if reason:
-            reasons.append(f"{code}, session {number + 1}: {reason}")
-            break
-    return code, reasons
+    seed: int
+    model: PersonModel
+
+    def __call__(self, index: int) -> Callable[[int, float], InputSource]:
+        """Sources of one of them."""
+        who = person(generator(self.seed, 4, index), self.model)
+
+        def source(number: int, days: float) -> InputSource:
+            if number:
+                who.forget(days)
+            return VirtualPerson(who)
+
+        return source
 
 
 def run_study(
@@ -161,20 +154,10 @@ def run_study(
     list of str
         Sessions that ended early, with the reason.
     """
-    chosen = model or PersonModel()
     asked = protocol or wrist_protocol(seed, method)
-    study = StudyFolder.create(folder, asked, simulated=True, durable=False)
-    codes = [f"V{k + 1:03d}" for k in range(participants)]
-    for code in codes:
-        study.enrol(code, consent=True)
     rig_library()  # compiled once, before the processes start
-    found = Parallel(n_jobs=jobs)(
-        delayed(run_participant)(folder, k, code, seed, chosen) for k, code in enumerate(codes)
-    )
-    for code, number, path in study.sessions():
-        head = read_log(path).entries[-1].hash
-        study.audit("session_end", participant=code, session=number, head=head)
-    return [r for _, reasons in found for r in reasons]
+    people = WristPeople(seed, model or PersonModel())
+    return run_everybody(folder, asked, participants, people, jobs)
 
 
 def all_rows(folder: Path) -> list[Row]:
