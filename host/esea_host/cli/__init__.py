@@ -4,3 +4,7 @@ from esea_host.cli import analyse
 from esea_host.cli.app import app, main
 
 __all__ = ["analyse", "app", "main"]
+from esea_host.cli import analyse, study, wrist
+from esea_host.cli.app import app, main
+
+__all__ = ["analyse", "app", "main", "study", "wrist"]

@@ -1,0 +1,216 @@
+"""Simulated impairment: a wall with damping that only pushes out, and resistance to speed.
+
+Thesis chapter 7.  As printed, ``tau = -sgn(omega) [Kp (theta - theta_w) + Kd omega + Kv omega]``
+pushes along with a wrist that moves out: for a negative speed both damping terms have the sign of
+the motion and feed it.  What is workable, and passive, is here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import (
+    Equation,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
+from esea_gen.language.stream import OwnStreams, Stream, single
+from esea_gen.model.symbolic import equation, to_casadi
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from esea_gen.devices.file import DeviceData
+
+# Published for the wrist: 2 Nm/deg, 0.1 Nms/deg, 0.02 Nms/deg, wall at 5 deg.
+A_DEG = math.degrees(1.0)
+KP_NM_RAD, KD_NMS_RAD, KV_NMS_RAD = 2.0 * A_DEG, 0.1 * A_DEG, 0.02 * A_DEG
+WALL_RAD = math.radians(5.0)
+# Switching on or off is for a wrist that rests, and is not in the wall.
+REST_RAD_S = 0.1
+
+THETA, OMEGA, WALL = sp.symbols("theta omega theta_w", real=True)
+KP, KD, KV = sp.symbols("K_p K_d K_v", nonnegative=True)
+TAU_MAX = sp.Symbol("tau_max", positive=True)
+DEPTH = sp.Max(THETA - WALL, 0)
+PUSH = sp.Max(KP * (THETA - WALL) + KD * OMEGA, 0)
+RESISTANCE = -KV * OMEGA
+
+
+def impairment(device: DeviceData) -> Block:
+    """Torque of a simulated impairment of one axis.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Its sensing period, its largest rate, and its full-scale torque as the allowed one.
+
+    Returns
+    -------
+    Block
+        Inputs ``theta_rad`` and ``omega_rad_s`` of the joint and ``constrained`` (1 asks for the
+        impairment, 0 for none); outputs the set torque ``tau_set_Nm``, ``acts`` and a status word.
+
+    Notes
+    -----
+    With d = max(theta - theta_w, 0) and W = max(Kp (theta - theta_w) + Kd omega, 0) for d > 0, else
+    0, the torque is tau = sat(-Kv omega - W).  It is passive with the storage
+    S(d) = integral_0^d min(Kp s, tau_max) ds.  For omega >= 0, Kv omega + W >= Kp d; for
+    omega <= 0, Kv omega + W <= Kp d, since W <= Kp d there.  The saturation keeps that order, so
+    that -tau omega >= min(Kp d, tau_max) omega = dS/dt either way: over any closed path the wrist
+    gets no energy.  That is of the law; what sampling and the torque controller's lag add, they
+    answer for.
+    It is switched only where the wrist rests outside the wall, where no torque jumps.  What the
+    wall asks for beyond the allowed torque is held there, and is no fault.
+
+    References
+    ----------
+    Thesis equations 7.1 and 7.2, with the sign of the damping put right.
+    """
+    law = _Impairment(device)
+    return Block.define(
+        "impairment",
+        "Simulated impairment: wall and resistance",
+        period_s=device.period_s,
+        tunables=law.tunables(),
+        coefficients=law.coefficients(),
+        prepare=lambda t: {n: getattr(t, n) for n in law.names},
+        state=(Port("on", 0.0, 1.0, "1 while it acts"),),
+        inputs=law.inputs(),
+        outputs=law.outputs(),
+        equations=law.equations(),
+        step=law.step,
+        streams=OwnStreams(events=_events),
+    )
+
+
+class _Impairment:
+    """Numbers, step and ports."""
+
+    names = ("wall_rad", "Kp_Nm_rad", "Kd_Nms_rad", "Kv_Nms_rad", "tau_max_Nm")
+
+    def __init__(self, device: DeviceData) -> None:
+        self.theta = threshold(math.pi)
+        self.omega = threshold(device.file.limits.omega_rad_s.value)
+        self.tau = threshold(device.tau_full_scale_Nm)
+
+    def tunables(self) -> tuple[Tunable, ...]:
+        source = "thesis section 7.2.4"
+        return (
+            Tunable(
+                *("wall_rad", WALL_RAD, -self.theta, self.theta, "where the wall begins"),
+                *(source, "published"),
+            ),
+            Tunable(
+                *("Kp_Nm_rad", KP_NM_RAD, 0.0, 200.0, "stiffness of the wall; 0 for no wall"),
+                *(source, "published"),
+            ),
+            Tunable(
+                *("Kd_Nms_rad", KD_NMS_RAD, 0.0, 20.0, "damping in the wall: higher, less bounce"),
+                *(source, "published"),
+            ),
+            Tunable(
+                *("Kv_Nms_rad", KV_NMS_RAD, 0.0, 5.0, "resistance to speed everywhere"),
+                *(source, "published"),
+            ),
+            Tunable(
+                *("tau_max_Nm", self.tau, 0.01, self.tau, "most that it asks for; held there"),
+                *("the elastomer's full scale", "assumed"),
+            ),
+        )
+
+    def coefficients(self) -> tuple[Port, ...]:
+        return tuple(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables())
+
+    def inputs(self) -> tuple[Port, ...]:
+        return (
+            around("theta_rad", self.theta, "angle of the joint from the neutral position"),
+            around("omega_rad_s", self.omega, "its rate"),
+            Port("constrained", 0.0, 1.0, "1 asks for the impairment"),
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        return (
+            around("tau_set_Nm", self.tau, "torque wanted on the wrist", equation="(7.1), (7.2)"),
+            Port("acts", 0.0, 1.0, "1 while the impairment acts"),
+            Port(
+                *("status", 0, 31, "what is known of it"),
+                flags=(
+                    Flag("INPUT_INVALID", "an input was NaN or outside its range; no torque", True),
+                    Flag("STATE_REPAIRED", "the state was corrupt; it no longer acts", True),
+                    Flag("IN_WALL", "the wrist is in the wall"),
+                    Flag(
+                        *("SATURATED", "the allowed torque is held", False, ("tau_set_Nm",)),
+                        self.tau,
+                    ),
+                    Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
+                ),
+            ),
+        )
+
+    def step(
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        depth = label("depth_rad", u.theta_rad - c.wall_rad, "into the wall")
+        inside = label("inside", depth > 0)
+        resting = ca.logic_and(ca.fabs(u.omega_rad_s) <= threshold(REST_RAD_S), guard.inputs_ok)
+        may = label("may_switch", ca.logic_and(resting, ca.logic_not(inside)), "no torque jumps")
+        asked = u.constrained > 0.5
+        was = s.on > 0.5
+        on = label("on_now", ca.if_else(may, asked, was))
+        values = {
+            **{THETA: u.theta_rad, OMEGA: u.omega_rad_s, WALL: c.wall_rad},
+            **{KP: c.Kp_Nm_rad, KD: c.Kd_Nms_rad, KV: c.Kv_Nms_rad},
+        }
+        push = label("push_Nm", ca.if_else(inside, to_casadi(PUSH, values), 0), "it never pulls")
+        raw = label("tau_raw_Nm", to_casadi(RESISTANCE, values) - push, "(7.1), (7.2)")
+        torque = clip(raw, -c.tau_max_Nm, c.tau_max_Nm)
+        acts = ca.logic_and(on, guard.inputs_ok)
+        flags = [
+            ca.logic_not(guard.inputs_ok),
+            ca.logic_not(guard.state_ok),
+            ca.logic_and(inside, acts),
+            ca.logic_and(ca.fabs(raw) > c.tau_max_Nm, acts),
+            ca.logic_and(asked != on, guard.inputs_ok),
+        ]
+        given = {"tau_set_Nm": ca.if_else(acts, torque, 0), "acts": acts, "status": None}
+        return {"on": on}, {**given, "status": flag_word(flags)}
+
+    def equations(self) -> tuple[Equation, ...]:
+        shown = sp.Piecewise((PUSH, DEPTH > 0), (0, True))
+        total = sp.Max(sp.Min(RESISTANCE - sp.Symbol("W"), TAU_MAX), -TAU_MAX)
+        return (
+            equation("(7.1)", "W", shown, "push of the wall, with the sign put right"),
+            equation("(7.2)", "tau", total, "held at the allowed torque"),
+        )
+
+
+def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
+    """A wrist that rests, is constrained, goes into the wall and out again, and is released."""
+    import numpy as np
+
+    h, still = block.period_s, 200
+    t = np.arange(4000) * h
+    theta = single(0.3 * np.sin(2 * np.pi * 1.0 * t))
+    omega = single(0.6 * np.pi * np.cos(2 * np.pi * 1.0 * t))
+    rest = np.zeros(still)
+    wall = next(x for x in block.tunables if x.name == "wall_rad").default
+    in_wall = single(np.full(still, wall + 0.01))
+    angle = np.concatenate([rest, theta, rest, in_wall, rest, rest])
+    rate = np.concatenate([rest, omega, rest, rest, rest, rest])
+    asked = np.concatenate([rest + 1, theta * 0 + 1, rest + 1, rest, rest, rest + 1])
+    return [
+        Stream(
+            "into the wall and out", {"theta_rad": angle, "omega_rad_s": rate, "constrained": asked}
+        )
+    ]

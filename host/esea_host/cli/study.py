@@ -1,0 +1,229 @@
+"""``esea-host study``: protocols, sessions, what becomes of the data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from esea_gen.errors import UserError
+from esea_host.cli.app import app, out
+
+if TYPE_CHECKING:
+    from esea_host.study.folder import StudyFolder
+    from esea_host.study.session import StudySession
+
+study_app = typer.Typer(
+    help="Studies with people: protocol, sessions, data.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(study_app, name="study")
+
+TaskOption = Annotated[
+    list[Path] | None, typer.Option("--task", metavar="FILE.py", help="File with a task of yours.")
+]
+FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")]
+CodeArgument = Annotated[str, typer.Argument(metavar="CODE", help="Participant code, such as P01.")]
+SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which session.")]
+SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
+
+
+@study_app.command("check")
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file.")],
+    task: TaskOption = None,
+) -> None:
+    """Check a protocol file and say in plain words what it asks of people, with its duration."""
+    import esea_host.wrist  # noqa: F401  its tasks register themselves
+    from esea_host.study.plan import explain
+    from esea_host.study.protocol import load_protocol
+
+    out.print(explain(load_protocol(file, task or [])))
+
+
+@study_app.command("create")
+def create(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file.")],
+    folder: FolderArgument,
+    task: TaskOption = None,
+    simulated: Annotated[bool, typer.Option("--simulated", help="No real people in it.")] = False,
+) -> None:
+    """Make a study's folder from a protocol."""
+    import esea_host.wrist  # noqa: F401
+    from esea_host.study.folder import StudyFolder
+    from esea_host.study.protocol import load_protocol
+
+    StudyFolder.create(folder, load_protocol(file, task or []), simulated)
+    out.print(f"{folder}: ready; next: esea-host study enrol {folder} P01 --consent")
+
+
+@study_app.command("enrol")
+def enrol(
+    folder: FolderArgument,
+    code: CodeArgument,
+    consent: Annotated[
+        bool, typer.Option("--consent", help="The participant's written consent is there.")
+    ] = False,
+) -> None:
+    """Take a participant in, by code."""
+    study = _opened(folder)
+    study.enrol(code, consent)
+    group = study.group_shown(code, "operator")
+    out.print(f"{code} enrolled; group: {group or 'none'}")
+
+
+@study_app.command("run")
+def run(
+    folder: FolderArgument, code: CodeArgument, session: SessionOption = 1, seed: SeedOption = 1
+) -> None:
+    """Run a session with each task's own simulated participant, without a window."""
+    study = _opened(folder)
+    if study.log_of(code, session - 1).exists():
+        raise UserError(
+            f"{code} has begun session {session} already.",
+            f"Go on with: esea-host study resume {folder} {code} --session {session}.",
+        )
+    _run(folder, code, session, seed)
+
+
+@study_app.command("resume")
+def resume(
+    folder: FolderArgument, code: CodeArgument, session: SessionOption = 1, seed: SeedOption = 1
+) -> None:
+    """Show what an interrupted session holds, and go on with it in the planned order."""
+    from esea_host.study.session import read_session
+
+    study = _opened(folder)
+    path = study.log_of(code, session - 1)
+    if not path.exists():
+        raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
+    state = read_session(path)
+    done = len(state.plan.trials) - len(state.remaining)
+    out.print(f"{path}: {done} of {len(state.plan.trials)} trials are done.")
+    if state.torn:
+        out.print(f"A last event was cut off ({state.torn} bytes); it is set aside, not lost.")
+    if state.running is not None:
+        out.print(f"Trial {state.running} was running; it counts as aborted and is repeated.")
+    order = ", ".join(str(t.number) for t in state.remaining[:12])
+    out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
+    if state.remaining:
+        _run(folder, code, session, seed)
+
+
+def _run(folder: Path, code: str, number: int, seed: int) -> None:
+    from esea_host.study.acting import SimulatedSource
+
+    study = _opened(folder)
+    session = study.session(code, number - 1, SimulatedSource(seed))
+    try:
+        reason = session.run()
+        study.finish(code, number - 1, session)
+    finally:
+        session.close()
+    state = session.state
+    done = len(state.plan.trials) - len(state.remaining)
+    out.print(f"Simulated participant: {done} of {len(state.plan.trials)} trials done.")
+    if reason:
+        raise UserError(
+            f"The session ended early: {reason.rstrip('.')}.", "It can be gone on with: resume."
+        )
+
+
+TrialArgument = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")]
+ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
+
+
+@study_app.command("skip")
+def skip(
+    folder: FolderArgument,
+    code: CodeArgument,
+    trial: TrialArgument,
+    session: SessionOption = 1,
+    reason: ReasonOption = "",
+) -> None:
+    """Leave a trial of an interrupted session out."""
+    _begun(folder, code, session).skip(trial, reason)
+    out.print(f"{code}: trial {trial} is left out")
+
+
+@study_app.command("repeat")
+def repeat(
+    folder: FolderArgument,
+    code: CodeArgument,
+    trial: TrialArgument,
+    session: SessionOption = 1,
+    reason: ReasonOption = "",
+) -> None:
+    """Have a trial again: what it gave no longer counts, and stays on record."""
+    _begun(folder, code, session).repeat(trial, reason)
+    out.print(f"{code}: trial {trial} comes again with study resume")
+
+
+def _begun(folder: Path, code: str, number: int) -> StudySession:
+    from esea_host.study.acting import SimulatedSource
+
+    study = _opened(folder)
+    if not study.log_of(code, number - 1).exists():
+        raise UserError(f"{code} has not begun session {number}.", "Name one that was begun.")
+    return study.session(code, number - 1, SimulatedSource(0))
+
+
+@study_app.command("replay")
+def replay_command(folder: FolderArgument, code: CodeArgument, session: SessionOption = 1) -> None:
+    """Make every scene of a session again from its log, and say whether they are the same."""
+    from esea_host.study.session import replay
+
+    study = _opened(folder)
+    path = study.log_of(code, session - 1)
+    if not path.exists():
+        raise UserError(f"{code} has not begun session {session}.", "Name one that was begun.")
+    scenes, other = 0, set()
+    for trial, _, same in replay(path, study.rows(code, session - 1)):
+        scenes += 1
+        other |= set() if same else {trial}
+    out.print(f"{scenes} scenes; {'the same, bit for bit' if not other else 'NOT the same'}")
+    if other:
+        raise UserError(f"Trials with other scenes: {sorted(other)}.", "Was a task changed since?")
+
+
+@study_app.command("audit")
+def audit(folder: FolderArgument) -> None:
+    """Check every log's chain; name each line that was changed; list what was done."""
+    study = _opened(folder)
+    for kind, data in study.audited_anyway():
+        out.print(kind + "".join(f" {k}={v}" for k, v in data.items()))
+    problems = study.problems()
+    if problems:
+        raise UserError(f"{folder}: {'; '.join(problems)}.", "Restore these files from a copy.")
+    out.print("Every log is as it was written.")
+
+
+@study_app.command("delete")
+def delete(
+    folder: FolderArgument,
+    code: CodeArgument,
+    reason: ReasonOption = "",
+) -> None:
+    """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
+    if not reason:
+        raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
+    out.print(f"{code}: {_opened(folder).delete(code, reason)} files deleted")
+
+
+@study_app.command("export")
+def export(
+    folder: FolderArgument,
+    to: Annotated[Path, typer.Argument(metavar="OUT", help="A new folder.")],
+    seed: Annotated[int, typer.Option("--seed", help="Of the order of the new codes.")] = 0,
+) -> None:
+    """Write scrubbed data for others: new codes, no notes, no times of day."""
+    out.print(f"{to}: {_opened(folder).export(to, seed)} rows")
+
+
+def _opened(folder: Path) -> StudyFolder:
+    import esea_host.wrist  # noqa: F401
+    from esea_host.study.folder import StudyFolder
+
+    return StudyFolder.open(folder)

@@ -1,0 +1,163 @@
+"""``study virtual`` and ``analyse wrist``: virtual participants, and the wrist study's tables."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from esea_gen.errors import UserError
+from esea_host.cli.analyse import analyse as analyse_app
+from esea_host.cli.app import out
+from esea_host.cli.study import study_app
+
+if TYPE_CHECKING:
+    from esea_host.wrist.analysis import WristResult
+
+JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write as JSON.")]
+ReportOption = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE", help="Write one HTML page.")
+]
+CsvOption = Annotated[
+    Path | None, typer.Option("--csv", metavar="FILE", help="Write every participant's values.")
+]
+
+
+@study_app.command("virtual")
+def virtual(
+    study: Annotated[str, typer.Argument(metavar="STUDY", help="wrist, or a protocol file.")],
+    participants: Annotated[int, typer.Option("--participants", min=1, max=10000)] = 10,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed, the same study.")] = 1,
+    jobs: Annotated[
+        int, typer.Option("--jobs", help="Processes; the result does not depend on it.")
+    ] = -1,
+    method: Annotated[
+        str, typer.Option("--method", help="Wrist: normalisation none, linear, published or rbf.")
+    ] = "rbf",
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Wrist: the study under every method.")
+    ] = False,
+    keep: Annotated[
+        Path | None, typer.Option("--keep", metavar="FOLDER", help="Keep the study's folder.")
+    ] = None,
+    to_json: JsonOption = None,
+    report: ReportOption = None,
+) -> None:
+    """A whole study with virtual participants; all that comes of it is simulated."""
+    from esea_host.wrist.analysis import analyse
+    from esea_host.wrist.past import METHODS
+    from esea_host.wrist.virtual import run_study
+
+    if method not in METHODS:
+        raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = keep or Path(scratch) / "study"
+        if study != "wrist":
+            early = _any_protocol(Path(study), folder, participants, seed, jobs)
+        elif compare:
+            _compare(folder, participants, seed, jobs, to_json)
+            return
+        else:
+            early = run_study(folder, participants, seed, jobs, method)
+            _shown(analyse(folder), to_json, report, None)
+        for reason in early:
+            out.print(f"ended early: {reason}")
+
+
+def _any_protocol(path: Path, folder: Path, participants: int, seed: int, jobs: int) -> list[str]:
+    from esea_host.study.folder import StudyFolder
+    from esea_host.study.many import EveryTask, run_everybody
+    from esea_host.study.protocol import load_protocol
+
+    early = run_everybody(folder, load_protocol(path), participants, EveryTask(seed), jobs)
+    rows = sum(len(StudyFolder.open(folder).rows(f"V{k + 1:03d}")) for k in range(participants))
+    out.print(f"{participants} SIMULATED participants: {rows} trials completed")
+    return early
+
+
+def _compare(folder: Path, participants: int, seed: int, jobs: int, to_json: Path | None) -> None:
+    from esea_host.wrist.compared import compare_methods
+    from esea_host.wrist.figures import number
+
+    found = compare_methods(folder, participants, seed, jobs)
+    table = Table(title="SIMULATED participants: constrained against their own healthy state")
+    for head in (
+        *("method", "people", "RMS FE %", "RMS RU %", "peak FE", "peak RU"),
+        *("targets FE", "targets RU", "after-effect"),
+    ):
+        table.add_column(head)
+    for x in found:
+        values = [
+            *(x.rms_percent[a] for a in ("FE", "RU")),
+            *(x.peak_ratio[a] for a in ("FE", "RU")),
+            *(x.achieved_gap[a] for a in ("FE", "RU")),
+            x.after_effect_gap_deg,
+        ]
+        table.add_row(x.method, str(x.people), *(number(v) for v in values))
+    out.print(table)
+    out.print(
+        "RMS: speed error over the peak, tracking the own healthy motion.  Peak: constrained over "
+        "healthy.  Targets, after-effect: healthy less constrained; 0 is what is wanted."
+    )
+    for x in found:
+        for reason in x.refused:
+            out.print(f"{x.method}: ended early: {reason}")
+    if to_json:
+        text = json.dumps({"simulated": True, "methods": [x.to_dict() for x in found]}, indent=1)
+        to_json.write_text(text + "\n", encoding="utf-8")
+
+
+@analyse_app.command("wrist")
+def analyse_wrist(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")],
+    to_json: JsonOption = None,
+    report: ReportOption = None,
+    csv: CsvOption = None,
+) -> None:
+    """Every metric and test of the wrist study, tables 7.1 to 7.4 beside the published ones."""
+    import esea_host.wrist  # noqa: F401
+    from esea_host.wrist.analysis import analyse
+
+    _shown(analyse(folder), to_json, report, csv)
+
+
+def _shown(
+    result: WristResult, to_json: Path | None, report: Path | None, csv: Path | None
+) -> None:
+    from esea_host.wrist.figures import COLUMNS, cells, page
+
+    mark = "SIMULATED participants" if result.simulated else "participants"
+    for title, lines in result.tables.items():
+        first, second = result.sides[title]
+        table = Table(title=f"Table {title}: {result.participants} {mark}")
+        for head in (*COLUMNS[:3], first, second, *COLUMNS[5:]):
+            table.add_column(head)
+        for line in lines:
+            table.add_row(*cells(line))
+        out.print(table)
+        for line in lines:
+            if line.note:
+                out.print(f"{line.metric}: {line.note}")
+    out.print(
+        "Medians; two-sided Wilcoxon signed-rank test, exact, zero differences dropped; Holm over "
+        "each table; effect: rank-biserial correlation."
+    )
+    if to_json:
+        text = json.dumps(result.to_dict(), indent=1, sort_keys=True)
+        to_json.write_text(text + "\n", encoding="utf-8")
+    if report:
+        report.write_text(page(result), encoding="utf-8")
+    if csv:
+        import pandas as pd
+
+        rows = [
+            {"table": t, "participant": c, "metric": k, "value": x}
+            for t, people in result.people.items()
+            for c, values in people.items()
+            for k, x in values.items()
+        ]
+        pd.DataFrame(rows).to_csv(csv, index=False)

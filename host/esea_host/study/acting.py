@@ -1,0 +1,56 @@
+"""A source of inputs for a run without a board: every task's own simulated participant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from esea_host.study.plan import generator
+from esea_host.study.scene import Scene
+from esea_host.study.session import InputSource
+from esea_host.study.task import Actor, Inputs, Situation, StudyTask
+
+
+class Timed(Actor):
+    """An actor whose time the source can read."""
+
+    def __init__(self, inner: Actor) -> None:
+        self.inner, self.time_s = inner, 0.0
+
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        """As the actor inside."""
+        self.time_s, inputs = self.inner.react(scene, requests)
+        return self.time_s, inputs
+
+
+class SimulatedSource(InputSource):
+    """Each trial is done by :meth:`StudyTask.simulate`; rests pass in no time.
+
+    Parameters
+    ----------
+    seed : int
+        Of the simulated people.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.seed, self._past_s = seed, 0.0
+        self._actor: Timed | None = None
+
+    def ready(self) -> Mapping[str, Any]:
+        """Nothing can be wrong with what is simulated."""
+        return {"simulated": True}
+
+    def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
+        """The task's own actor, with random numbers of its own trial."""
+        self._past_s = self.now_s()
+        actor = task.simulate(situation, generator(self.seed, number, situation.seed))
+        self._actor = Timed(actor)
+        return self._actor
+
+    def rest(self, seconds: float) -> None:
+        """Pass the time."""
+        self._past_s, self._actor = self.now_s() + seconds, None
+
+    def now_s(self) -> float:
+        """Simulated time."""
+        return self._past_s + (self._actor.time_s if self._actor else 0.0)

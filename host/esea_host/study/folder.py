@@ -1,0 +1,256 @@
+"""The folder of a study: participants by code, consent, groups, audit, deletion, export.
+
+``protocol.toml`` is the protocol as it was at the start, with the ``tasks`` it names,
+``audit.jsonl`` the chained record of all that was done, ``<code>/session-<n>/events.jsonl`` each
+session.  No name of a person is anywhere.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from esea_gen.errors import UserError
+from esea_host.study.log import EventLog, read_log
+from esea_host.study.plan import build_plan, generator, group_of
+from esea_host.study.protocol import Protocol, parse_protocol
+from esea_host.study.session import InputSource, StudySession, read_session
+from esea_host.study.task import Row
+
+CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
+EVENTS = "events.jsonl"
+
+
+class StudyFolder:
+    """A study on disk.
+
+    Parameters
+    ----------
+    path : Path
+        The folder.
+    protocol : Protocol
+        As kept in it.
+    durable : bool
+        Whether every event waits for the disk.
+    """
+
+    def __init__(self, path: Path, protocol: Protocol, durable: bool = True) -> None:
+        self.path, self.protocol, self.durable = path, protocol, durable
+
+    @classmethod
+    def create(
+        cls, path: Path, protocol: Protocol, simulated: bool, durable: bool = True
+    ) -> StudyFolder:
+        """A new study in an empty folder; the protocol is copied into it."""
+        if path.exists() and any(path.iterdir()):
+            raise UserError(f"{path} is not empty.", "Name a new folder; nothing is overwritten.")
+        path.mkdir(parents=True, exist_ok=True)
+        (path / "protocol.toml").write_text(protocol.text, encoding="utf-8")
+        for file in protocol.task_files:
+            (path / "tasks").mkdir(exist_ok=True)
+            shutil.copy(file, path / "tasks" / file.name)
+        study = cls(path, protocol, durable)
+        study.audit("created", protocol=protocol.file.name, simulated=simulated)
+        return study
+
+    @classmethod
+    def open(cls, path: Path, durable: bool = True) -> StudyFolder:
+        """A study that is there."""
+        if not (path / "protocol.toml").exists():
+            raise UserError(f"{path} is no study.", "Name the folder with protocol.toml.")
+        text = (path / "protocol.toml").read_text(encoding="utf-8")
+        files = sorted((path / "tasks").glob("*.py"))
+        return cls(path, parse_protocol(text, "protocol.toml", (), files), durable)
+
+    # -- audit --------------------------------------------------------------------------------
+
+    def audit(self, kind: str, **data: Any) -> None:
+        """Record what was done."""
+        log = EventLog(self.path / "audit.jsonl", self.durable)
+        log.append(0.0, kind, data)
+        log.close()
+
+    def audited(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """All that was done, from a sound record."""
+        path = self.path / "audit.jsonl"
+        return [(e.kind, e.data) for e in read_log(path).sound(path).entries]
+
+    def problems(self) -> list[str]:
+        """Every break of a chain, each with file and line; sessions shorter than was recorded."""
+        found = [f"audit.jsonl: {b}" for b in read_log(self.path / "audit.jsonl").breaks]
+        heads = {
+            (d["participant"], d["session"]): d["head"]
+            for k, d in ((e.kind, e.data) for e in read_log(self.path / "audit.jsonl").entries)
+            if k == "session_end"
+        }
+        gone = {d["participant"] for k, d in self.audited_anyway() if k == "deleted"}
+        for code, session, path in self.sessions():
+            log = read_log(path)
+            found += [f"{path.relative_to(self.path)}: {b}" for b in log.breaks]
+            head = heads.get((code, session))
+            if head is not None and head not in {e.hash for e in log.entries}:
+                found.append(f"{path.relative_to(self.path)}: not what it was when it ended")
+        present = {(c, s) for c, s, _ in self.sessions()}
+        for code, session in sorted(set(heads) - present):
+            if code not in gone:
+                found.append(f"{code}, session {session + 1}: its log is missing")
+        return found
+
+    def audited_anyway(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """As :meth:`audited`, of a broken record too."""
+        return [(e.kind, e.data) for e in read_log(self.path / "audit.jsonl").entries]
+
+    # -- people -------------------------------------------------------------------------------
+
+    def participants(self) -> dict[str, int]:
+        """Codes in order of coming, those deleted since too: their places are not given again."""
+        codes = [d["participant"] for k, d in self.audited() if k == "enrolled"]
+        return {code: k for k, code in enumerate(codes)}
+
+    def enrol(self, code: str, consent: bool) -> None:
+        """Take a participant in."""
+        if not CODE.match(code):
+            raise UserError(
+                f"{code!r} is no participant code.",
+                "Codes are one to three capitals and two to four digits, such as P01; never a "
+                "name or initials.",
+            )
+        if not consent:
+            raise UserError(
+                f"{code} has not consented.", "Without written consent nothing starts: --consent."
+            )
+        if code in self.participants():
+            raise UserError(f"{code} is taken.", "Give the next code.")
+        self.audit("enrolled", participant=code, consent=True)
+
+    def log_of(self, code: str, session: int) -> Path:
+        """Log of a session, numbered from 0."""
+        return self.path / code / f"session-{session + 1}" / EVENTS
+
+    def sessions(self) -> Iterator[tuple[str, int, Path]]:
+        """Participant, session from 0, and log of every session that there is."""
+        for path in sorted(self.path.glob(f"*/session-*/{EVENTS}")):
+            yield path.parents[1].name, int(path.parent.name.split("-")[1]) - 1, path
+
+    def rows(self, code: str, before: int | None = None) -> tuple[Row, ...]:
+        """Rows of a participant's completed trials, in order; of sessions ``before`` one only."""
+        found: list[Row] = []
+        for c, session, path in self.sessions():
+            if c == code and (before is None or session < before):
+                found += [{**row, "participant": code} for row in read_session(path).past]
+        return tuple(found)
+
+    def session(
+        self, code: str, number: int, source: InputSource, day: int | None = None, early: str = ""
+    ) -> StudySession:
+        """A participant's session, new or to be gone on with.
+
+        Parameters
+        ----------
+        code : str
+            An enrolled participant.
+        number : int
+            Which session, from 0.
+        source : InputSource
+            Where inputs come from.
+        day : int, optional
+            Today, as a number of days; the washout is held to where it is given.
+        early : str
+            Why a session comes before its washout is over, where it has to.
+
+        Returns
+        -------
+        StudySession
+            Ready to run.
+        """
+        index = self.participants().get(code)
+        if index is None or any(
+            k == "deleted" and d["participant"] == code for k, d in self.audited()
+        ):
+            raise UserError(f"{code} is not in this study.", "Enrol the participant first.")
+        for earlier in range(number):
+            path = self.log_of(code, earlier)
+            if not path.exists() or read_session(path).remaining:
+                raise UserError(
+                    f"{code} has not done session {earlier + 1}.", "Sessions come in their order."
+                )
+        self._washout(code, number, day, early)
+        plan = build_plan(self.protocol, index, number)
+        rules = self.protocol.file.stopping
+        session = StudySession(
+            self.log_of(code, number), plan, code, source, self.rows(code, number), self.durable
+        )
+        return session.with_rules(rules.longest_min, rules.failed_in_a_row)
+
+    def _washout(self, code: str, number: int, day: int | None, early: str) -> None:
+        if day is None:
+            return
+        wanted = self.protocol.file.session[number].after_days
+        begun = [d for k, d in self.audited() if k == "session_start" and d["participant"] == code]
+        last = [d["day"] for d in begun if d["session"] < number]
+        if last and day - max(last) < wanted and not early:
+            raise UserError(
+                f"{code}: {day - max(last)} days since the last session, {wanted:g} are planned.",
+                "Come back then, or say why not.",
+            )
+        self.audit("session_start", participant=code, session=number, day=day, early=early)
+
+    def finish(self, code: str, number: int, session: StudySession) -> None:
+        """Record that a session ended, with the last hash of its log."""
+        self.audit("session_end", participant=code, session=number, head=session.log.head)
+
+    def group_shown(self, code: str, to: str) -> str:
+        """The group as it may be shown to ``operator`` or ``participant``."""
+        if to in self.protocol.file.blinded:
+            return "blinded"
+        return group_of(self.protocol, self.participants()[code])
+
+    def delete(self, code: str, reason: str) -> int:
+        """Delete a participant's data on demand; that it was done stays on record."""
+        if code not in self.participants():
+            raise UserError(f"{code} is not in this study.", "Name a participant of it.")
+        files = [p for p in (self.path / code).rglob("*") if p.is_file()]
+        shutil.rmtree(self.path / code, ignore_errors=True)
+        self.audit("deleted", participant=code, files=len(files), reason=reason)
+        return len(files)
+
+    # -- export -------------------------------------------------------------------------------
+
+    def export(self, out: Path, seed: int = 0) -> int:
+        """Scrubbed data for others: new codes in random order, no notes, no audit, no group order.
+
+        Parameters
+        ----------
+        out : Path
+            A new folder; gets ``rows.jsonl``, ``rows.csv`` (lists left out) and ``protocol.toml``.
+        seed : int
+            Of the order of the new codes; whoever knows it and the study can undo it.
+
+        Returns
+        -------
+        int
+            Number of rows.
+        """
+        if out.exists() and any(out.iterdir()):
+            raise UserError(f"{out} is not empty.", "Name a new folder; nothing is overwritten.")
+        out.mkdir(parents=True, exist_ok=True)
+        codes = sorted({c for c, _, _ in self.sessions()})
+        order = generator(seed, 3).permutation(len(codes))
+        rows: list[dict[str, Any]] = []
+        for k, place in enumerate(order):
+            new = f"S{k + 1:03d}"
+            rows += [{**r, "participant": new} for r in self.rows(codes[int(place)])]
+        with (out / "rows.jsonl").open("w", encoding="utf-8") as file:
+            file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
+        names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
+        with (out / "rows.csv").open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, names, extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(rows)
+        (out / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
+        return len(rows)

@@ -1,0 +1,183 @@
+"""The event log: append-only, every event on disk at once, chained so that an edit shows.
+
+One JSON object a line.  ``hash`` is SHA-256 over the line without it, which holds ``before``, the
+hash of the line above.  A line that was cut by a crash is set aside on opening, never lost.
+What a chain cannot show is a whole tail cut off: that is why the study's audit log holds the last
+hash of every session.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.errors import UserError
+
+START = "0" * 64
+
+
+@dataclass(frozen=True)
+class LoggedEvent:
+    """One event of a log."""
+
+    number: int
+    time_s: float
+    kind: str
+    data: Mapping[str, Any]
+    hash: str
+
+
+@dataclass(frozen=True)
+class LogFound:
+    """What a file of events holds.
+
+    torn: bytes of a last line that a crash has cut.  breaks: where the chain does not hold.
+    """
+
+    entries: tuple[LoggedEvent, ...]
+    torn: bytes
+    breaks: tuple[str, ...]
+
+    def sound(self, path: Path) -> LogFound:
+        """Itself, or an error that names the breaks."""
+        if self.breaks:
+            raise UserError(
+                f"{path}: the log has been changed: {'; '.join(self.breaks)}.",
+                "Restore the file from a copy; the study goes on only from a sound log.",
+            )
+        return self
+
+
+def _canonical(fields: Mapping[str, Any]) -> str:
+    return json.dumps(fields, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _hash(fields: Mapping[str, Any]) -> str:
+    return hashlib.sha256(_canonical(fields).encode()).hexdigest()
+
+
+def read_log(path: Path) -> LogFound:
+    """Read a log, whatever state it is in.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    LogFound
+        All whole lines; the cut one and the breaks of the chain beside them.
+    """
+    raw = path.read_bytes()
+    whole, _, torn = raw.rpartition(b"\n")
+    entries: list[LoggedEvent] = []
+    breaks: list[str] = []
+    before = START
+    for k, line in enumerate(whole.split(b"\n") if whole else []):
+        try:
+            fields = json.loads(line)
+            own = fields.pop("hash")
+            entry = LoggedEvent(fields["n"], fields["t"], fields["kind"], fields["data"], own)
+            wrong = "its content was edited" if _hash(fields) != own else ""
+            if not wrong and fields["before"] != before:
+                wrong = "a line before it was removed, added or replaced"
+            if not wrong and entry.number != k:
+                wrong = f"it is numbered {entry.number}"
+        except (ValueError, KeyError, TypeError, AttributeError):
+            breaks.append(f"line {k + 1}: no event")
+            continue
+        if wrong:
+            breaks.append(f"line {k + 1}: {wrong}")
+        entries.append(entry)
+        before = own
+    return LogFound(tuple(entries), torn, tuple(breaks))
+
+
+class EventLog:
+    """A log open for appending.
+
+    Parameters
+    ----------
+    path : Path
+        The file; made if it is not there, gone on with if it is.
+    durable : bool
+        Whether every event waits for the disk.  Off only for simulated people.
+    """
+
+    def __init__(self, path: Path, durable: bool = True) -> None:
+        self.path, self.durable = path, durable
+        self.found = LogFound((), b"", ())
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists():
+            self.found = read_log(path).sound(path)
+        self._count = len(self.found.entries)
+        self._before = self.found.entries[-1].hash if self._count else START
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        if not self._count:
+            _sync(path.parent)
+        if self.found.torn:
+            self._set_aside(self.found.torn)
+
+    def _set_aside(self, torn: bytes) -> None:
+        # On disk beside the log before it leaves the log.
+        with self.path.with_suffix(".torn").open("ab") as file:
+            file.write(torn + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.ftruncate(self._file, self.path.stat().st_size - len(torn))
+        os.fsync(self._file)
+
+    @property
+    def head(self) -> str:
+        """Hash of the last event."""
+        return self._before
+
+    def append(self, time_s: float, kind: str, data: Mapping[str, Any]) -> None:
+        """Write an event; it is on disk when this returns.
+
+        Parameters
+        ----------
+        time_s : float
+            Since the session began, by the source's clock.
+        kind : str
+            What sort of event.
+        data : mapping
+            Of JSON's types.
+        """
+        fields = {
+            "n": self._count,
+            "t": time_s,
+            "kind": kind,
+            "data": dict(data),
+            "before": self._before,
+        }
+        # As read back: tuples are lists, and the hash is that of what is on disk.
+        own = _hash(fields)
+        self._write(_canonical({**fields, "hash": own}).encode() + b"\n")
+        self._count, self._before = self._count + 1, own
+
+    def _write(self, line: bytes) -> None:
+        rest = memoryview(line)
+        while rest:
+            rest = rest[os.write(self._file, rest) :]
+        if self.durable:
+            os.fsync(self._file)
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._file)
+
+
+def _sync(folder: Path) -> None:
+    # So that the name of a new file is on disk as well.
+    file = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)

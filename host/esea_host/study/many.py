@@ -1,0 +1,84 @@
+"""Many simulated participants do a study, on as many processes as there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from joblib import Parallel, delayed
+
+from esea_host.study.acting import SimulatedSource
+from esea_host.study.folder import StudyFolder
+from esea_host.study.log import read_log
+from esea_host.study.plan import generator
+from esea_host.study.protocol import Protocol
+from esea_host.study.session import InputSource
+
+# From the participant's number to what gives the source of each session, told the days between.
+Sources = Callable[[int], Callable[[int, float], InputSource]]
+
+
+@dataclass(frozen=True)
+class EveryTask:
+    """Participants as each task simulates them itself."""
+
+    seed: int
+
+    def __call__(self, index: int) -> Callable[[int, float], InputSource]:
+        """Sources of one participant."""
+
+        def source(number: int, _: float) -> InputSource:
+            return SimulatedSource(int(generator(self.seed, 5, index, number).integers(2**31)))
+
+        return source
+
+
+def run_everybody(
+    folder: Path, protocol: Protocol, participants: int, sources: Sources, jobs: int = 1
+) -> list[str]:
+    """Every session of a study with simulated participants.
+
+    Parameters
+    ----------
+    folder : Path
+        A new folder.
+    protocol : Protocol
+        The study.
+    participants : int
+        How many.
+    sources : callable
+        From a participant's number to the source of each of their sessions.
+    jobs : int
+        Processes, as joblib counts them; under its Dask back end, workers of a cluster that see
+        the same folder.  What is recorded does not depend on it.
+
+    Returns
+    -------
+    list of str
+        Sessions that ended early, with the reason.
+    """
+    study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
+    codes = [f"V{k + 1:03d}" for k in range(participants)]
+    for code in codes:
+        study.enrol(code, consent=True)
+    found = Parallel(n_jobs=jobs)(
+        delayed(_everything)(folder, code, sources, k) for k, code in enumerate(codes)
+    )
+    for code, number, path in study.sessions():
+        head = read_log(path).entries[-1].hash
+        study.audit("session_end", participant=code, session=number, head=head)
+    return [r for r in found if r]
+
+
+def _everything(folder: Path, code: str, sources: Sources, index: int) -> str:
+    # All sessions of one participant; the first that ends early is the last one.
+    study = StudyFolder.open(folder, durable=False)
+    source = sources(index)
+    for number, plan in enumerate(study.protocol.file.session):
+        session = study.session(code, number, source(number, plan.after_days))
+        reason = session.run()
+        session.close()
+        if reason:
+            return f"{code}, session {number + 1}: {reason}"
+    return ""

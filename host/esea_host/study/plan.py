@@ -1,0 +1,207 @@
+"""The whole list of trials, built before the first one from a private generator."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_host.study.protocol import GROUP, Protocol, TrialBlock, TrialRows, parameters_of
+from esea_host.study.task import StudyTask, task_named
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """One trial of a session, all of it known beforehand.
+
+    number: from 1, in order.  seed: of the task's own random numbers.
+    """
+
+    number: int
+    block: str
+    task: str
+    version: str
+    condition: str
+    parameters: Mapping[str, Any]
+    catch: bool
+    familiarisation: bool
+    rest_before_s: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A participant's session as it is to be."""
+
+    protocol: str
+    session: int
+    session_name: str
+    group: str
+    trials: tuple[PlannedTrial, ...]
+
+    def digest(self) -> str:
+        """Of all of it."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+
+
+def plan_from(data: Mapping[str, Any]) -> Plan:
+    """A plan as a log holds it."""
+    trials = tuple(PlannedTrial(**t) for t in data["trials"])
+    return Plan(**{**data, "trials": trials})
+
+
+def generator(*words: int) -> np.random.Generator:
+    """A private generator: a draw elsewhere shifts nothing here."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(list(words))))
+
+
+def group_of(protocol: Protocol, index: int) -> str:
+    """Group of the participant who came as number ``index`` (from 0): permuted blocks.
+
+    After every block of as many participants as there are groups, the groups are equal.
+    """
+    groups = sorted(protocol.file.groups)
+    if not groups:
+        return ""
+    block, place = divmod(index, len(groups))
+    order = generator(protocol.file.seed, 1, block).permutation(len(groups))
+    return groups[int(order[place])]
+
+
+def build_plan(protocol: Protocol, index: int, session: int) -> Plan:
+    """The list of trials of one session.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        Checked.
+    index : int
+        The participant's number in order of coming, from 0.
+    session : int
+        Which session, from 0.
+
+    Returns
+    -------
+    Plan
+        The same for the same protocol, participant and session.
+    """
+    file = protocol.file
+    if not 0 <= session < len(file.session):
+        raise UserError(
+            f"{protocol.origin} has {len(file.session)} sessions, not a session {session + 1}.",
+            "Name one of them.",
+        )
+    group = group_of(protocol, index)
+    chosen = file.session[session]
+    trials: list[PlannedTrial] = []
+    for b, block in enumerate(chosen.block):
+        condition = block.condition
+        if condition == GROUP:
+            condition = file.groups[group][session]
+        for copy in range(block.copies):
+            rng = generator(file.seed, 2, index, session, b, copy)
+            name = f"{block.name} {copy + 1}" if block.copies > 1 else block.name
+            first = True
+            for row in _ordered(block, rng):
+                task = task_named(block.task, protocol.origin)
+                trials.append(
+                    PlannedTrial(
+                        number=len(trials) + 1,
+                        block=name,
+                        task=task.name,
+                        version=task.version,
+                        condition=condition,
+                        parameters=_parameters(protocol, task, condition, block, row),
+                        catch=row.catch,
+                        familiarisation=block.familiarisation,
+                        rest_before_s=block.rest_s if first else block.between_s,
+                        seed=int(rng.integers(2**31)),
+                    )
+                )
+                first = False
+    return Plan(file.name, session, chosen.name, group, tuple(trials))
+
+
+def _ordered(block: TrialBlock, rng: np.random.Generator) -> Iterator[TrialRows]:
+    def each(rows: tuple[TrialRows, ...]) -> list[TrialRows]:
+        return [row for row in rows for _ in range(row.repeat)]
+
+    middle = each(block.trials)
+    if block.order == "shuffled":
+        middle = [middle[i] for i in rng.permutation(len(middle))]
+    yield from (*each(block.first), *middle, *each(block.last))
+
+
+def _parameters(
+    protocol: Protocol, task: StudyTask, condition: str, block: TrialBlock, row: TrialRows
+) -> dict[str, Any]:
+    given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
+    # With the defaults: the log says all that the trial ran with.
+    values = task.Parameters.model_validate_json(json.dumps(given))
+    return dict(values.model_dump(mode="json"))
+
+
+def explain(protocol: Protocol) -> str:
+    """A protocol in plain words, with its duration."""
+    file, lines = protocol.file, []
+    lines.append(f"{file.name}: {file.title}")
+    for name, table in file.conditions.items():
+        lines.append(f"  condition {name}: {table.title or 'no words given'}")
+    for group, order in sorted(file.groups.items()):
+        lines.append(f"  group {group}: " + ", then ".join(order))
+    if file.groups:
+        lines.append(
+            f"  who comes is put into a group by permuted blocks of {len(file.groups)} "
+            f"(seed {file.seed})"
+        )
+    if file.blinded:
+        lines.append("  the group is shown neither to: " + " nor to: ".join(file.blinded))
+    for k, session in enumerate(file.session):
+        plan = build_plan(protocol, 0, k)
+        longest, rests = durations_s(plan)
+        wait = f", {session.after_days:g} days or more after the last" if k else ""
+        lines.append(
+            f"  session {k + 1}, {session.name}{wait}: {len(plan.trials)} trials, at most "
+            f"{(longest + rests) / 60:.0f} min ({rests / 60:.0f} min of them rests)"
+        )
+        for block in session.block:
+            lines.append("    " + _block_in_words(block))
+    stop = file.stopping
+    lines.append(
+        f"  a session ends early after {stop.longest_min:g} min, or when {stop.failed_in_a_row} "
+        "trials in a row fail"
+    )
+    return "\n".join(lines)
+
+
+def durations_s(plan: Plan) -> tuple[float, float]:
+    """Longest time in trials, and time in rests."""
+    longest = 0.0
+    for trial in plan.trials:
+        task = task_named(trial.task, plan.protocol)
+        longest += task.longest_s(task.Parameters(**trial.parameters))
+    return longest, sum(t.rest_before_s for t in plan.trials)
+
+
+def _block_in_words(block: TrialBlock) -> str:
+    rows = (*block.first, *block.trials, *block.last)
+    count, catch = sum(r.repeat for r in rows), sum(r.repeat for r in rows if r.catch)
+    words = [f"{block.name}: {count} x {block.task}"]
+    if block.copies > 1:
+        words.append(f"{block.copies} blocks of these")
+    if block.condition:
+        of = "the condition of the group" if block.condition == GROUP else block.condition
+        words.append(f"condition: {of}")
+    words.append("in random order" if block.order == "shuffled" else "in the order written")
+    if catch:
+        words.append(f"{catch} of them catch trials")
+    if block.familiarisation:
+        words.append("familiarisation, not analysed")
+    if block.rest_s:
+        words.append(f"after {block.rest_s:g} s of rest")
+    return ", ".join(words)

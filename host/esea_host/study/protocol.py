@@ -1,0 +1,278 @@
+"""Protocol files: a study without code."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, cast
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from esea_gen.errors import UserError
+from esea_gen.toml_file import Problem, checked, nearest, parse_toml, read_text
+from esea_host.study.task import StudyTask, load_tasks, task_named
+
+GROUP = "group"
+SEE = "docs/studies-with-people.md"
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class TrialRows(_Table):
+    """One line of trials of a block."""
+
+    repeat: int = Field(1, ge=1, le=10000, description="how often")
+    catch: bool = Field(False, description="whether it is a catch trial")
+    parameters: dict[str, Any] = Field({}, description="the task's, for these trials")
+
+
+class TrialBlock(_Table):
+    """A block: trials of one task."""
+
+    name: str = Field(description="name, for the log")
+    task: str = Field(description="name of the task")
+    condition: str = Field(
+        "", description=f"a condition's name, or \"{GROUP}\": the group's of this session"
+    )
+    familiarisation: bool = Field(False, description="its data is not analysed")
+    copies: int = Field(1, ge=1, le=1000, description="this block so often, each in its own order")
+    order: Literal["fixed", "shuffled"] = Field("fixed", description="order of the trials")
+    rest_s: float = Field(0.0, ge=0, le=7200, description="rest before the block")
+    between_s: float = Field(0.0, ge=0, le=600, description="rest between its trials")
+    parameters: dict[str, Any] = Field({}, description="the task's, for all trials")
+    first: tuple[TrialRows, ...] = Field((), description="before the others, as written")
+    trials: tuple[TrialRows, ...] = Field((), description="the trials")
+    last: tuple[TrialRows, ...] = Field((), description="after the others, as written")
+
+
+class SessionPlan(_Table):
+    """A session: blocks in order."""
+
+    name: str = Field(description="name, for the log")
+    after_days: float = Field(0.0, ge=0, le=3650, description="washout since the last session")
+    block: tuple[TrialBlock, ...] = Field(min_length=1, description="its blocks")
+
+
+class Stopping(_Table):
+    """When a session ends early."""
+
+    longest_min: float = Field(120.0, gt=0, le=1440, description="a session takes no longer")
+    failed_in_a_row: int = Field(3, ge=1, description="so many failed trials in a row end it")
+
+
+class StudyCondition(_Table):
+    """A condition: parameters for every task that has them."""
+
+    title: str = Field("", description="in words")
+    parameters: dict[str, Any] = Field({}, description="for tasks that have them")
+
+
+class ProtocolFile(_Table):
+    """A whole study."""
+
+    schema_: Literal[1] = Field(alias="schema", description="1")
+    name: str = Field(pattern=r"^[a-z][a-z0-9_-]*$", description="short name")
+    title: str = Field(description="one line")
+    seed: int = Field(ge=0, le=2**31 - 1, description="of every random order of the study")
+    tasks: tuple[str, ...] = Field((), description="files with tasks, beside this one")
+    blinded: tuple[Literal["operator", "participant"], ...] = Field(
+        (), description="who does not see the group"
+    )
+    conditions: dict[str, StudyCondition] = Field({}, description="conditions by name")
+    groups: dict[str, tuple[str, ...]] = Field(
+        {}, description="cross-over: per group, the condition of each session"
+    )
+    stopping: Stopping = Field(Stopping(), description="when a session ends early")
+    session: tuple[SessionPlan, ...] = Field(min_length=1, description="the sessions")
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A checked protocol with the text that it came from."""
+
+    file: ProtocolFile
+    text: str
+    origin: str
+    task_files: tuple[Path, ...] = ()
+
+    def line(self, *loc: str | int) -> str:
+        """``protocol.toml, line 12``: where something stands."""
+        found = line_of(self.text, loc)
+        return f"{self.origin}, line {found}" if found else self.origin
+
+
+def load_protocol(path: Path, task_files: Sequence[Path] = ()) -> Protocol:
+    """Read a protocol, and import the tasks that it names.
+
+    Parameters
+    ----------
+    path : Path
+        The TOML file.
+    task_files : sequence of Path
+        Files with tasks beside those that the protocol names.
+
+    Returns
+    -------
+    Protocol
+        Of known keys and right types, every task's parameters included.
+
+    Raises
+    ------
+    UserError
+        For anything else: the line, the value, what may stand there.
+    """
+    text = read_text(path, "Name a protocol file.")
+    protocol = parse_protocol(text, path.name, [path.parent], task_files)
+    return protocol
+
+
+def parse_protocol(
+    text: str, origin: str, folders: Sequence[Path] = (), task_files: Sequence[Path] = ()
+) -> Protocol:
+    """As :func:`load_protocol`, from text."""
+    document = parse_toml(text, origin, SEE)
+    kind = cast(Any, ProtocolFile)
+
+    file = checked(kind, document, origin, _explainer(lambda p: line_of(text, p.loc)))
+    files = (*((f / t) for f in folders for t in file.tasks), *task_files)
+    protocol = Protocol(file, text, origin, files)
+    load_tasks(files)
+    _check(protocol)
+    return protocol
+
+
+def parameters_of(
+    protocol: Protocol, task: StudyTask, condition: str, *levels: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Parameters of a trial: its own over the block's over the condition's (those it has)."""
+    table = protocol.file.conditions.get(condition)
+    known = task.Parameters.model_fields
+    found = {k: v for k, v in (table.parameters if table else {}).items() if k in known}
+    for level in levels:
+        found |= level
+    return found
+
+
+def _check(protocol: Protocol) -> None:
+    file = protocol.file
+    for group, order in file.groups.items():
+        where = protocol.line("groups", group)
+        if len(order) != len(file.session):
+            raise UserError(
+                f"{where}: group {group} has {len(order)} conditions, the study "
+                f"{len(file.session)} sessions.",
+                "Give one a session.",
+            )
+        for condition in order:
+            _condition(protocol, condition, where)
+    used: set[str] = set()
+    for s, session in enumerate(file.session):
+        for b, block in enumerate(session.block):
+            used |= _check_block(protocol, (s, b), block)
+    for name, table in file.conditions.items():
+        for key in table.parameters:
+            if key not in used:
+                raise UserError(
+                    f"{protocol.line('conditions', name, 'parameters', key)}: no task of this "
+                    f"protocol has a parameter {key!r}.",
+                    f"{nearest(key, used)}They have: {', '.join(sorted(used))}.",
+                )
+
+
+def _check_block(protocol: Protocol, at: tuple[int, int], block: TrialBlock) -> set[str]:
+    file, loc = protocol.file, ("session", at[0], "block", at[1])
+    task = task_named(block.task, protocol.line(*loc, "task"))
+    rows = (*block.first, *block.trials, *block.last)
+    if not rows:
+        raise UserError(f"{protocol.line(*loc, 'name')}: block {block.name} has no trials.", "Add.")
+    if block.condition == GROUP and not file.groups:
+        raise UserError(
+            f"{protocol.line(*loc, 'condition')}: there are no groups.", "Add [groups]."
+        )
+    conditions = [block.condition]
+    if block.condition == GROUP:
+        conditions = sorted({order[at[0]] for order in file.groups.values()})
+    for condition in conditions:
+        if condition:
+            _condition(protocol, condition, protocol.line(*loc, "condition"))
+        for row in rows:
+            given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
+            about = f"parameters of {task.name} in block {block.name}: "
+            first = line_of(protocol.text, (*loc, "name"))
+            explainer = _explainer(partial(_next_line, protocol.text, first), about)
+            checked(task.Parameters, given, protocol.origin, explainer)
+    return set(task.Parameters.model_fields)
+
+
+def _condition(protocol: Protocol, name: str, where: str) -> None:
+    known = protocol.file.conditions
+    if name not in known:
+        raise UserError(
+            f"{where}: there is no condition {name!r}.",
+            f"{nearest(name, known)}There are: {', '.join(known)}.",
+        )
+
+
+def _explainer(
+    line: Callable[[Problem], int], about: str = ""
+) -> Callable[[Problem], UserError | None]:
+    def explain(problem: Problem) -> UserError | None:
+        at = f"line {line(problem)}: {about}"
+        if problem.kind == "extra_forbidden":
+            return UserError(
+                f"{at}unknown key {problem.key} = {problem.given!r}.",
+                f"{nearest(str(problem.loc[-1]), problem.known)}Known keys here: "
+                f"{', '.join(problem.known)}.",
+            )
+        kind = problem.kind.replace("_", " ")
+        return UserError(
+            f"{at}{problem.key} = {problem.given!r} cannot stand there ({kind}).",
+            f"Wanted: {problem.text}." if problem.text else "Correct it.",
+        )
+
+    return explain
+
+
+def _next_line(text: str, start: int, problem: Problem) -> int:
+    # Where a parameter is given, in a row of an inline table too; else the block.
+    key = re.compile(rf"\b{re.escape(str(problem.loc[0]))}\s*=") if problem.loc else None
+    for k, line in enumerate(text.splitlines(), 1):
+        if k >= start and key and key.search(line):
+            return k
+    return start
+
+
+_HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.\"-]+)\s*\]\]?")
+
+
+def line_of(text: str, loc: Sequence[str | int]) -> int:
+    """Line of a key, or of the nearest table around it; 0 where it is not found."""
+    wanted = [str(p) for p in loc]
+    here: list[str] = []
+    rows: dict[tuple[str, ...], int] = {}
+    best, depth = 0, 0
+    for number, line in enumerate(text.splitlines(), 1):
+        header = _HEADER.match(line)
+        if header:
+            here = []
+            parts = header[2].split(".")
+            for k, part in enumerate(parts):
+                here.append(part)
+                if header[1] == "[[" and k == len(parts) - 1:
+                    rows[tuple(here)] = rows.get(tuple(here), -1) + 1
+                if tuple(here) in rows:
+                    here.append(str(rows[tuple(here)]))
+            path = here
+        else:
+            key = re.match(r"^\s*([\w\"-]+)\s*=", line)
+            if not key:
+                continue
+            path = [*here, *key[1].strip('"').split(".")]
+        if wanted[: len(path)] == path and len(path) > depth:
+            best, depth = number, len(path)
+    return best

@@ -1,0 +1,122 @@
+"""A scene is data: shapes, roles of colour, texts.  Drawers turn it into a picture, or nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+
+from esea_gen.errors import UserError
+
+Kind = Literal["disc", "ring", "square", "line"]
+# Okabe and Ito's colours: told apart with any common colour blindness; shape and size tell too.
+COLOURS = {
+    "cursor": "#0072b2",
+    "target": "#009e73",
+    "failed": "#d55e00",
+    "origin": "#f0e442",
+    "boundary": "#d55e00",
+    "guide": "#999999",
+    "node": "#56b4e9",
+    "text": "#f4f4f4",
+    "background": "#1d1f21",
+}
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One shape; lengths in the scene's unit, ``size`` the radius or half the side.
+
+    role: key of :data:`COLOURS`.  to_x, to_y: other end of a line.
+    """
+
+    kind: Kind
+    role: str
+    x: float
+    y: float
+    size: float = 1.0
+    to_x: float = 0.0
+    to_y: float = 0.0
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text by its key in the message catalogue, with the numbers and words that go into it."""
+
+    key: str
+    values: Mapping[str, str | float | int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is on the screen: from ``-half_width`` to ``half_width`` either way."""
+
+    shapes: tuple[Shape, ...] = ()
+    texts: tuple[Text, ...] = ()
+    half_width: float = 40.0
+
+    def digest(self) -> bytes:
+        """Of every bit of it."""
+        shapes = [(s.kind, s.role, s.x, s.y, s.size, s.to_x, s.to_y) for s in self.shapes]
+        texts = [(t.key, sorted(t.values.items())) for t in self.texts]
+        return hashlib.sha256(repr((shapes, texts, self.half_width)).encode()).digest()
+
+
+CATALOGUES = Path(__file__).parent / "messages"
+
+
+@cache
+def catalogue(language: str) -> Mapping[str, str]:
+    """Texts of a language: ``messages/<language>.toml``; adding a language is adding a file."""
+    path = CATALOGUES / f"{language}.toml"
+    if not path.exists():
+        known = ", ".join(sorted(p.stem for p in CATALOGUES.glob("*.toml")))
+        raise UserError(f"There are no texts in the language {language!r}.", f"There are: {known}.")
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+def said(text: Text, language: str = "en") -> str:
+    """The words of a text; a key that a catalogue has not is shown as it is."""
+    return catalogue(language).get(text.key, text.key).format(**text.values)
+
+
+def draw(scene: Scene, language: str = "en") -> Figure:
+    """A scene as a picture, for reports and tests.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to draw.
+    language : str
+        Of its texts.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Square, without axes.
+    """
+    figure = Figure(figsize=(5, 5), facecolor=COLOURS["background"])
+    axes = figure.add_axes((0, 0, 1, 1))
+    half = scene.half_width
+    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    axes.axis("off")
+    for s in scene.shapes:
+        colour = COLOURS[s.role]
+        if s.kind == "line":
+            axes.plot([s.x, s.to_x], [s.y, s.to_y], color=colour, linewidth=1.5)
+        elif s.kind == "square":
+            corner = (s.x - s.size, s.y - s.size)
+            axes.add_patch(Rectangle(corner, 2 * s.size, 2 * s.size, color=colour))
+        else:
+            axes.add_patch(Circle((s.x, s.y), s.size, color=colour, fill=s.kind == "disc", lw=2))
+    for k, text in enumerate(scene.texts):
+        where = (0, half * (0.9 - 0.12 * k))
+        axes.text(*where, said(text, language), color=COLOURS["text"], ha="center", fontsize=13)
+    return figure

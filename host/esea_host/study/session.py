@@ -1,0 +1,417 @@
+"""A session: runs the planned trials, writes every event, stops at once, goes on after a crash."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.errors import UserError
+from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
+from esea_host.study.plan import Plan, PlannedTrial, plan_from
+from esea_host.study.scene import Scene
+from esea_host.study.task import Actor, Situation, StudyTask, TaskBrokenError, TaskStep, task_named
+
+PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
+ABORTED, FAILED = "aborted", "failed"
+# So many samples go to disk together; an event, and the end of a trial, takes them along at once.
+CHUNK = 50
+
+Stop = Callable[[], str]
+Show = Callable[[Scene], None]
+
+
+def not_stopped() -> str:
+    """Nobody asks for a stop."""
+    return ""
+
+
+def shown_nowhere(_: Scene) -> None:
+    """The drawer of a headless run."""
+
+
+class InputSource(ABC):
+    """Where a session's inputs come from: a board, or simulated people."""
+
+    @abstractmethod
+    def ready(self) -> Mapping[str, Any]:
+        """Check zero and limits before the first trial and after every break; what was found.
+
+        A key ``problem`` with words keeps the session from starting.
+        """
+
+    @abstractmethod
+    def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
+        """Who acts in the coming trial."""
+
+    @abstractmethod
+    def rest(self, seconds: float) -> None:
+        """Wait as long."""
+
+    @abstractmethod
+    def now_s(self) -> float:
+        """Time since the session's start."""
+
+
+@dataclass(frozen=True)
+class SessionState:
+    """What a log says of its session.
+
+    states: of every planned trial.  running: one that a crash cut off.  past: rows of completed
+    trials, in order.
+    """
+
+    participant: str
+    plan: Plan
+    states: Mapping[int, str]
+    reasons: Mapping[int, str]
+    running: int | None
+    past: tuple[Mapping[str, Any], ...]
+    ended: str
+    torn: int
+    last_s: float
+
+    @property
+    def remaining(self) -> tuple[PlannedTrial, ...]:
+        """What is still to do, in the planned order."""
+        over = (COMPLETED, FAILED, "skipped")
+        return tuple(t for t in self.plan.trials if self.states[t.number] not in over)
+
+
+def read_session(path: Path) -> SessionState:
+    """What a session's log says; an error for one that was changed."""
+    return state_of(read_log(path).sound(path), path)
+
+
+def state_of(found: LogFound, path: Path) -> SessionState:
+    """As :func:`read_session`, from what was read."""
+    if not found.entries:
+        raise UserError(f"{path}: the log has no whole event.", "Start the session afresh.")
+    head = found.entries[0].data
+    plan = plan_from(head["plan"])
+    states = {t.number: PENDING for t in plan.trials}
+    reasons: dict[int, str] = {}
+    past: list[Mapping[str, Any]] = []
+    ended = ""
+    for e in found.entries:
+        if e.kind == "trial":
+            states[e.data["trial"]], ended = RUNNING, ""
+        elif e.kind == "trial_end":
+            states[e.data["trial"]] = e.data["state"]
+            reasons[e.data["trial"]] = e.data["reason"]
+        elif e.kind == "skip":
+            states[e.data["trial"]], reasons[e.data["trial"]] = "skipped", e.data["reason"]
+        elif e.kind == "repeat":
+            states[e.data["trial"]], reasons[e.data["trial"]] = PENDING, e.data["reason"]
+        elif e.kind == "end":
+            ended = e.data["reason"]
+        past = _rows_after(past, e)
+    running = next((n for n, s in states.items() if s == RUNNING), None)
+    return SessionState(
+        head["participant"],
+        plan,
+        states,
+        reasons,
+        running,
+        tuple(past),
+        ended,
+        len(found.torn),
+        found.entries[-1].time_s,
+    )
+
+
+def _rows_after(past: list[Mapping[str, Any]], e: LoggedEvent) -> list[Mapping[str, Any]]:
+    # Rows of completed trials, once an event has happened.
+    if e.kind == "trial_end" and e.data["state"] == COMPLETED:
+        return [*past, e.data["row"]]
+    if e.kind == "repeat":
+        return [row for row in past if row["trial"] != e.data["trial"]]
+    if e.kind == "correction":
+        return [_corrected(row, e.data) for row in past]
+    return past
+
+
+def _corrected(row: Mapping[str, Any], change: Mapping[str, Any]) -> Mapping[str, Any]:
+    if row["trial"] != change["trial"]:
+        return row
+    return {**row, change["column"]: change["new"]}
+
+
+class StudySession:
+    """One participant's session.
+
+    Parameters
+    ----------
+    path : Path
+        Its log; a log that is there is gone on with.
+    plan : Plan
+        What is to be done; the one in the log wins, and must be the same.
+    participant : str
+        The code.
+    source : InputSource
+        Where inputs come from.
+    earlier : sequence of mapping
+        Rows of the participant's earlier sessions.
+    durable : bool
+        Whether every event waits for the disk.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        plan: Plan,
+        participant: str,
+        source: InputSource,
+        earlier: Sequence[Mapping[str, Any]] = (),
+        durable: bool = True,
+    ) -> None:
+        self.log = EventLog(path, durable)
+        self.source, self.earlier = source, tuple(earlier)
+        self._offset_s = 0.0
+        if self.log.found.entries:
+            self.state = state_of(self.log.found, path)
+            if self.state.plan.digest() != plan.digest():
+                raise UserError(
+                    f"{path}: the session was begun with another protocol or version of a task.",
+                    "Go on with the protocol that it was begun with: it is kept in the study.",
+                )
+            self._offset_s = self.state.last_s
+        else:
+            data = {"participant": participant, "plan": asdict(plan), "digest": plan.digest()}
+            self.log.append(0.0, "session", data)
+            self.state = state_of(read_log(path), path)
+
+    def _say(self, kind: str, **data: Any) -> None:
+        self.log.append(self._offset_s + self.source.now_s(), kind, data)
+
+    def run(self, show: Show = shown_nowhere, stop: Stop = not_stopped) -> str:
+        """Run what remains.
+
+        Parameters
+        ----------
+        show : callable
+            Draws each scene.
+        stop : callable
+            Asked at every step why to stop; empty while nobody wants to.
+
+        Returns
+        -------
+        str
+            Why it ended; empty when all trials are done.
+        """
+        if self.state.running is not None:
+            self._end(self.state.running, ABORTED, "the program was cut off", None)
+        if self.log.found.entries:
+            self._say("resume", torn_bytes=self.state.torn, running=self.state.running)
+        ready = dict(self.source.ready())
+        self._say("ready", **ready)
+        reason = str(ready.get("problem", "")) or self._trials(show, stop)
+        self._say("end", reason=reason, completed=len(self.state.remaining) == 0)
+        self._reread()
+        return reason
+
+    def _reread(self) -> None:
+        self.state = read_session(self.log.path)
+
+    def _trials(self, show: Show, stop: Stop) -> str:
+        past = [*self.earlier, *self.state.past]
+        failed = 0
+        rules = self._rules
+        for trial in self.state.remaining:
+            if trial.rest_before_s:
+                self._say("rest", seconds=trial.rest_before_s)
+                self.source.rest(trial.rest_before_s)
+            # By the session's own clock: a break between start and resume counts as no time.
+            if self._offset_s + self.source.now_s() > 60 * rules["longest_min"]:
+                return f"longer than {rules['longest_min']:g} min"
+            ended, row, reason = self._trial(trial, tuple(past), show, stop)
+            if ended == COMPLETED and row is not None:
+                past.append(row)
+            failed = failed + 1 if ended == FAILED else 0
+            if ended == ABORTED:
+                return reason
+            if failed >= rules["failed_in_a_row"]:
+                return f"{failed} trials in a row failed, the last one: {reason}"
+        return ""
+
+    _rules: Mapping[str, float] = {"longest_min": 1e9, "failed_in_a_row": 3}
+
+    def with_rules(self, longest_min: float, failed_in_a_row: int) -> StudySession:
+        """Itself with the protocol's stopping rules."""
+        self._rules = {"longest_min": longest_min, "failed_in_a_row": failed_in_a_row}
+        return self
+
+    def _trial(
+        self, trial: PlannedTrial, past: tuple[Mapping[str, Any], ...], show: Show, stop: Stop
+    ) -> tuple[str, Mapping[str, Any] | None, str]:
+        task = task_named(trial.task, self.log.path.name)
+        situation = situation_of(trial, past)
+        self._say("trial", trial=trial.number, block=trial.block, version=task.version)
+        frames = _Frames(self._say, trial.number)
+        ended, row, reason = ABORTED, None, ""
+        try:
+            actor = self.source.trial(task, situation, trial.number)
+            state = task.begin(situation)
+            scene = Scene()
+            requests: dict[str, float] = {}
+            while True:
+                reason = stop()
+                if reason:
+                    break
+                time_s, inputs = actor.react(scene, requests)
+                lost = [n for n, x in inputs.items() if not math.isfinite(x)]
+                if lost:
+                    ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
+                    break
+                step = task.step(state, time_s, inputs)
+                state, scene, requests = step.state, step.scene, dict(step.requests)
+                frames.add(time_s, inputs, step)
+                show(scene)
+                if step.outcome is not None:
+                    reason = step.outcome.reason
+                    ended = FAILED if step.outcome.row is None else COMPLETED
+                    if step.outcome.row is not None:
+                        row = _whole_row(task.checked_row(step.outcome.row), trial, self.state.plan)
+                    break
+        except (TaskBrokenError, UserError) as error:
+            ended, row, reason = FAILED, None, str(error)
+        frames.flush()
+        self._end(trial.number, ended, reason, row)
+        return ended, row, reason
+
+    def _end(self, number: int, state: str, reason: str, row: Mapping[str, Any] | None) -> None:
+        self._say("trial_end", trial=number, state=state, reason=reason, row=row)
+
+    def skip(self, number: int, reason: str) -> None:
+        """Leave a trial out, with the reason."""
+        if not reason:
+            raise UserError(f"Trial {number} cannot be skipped without a reason.", "Give one.")
+        if self.state.states.get(number) in (None, COMPLETED):
+            raise UserError(
+                f"Trial {number} is done, or there is none.", "Name one that is to come."
+            )
+        self._say("skip", trial=number, reason=reason)
+        self._reread()
+
+    def repeat(self, number: int, reason: str) -> None:
+        """Have a trial again: what it gave no longer counts, and stays on record."""
+        if not reason:
+            raise UserError(f"Trial {number} is not repeated without a reason.", "Give one.")
+        if self.state.states.get(number) in (None, PENDING):
+            raise UserError(f"Trial {number} has not been run.", "Name one that has.")
+        self._say("repeat", trial=number, reason=reason)
+        self._reread()
+
+    def note(self, text: str) -> None:
+        """A note of the operator's."""
+        self._say("note", text=text)
+
+    def correct(self, trial: int, column: str, new: Any, reason: str) -> None:
+        """Correct a value of a row; the old one stays in the log."""
+        old = next((r[column] for r in self.state.past if r["trial"] == trial), None)
+        if old is None or not reason:
+            raise UserError(
+                f"Trial {trial} has no value {column!r} to correct, or no reason was given.",
+                "Name a completed trial, one of its columns and the reason.",
+            )
+        self._say("correction", trial=trial, column=column, old=old, new=new, reason=reason)
+        self._reread()
+
+    def close(self) -> None:
+        """Close the log."""
+        self.log.close()
+
+
+def situation_of(trial: PlannedTrial, past: tuple[Mapping[str, Any], ...]) -> Situation:
+    """What a planned trial starts from."""
+    task = task_named(trial.task, "plan")
+    return Situation(task.Parameters(**trial.parameters), trial.condition, past, trial.seed)
+
+
+def _whole_row(row: Mapping[str, Any], trial: PlannedTrial, plan: Plan) -> dict[str, Any]:
+    about = {
+        "trial": trial.number,
+        "session": plan.session,
+        "block": trial.block,
+        "task": trial.task,
+        "condition": trial.condition,
+        "catch": trial.catch,
+        "familiarisation": trial.familiarisation,
+    }
+    return {**about, **row}
+
+
+class _Frames:
+    """Samples on their way to disk, with the digest of the scenes that they gave."""
+
+    def __init__(self, say: Callable[..., None], trial: int) -> None:
+        self._say, self._trial = say, trial
+        self._samples: list[list[Any]] = []
+        self._names: list[str] = []
+        self._scenes = hashlib.sha256()
+
+    def add(self, time_s: float, inputs: Mapping[str, float], step: TaskStep) -> None:
+        if self._names != list(inputs):
+            self.flush()
+            self._names = list(inputs)
+        self._samples.append([time_s, *inputs.values()])
+        self._scenes.update(step.scene.digest())
+        for event in step.events:
+            self.flush()
+            self._say("event", trial=self._trial, name=event.name, at_s=time_s, **event.data)
+        if len(self._samples) >= CHUNK:
+            self.flush()
+
+    def flush(self) -> None:
+        if self._samples:
+            scenes = self._scenes.hexdigest()
+            self._say(
+                "frames",
+                trial=self._trial,
+                names=self._names,
+                samples=self._samples,
+                scenes=scenes,
+            )
+            self._samples = []
+
+
+def replay(
+    path: Path, earlier: Sequence[Mapping[str, Any]] = ()
+) -> Iterator[tuple[int, Scene, bool]]:
+    """Replay a session: the scenes that its log makes again.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    earlier : sequence of mapping
+        Rows of the participant's earlier sessions, as at the time.
+
+    Yields
+    ------
+    trial, scene, same
+        ``same`` is False where the scenes up to there are not, bit for bit, those that were shown.
+    """
+    found = read_log(path).sound(path)
+    plan = plan_from(found.entries[0].data["plan"])
+    past = list(earlier)
+    for e in found.entries:
+        if e.kind == "trial":
+            trial = plan.trials[e.data["trial"] - 1]
+            task, state, digest = task_named(trial.task, path.name), None, hashlib.sha256()
+        elif e.kind == "frames":
+            if state is None:  # one that could not begin has shown nothing
+                state = task.begin(situation_of(trial, tuple(past)))
+            for k, sample in enumerate(e.data["samples"], 1):
+                inputs = dict(zip(e.data["names"], sample[1:], strict=True))
+                step = task.step(state, sample[0], inputs)
+                state = step.state
+                digest.update(step.scene.digest())
+                whole = k == len(e.data["samples"])
+                same = not whole or digest.hexdigest() == e.data["scenes"]
+                yield trial.number, step.scene, same
+        past = _rows_after(past, e)

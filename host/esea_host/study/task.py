@@ -1,0 +1,186 @@
+"""A task is to a person what a Block is to the board: a pure step.
+
+It has no clock, no window, no file and no random numbers but those of the seed that it is given, so
+a log of what went in replays to the same scenes.  Every task can be simulated.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from esea_gen.errors import UserError
+from esea_gen.python_file import import_file
+from esea_gen.toml_file import nearest
+from esea_host.study.scene import Scene
+
+Row = Mapping[str, Any]
+Inputs = Mapping[str, float]
+
+
+class TaskParameters(BaseModel):
+    """Parameters of a task: unknown keys and wrong types are errors before the first trial."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+@dataclass(frozen=True)
+class DataColumn:
+    """A column of the data that a task gives: its name carries its unit."""
+
+    name: str
+    kind: type
+    meaning: str
+
+
+@dataclass(frozen=True)
+class TaskEvent:
+    """Something that happened in a trial: on disk at once."""
+
+    name: str
+    data: Row = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TrialOutcome:
+    """How a trial ended by itself: with its row of data, or failed with the reason."""
+
+    row: Row | None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class TaskStep:
+    """What one step of a task gives.
+
+    requests: to the device, by name; the device's limits decide what becomes of them.
+    outcome: None while the trial goes on.
+    """
+
+    state: Any
+    scene: Scene
+    requests: Mapping[str, float] = field(default_factory=dict)
+    events: tuple[TaskEvent, ...] = ()
+    outcome: TrialOutcome | None = None
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a trial starts from.
+
+    parameters: the task's own, checked.  past: rows of the participant's completed trials, of
+    earlier sessions too, each with ``task``, ``condition``, ``block`` and ``session``.
+    """
+
+    parameters: Any
+    condition: str
+    past: tuple[Row, ...]
+    seed: int
+
+
+class Actor(ABC):
+    """Someone, real or simulated, who sees a scene and answers with inputs."""
+
+    @abstractmethod
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        """Time since the trial began, and the inputs."""
+
+
+class StudyTask(ABC):
+    """A task.  A new one is one file: a subclass with ``@register``.
+
+    Attributes
+    ----------
+    name, version, title : str
+        Name in protocols, version in every log, one line for people.
+    Parameters : type
+        A :class:`TaskParameters` with defaults.
+    columns : tuple of Column
+        The data columns of its row, all of them and no others.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str] = "1"
+    title: ClassVar[str]
+    Parameters: ClassVar[type[TaskParameters]] = TaskParameters
+    columns: ClassVar[tuple[DataColumn, ...]]
+
+    @abstractmethod
+    def longest_s(self, parameters: Any) -> float:
+        """How long a trial can take."""
+
+    @abstractmethod
+    def begin(self, situation: Situation) -> Any:
+        """The first state, frozen."""
+
+    @abstractmethod
+    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
+        """One step; pure."""
+
+    @abstractmethod
+    def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
+        """Somebody who does this task."""
+
+    def checked_row(self, row: Row) -> Row:
+        """The row, which must have the declared columns and types."""
+        wanted = {c.name: c.kind for c in self.columns}
+        # None is a value that there is not; a NaN would not come back from JSON.
+        wrong = [n for n, k in wanted.items() if n in row and not _is_a(row[n], k)]
+        if set(row) != set(wanted) or wrong:
+            odd = sorted(set(row) ^ set(wanted)) + wrong
+            raise TaskBrokenError(f"task {self.name}: columns not as declared: {', '.join(odd)}")
+        return row
+
+
+def _is_a(value: Any, kind: type) -> bool:
+    if value is None:
+        return True
+    if isinstance(value, float) and not math.isfinite(value):
+        return False
+    return isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+
+
+class TaskBrokenError(Exception):
+    """A task that does not keep to what it declares: the trial fails with this as its reason."""
+
+
+_TASKS: dict[str, StudyTask] = {}
+_OF_MODULE: dict[str, list[StudyTask]] = {}
+
+
+def register(kind: type[StudyTask]) -> type[StudyTask]:
+    """Make a task known by its name."""
+    _TASKS[kind.name] = kind()
+    _OF_MODULE.setdefault(kind.__module__, []).append(_TASKS[kind.name])
+    return kind
+
+
+def load_tasks(files: Iterable[Path]) -> None:
+    """Import files with tasks of the user's own."""
+    for path in files:
+        tasks = _OF_MODULE.get(import_file(path).__name__, [])
+        if not tasks:
+            raise UserError(f"{path}: registers no task.", "Put @register above the class.")
+        _TASKS.update({t.name: t for t in tasks})
+
+
+def task_named(name: str, where: str) -> StudyTask:
+    """A registered task."""
+    if name not in _TASKS:
+        raise UserError(
+            f"{where}: there is no task {name!r}.",
+            f"{nearest(name, _TASKS)}There are: {', '.join(sorted(_TASKS))}; a file of your own "
+            "is named with tasks = [...] in the protocol or --task FILE.py.",
+        )
+    return _TASKS[name]
+
+
+Stopper = Callable[[], str]
+"""Asked at every step: why the trial is to stop now, or nothing."""

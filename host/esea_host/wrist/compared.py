@@ -1,0 +1,95 @@
+"""Does normalisation do what it is for?  The same virtual people under four methods.  Simulated.
+
+The same people, seeds and order; only the cursor's map in the constrained state differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_host.wrist.analysis import WristResult, analyse
+from esea_host.wrist.past import METHODS
+from esea_host.wrist.virtual import run_study
+
+TRACK_KEY = "rms_error_percent"
+
+
+@dataclass(frozen=True)
+class MethodOutcome:
+    """One method: medians over people, and how far constrained is from healthy.
+
+    people: with a whole study; refused: sessions that ended early, with the reason.
+    rms_percent: per axis, tracking the own healthy motion.  peak_ratio: per axis, constrained over
+    healthy peak speed.  achieved_gap, after_effect_gap: healthy less constrained.
+    """
+
+    method: str
+    people: int
+    refused: tuple[str, ...]
+    rms_percent: Mapping[str, float | None]
+    peak_ratio: Mapping[str, float | None]
+    achieved_gap: Mapping[str, float | None]
+    after_effect_gap_deg: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def _median(values: list[float]) -> float | None:
+    return float(np.median(values)) if values else None
+
+
+def _gap(result: WristResult, key: str) -> float | None:
+    pairs = ((v.get(f"{key} 1"), v.get(f"{key} 2")) for v in result.people["7.4 states"].values())
+    return _median([a - b for a, b in pairs if a is not None and b is not None])
+
+
+def outcome(method: str, folder: Path, refused: list[str]) -> MethodOutcome:
+    """What a study under one method gave."""
+    result = analyse(folder)
+    rms, ratio = {}, {}
+    for title in ("7.1 validation, RU", "7.2 validation, FE"):
+        axis, people = title[-2:], result.people[title].values()
+        rms[axis] = _median([x for x in (v[TRACK_KEY] for v in people) if x is not None])
+        pairs = [(v["peak_h_deg_s"], v["peak_c_deg_s"]) for v in people]
+        ratio[axis] = _median([c / h for h, c in pairs if h and c is not None])
+    whole = [v for v in result.people["7.4 states"].values() if "after_effect_deg 2" in v]
+    return MethodOutcome(
+        method,
+        len(whole),
+        tuple(refused),
+        rms,
+        ratio,
+        {a: _gap(result, f"achieved_{a}") for a in ("FE", "RU")},
+        _gap(result, "after_effect_deg"),
+    )
+
+
+def compare_methods(
+    folder: Path, participants: int, seed: int, jobs: int = 1
+) -> tuple[MethodOutcome, ...]:
+    """Run the study under every method.
+
+    Parameters
+    ----------
+    folder : Path
+        A new folder; one study below it a method.
+    participants, seed, jobs : int
+        As for :func:`esea_host.wrist.virtual.run_study`.
+
+    Returns
+    -------
+    tuple of MethodOutcome
+        In the order of ``METHODS``.
+    """
+    found = []
+    for method in METHODS:
+        refused = run_study(folder / method, participants, seed, jobs, method)
+        found.append(outcome(method, folder / method, refused))
+    return tuple(found)

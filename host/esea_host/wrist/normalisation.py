@@ -1,0 +1,282 @@
+"""Virtual normalisation: what a constrained wrist does is shown as the healthy one would do it.
+
+Speeds at nodes of the workspace, healthy and constrained, give a scaling factor over the angle; its
+integral is the cursor's position: one smooth lookup that cannot drift.  Angles in degrees, as
+published.
+
+References
+----------
+[1] C. Jarrett, A. McDaid, "Virtual Normalization of Physical Impairment", Frontiers in
+    Neuroscience 11, 2017 (thesis chapter 7, equations 7.3 to 7.6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import erf
+
+from esea_gen.errors import UserError
+
+Array = npt.NDArray[np.float64]
+LEAST_NODES = 3
+SPACING_DEG = 10.0
+
+
+@dataclass(frozen=True)
+class NodeSpeeds:
+    """Speeds of one axis in one state.
+
+    Parameters
+    ----------
+    low_deg, high_deg : float
+        Range of motion.
+    nodes_deg : tuple of float
+        Where the speeds were taken, rising.
+    speeds_deg_s : tuple of float
+        Mean speed there; None where a node was never crossed.
+    """
+
+    low_deg: float
+    high_deg: float
+    nodes_deg: tuple[float, ...]
+    speeds_deg_s: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class RbfNetwork:
+    """A sum of Gaussians of one width on a constant and a slope.
+
+    Parameters
+    ----------
+    centres_deg, weights : ndarray
+        One a node.
+    sigma_deg : float
+        Width: the mean distance between nodes.
+    base : float
+        The constant; 0 in the published form.
+    slope_1_deg : float
+        The linear term's weight w; 0 unless asked for.
+    """
+
+    centres_deg: Array
+    weights: Array
+    sigma_deg: float
+    base: float
+    slope_1_deg: float
+
+    def value(self, theta_deg: npt.ArrayLike) -> Array:
+        """The network at these angles."""
+        theta = np.asarray(theta_deg, np.float64)
+        d = (theta[..., None] - self.centres_deg) / self.sigma_deg
+        bumps = np.exp(-0.5 * d * d) @ self.weights
+        return np.asarray(self.base + bumps + self.slope_1_deg * theta)
+
+    def integral(self, theta_deg: npt.ArrayLike) -> Array:
+        """Its integral from 0, in closed form."""
+        theta = np.asarray(theta_deg, np.float64)
+        scale = self.sigma_deg * np.sqrt(2.0)
+        area = self.sigma_deg * np.sqrt(np.pi / 2.0)
+        steps = erf((theta[..., None] - self.centres_deg) / scale) - erf(-self.centres_deg / scale)
+        slope = 0.5 * self.slope_1_deg * theta**2
+        return np.asarray(self.base * theta + area * (steps @ self.weights) + slope)
+
+    def steepest_1_deg(self) -> float:
+        """A bound of its derivative: a Gaussian is nowhere steeper than exp(-1/2) / sigma."""
+        bumps = np.sum(np.abs(self.weights)) * np.exp(-0.5) / self.sigma_deg
+        return float(bumps + abs(self.slope_1_deg))
+
+
+def fit_rbf(
+    nodes_deg: npt.ArrayLike, values: npt.ArrayLike, *, slope: bool = False, base: bool = True
+) -> RbfNetwork:
+    """Fit a network through values at nodes.
+
+    Parameters
+    ----------
+    nodes_deg, values : array_like
+        As many of either, 3 or more.
+    slope : bool
+        Whether w is fitted too.
+    base : bool
+        Whether the Gaussians stand on the mean of the values, or on 0 as published.
+
+    Returns
+    -------
+    RbfNetwork
+        Through every value.
+
+    Notes
+    -----
+    With w there is one unknown more than values: of all networks through the values, the one with
+    the least sum of a_n^2 + (w sigma)^2 is taken (the least-norm solution; in w sigma, so that the
+    unit of the angle does not matter).  Without w the Gaussian matrix of separate nodes is
+    positive definite, and nothing is regularised.  On 0 the network falls to 0 outside its nodes
+    and ripples between them; on the mean it falls to the mean, and equal values give a constant.
+    """
+    nodes, wanted = np.asarray(nodes_deg, np.float64), np.asarray(values, np.float64)
+    sigma = float(np.mean(np.diff(nodes)))
+    d = (nodes[:, None] - nodes) / sigma
+    matrix = np.exp(-0.5 * d * d)
+    mean = float(np.mean(wanted)) if base else 0.0
+    if not slope:
+        weights = np.asarray(np.linalg.solve(matrix, wanted - mean), np.float64)
+        return RbfNetwork(nodes, weights, sigma, mean, 0.0)
+    wide = np.column_stack([matrix, nodes / sigma])
+    found = np.linalg.lstsq(wide, wanted - mean, rcond=None)[0]
+    return RbfNetwork(nodes, found[:-1], sigma, mean, float(found[-1] / sigma))
+
+
+@dataclass(frozen=True)
+class CursorMap:
+    """From the wrist's angle to the cursor's position, one axis.
+
+    Parameters
+    ----------
+    middle_deg : float
+        Middle of the constrained range, which is shown at 0.
+    low_deg, high_deg : float
+        The constrained range.
+    factor : RbfNetwork
+        The scaling factor over the angle from the middle.
+    """
+
+    middle_deg: float
+    low_deg: float
+    high_deg: float
+    factor: RbfNetwork
+
+    def position(self, theta_deg: npt.ArrayLike) -> Array:
+        """Cursor, deg; outside the range it goes on with the factor of the range's end."""
+        theta = np.asarray(theta_deg, np.float64)
+        inside = np.clip(theta, self.low_deg, self.high_deg)
+        within = self.factor.integral(inside - self.middle_deg)
+        return np.asarray(within + (theta - inside) * self.factor.value(inside - self.middle_deg))
+
+    def scaling(self, theta_deg: npt.ArrayLike) -> Array:
+        """Scaling factor: the cursor's speed over the wrist's."""
+        inside = np.clip(np.asarray(theta_deg, np.float64), self.low_deg, self.high_deg)
+        return self.factor.value(inside - self.middle_deg)
+
+
+def plain_map(speeds: NodeSpeeds, factor: float = 1.0) -> CursorMap:
+    """A map with one factor everywhere: none (1), or linear scaling."""
+    middle = (speeds.low_deg + speeds.high_deg) / 2
+    flat = RbfNetwork(np.zeros(1), np.zeros(1), SPACING_DEG, factor, 0.0)
+    return CursorMap(middle, speeds.low_deg, speeds.high_deg, flat)
+
+
+def linear_map(healthy: NodeSpeeds, constrained: NodeSpeeds) -> CursorMap:
+    """One factor: the ratio of the ranges."""
+    _check_range(healthy, constrained)
+    return plain_map(constrained, _width(healthy) / _width(constrained))
+
+
+def normalise(
+    healthy: NodeSpeeds, constrained: NodeSpeeds, *, slope: bool = False, base: bool = True
+) -> CursorMap:
+    """The cursor map of one axis.
+
+    Parameters
+    ----------
+    healthy, constrained : NodeSpeeds
+        The two calibrations.
+    slope : bool
+        Whether the linear term w is fitted (published for flexion; advised against there).
+    base : bool
+        Whether the networks stand on a constant; False is the published form.
+
+    Returns
+    -------
+    CursorMap
+        Monotone: its scaling factor is proven positive over the range.
+
+    Raises
+    ------
+    UserError
+        Fewer than 3 nodes, a node never crossed, no speed at one, a constrained range larger than
+        the healthy one, or a factor that is not positive somewhere.
+    """
+    for name, speeds in (("healthy", healthy), ("constrained", constrained)):
+        check_nodes(name, speeds)
+    _check_range(healthy, constrained)
+    middle = (constrained.low_deg + constrained.high_deg) / 2
+    shrink = _width(constrained) / _width(healthy)
+    centre = (healthy.low_deg + healthy.high_deg) / 2
+    compressed = shrink * (np.array(healthy.nodes_deg) - centre)
+    nodes = np.array(constrained.nodes_deg) - middle
+    ours = np.array(constrained.speeds_deg_s, np.float64)
+    measured = np.array(healthy.speeds_deg_s, np.float64)
+    theirs = fit_rbf(compressed, measured, base=base).value(nodes)
+    factor = fit_rbf(nodes, theirs / ours, slope=slope, base=base)
+    found = CursorMap(middle, constrained.low_deg, constrained.high_deg, factor)
+    _check_fold(found)
+    return found
+
+
+def _width(speeds: NodeSpeeds) -> float:
+    return speeds.high_deg - speeds.low_deg
+
+
+def check_nodes(name: str, speeds: NodeSpeeds) -> None:
+    """Refuse a calibration that says too little."""
+    if len(speeds.nodes_deg) < LEAST_NODES:
+        raise UserError(
+            f"The {name} range {speeds.low_deg:.1f} to {speeds.high_deg:.1f} deg holds "
+            f"{len(speeds.nodes_deg)} nodes, {LEAST_NODES} are needed.",
+            "Measure the range of motion again, or place the nodes nearer to each other.",
+        )
+    for node, speed in zip(speeds.nodes_deg, speeds.speeds_deg_s, strict=True):
+        if speed is None:
+            raise UserError(
+                f"The {name} calibration never crossed the node at {node:.1f} deg.",
+                "Repeat the movements, as far as the range that was measured.",
+            )
+        if not speed > 0:
+            raise UserError(
+                f"The {name} speed at the node {node:.1f} deg is {speed:g} deg/s.",
+                "Repeat the movements through that place without a stop.",
+            )
+
+
+def _check_range(healthy: NodeSpeeds, constrained: NodeSpeeds) -> None:
+    if _width(constrained) > _width(healthy) * (1 + 1e-9):
+        raise UserError(
+            f"The constrained range, {_width(constrained):.1f} deg, is larger than the healthy "
+            f"one, {_width(healthy):.1f} deg.",
+            "Measure both ranges again; were the two states mixed up?",
+        )
+    if not _width(constrained) > 0:
+        raise UserError("The constrained range is empty.", "Measure it again.")
+
+
+def _check_fold(found: CursorMap) -> None:
+    # Positive at every point of a grid, by more than the factor can fall between two of them.
+    points = 501
+    while True:
+        theta = np.linspace(found.low_deg, found.high_deg, points)
+        values = found.scaling(theta)
+        least = int(np.argmin(values))
+        fall = found.factor.steepest_1_deg() * (theta[1] - theta[0]) / 2
+        if values[least] > fall:
+            return
+        if values[least] <= 0 or points > 500_000:
+            raise UserError(
+                f"The scaling factor is {values[least]:.3g} at {theta[least]:.1f} deg: the cursor "
+                "would go back while the wrist goes on.",
+                "Repeat the calibration there; without the linear term (w = 0) it may be positive.",
+            )
+        points = 4 * points - 3
+
+
+def node_places(low_deg: float, high_deg: float, spacing_deg: float = SPACING_DEG) -> list[float]:
+    """Nodes at whole multiples of the spacing from the neutral position, across the range.
+
+    Those nearer to an end than a fifth of the spacing are left out: there the wrist turns round,
+    and has no speed to measure.
+    """
+    room = 0.2 * spacing_deg
+    first, last = np.ceil((low_deg + room) / spacing_deg), np.floor((high_deg - room) / spacing_deg)
+    return [float(k * spacing_deg) for k in range(int(first), int(last) + 1)]

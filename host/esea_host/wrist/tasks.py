@@ -1,0 +1,278 @@
+"""The tasks of the wrist study.  Inputs ``fe_deg`` and ``ru_deg``: the joint's angles.
+
+On the screen x is flexion (-) and extension (+), y ulnar (-) and radial (+) deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from esea_host.study.scene import Scene, Shape, Text
+from esea_host.study.task import (
+    Actor,
+    DataColumn,
+    Inputs,
+    Situation,
+    StudyTask,
+    TaskEvent,
+    TaskParameters,
+    TaskStep,
+    TrialOutcome,
+    register,
+)
+from esea_host.wrist.calibration import quality
+from esea_host.wrist.past import AXES, Calibrated, calibrated
+from esea_host.wrist.simple_person import Follower
+
+Axis = Literal["FE", "RU"]
+Way = Literal[-1, 1]
+
+
+IMPAIRMENT = DataColumn("impairment", bool, "whether the simulated impairment was asked for")
+
+
+class OnAxis(TaskParameters):
+    """What every task on one axis is told."""
+
+    axis: Axis = Field("FE", description='"FE" or "RU"')
+    impairment: bool = Field(False, description="whether the simulated impairment acts")
+
+
+def angles(inputs: Inputs) -> tuple[float, float]:
+    """Both angles, deg."""
+    return inputs["fe_deg"], inputs["ru_deg"]
+
+
+def requests(parameters: Any) -> Mapping[str, float]:
+    """What the device is asked for."""
+    return {"impairment": float(parameters.impairment)}
+
+
+def dot(role: str, x: float, y: float, size: float = 1.0) -> Shape:
+    """A disc."""
+    return Shape("disc", role, x, y, size)
+
+
+def place(axis: str, value: float) -> tuple[float, float]:
+    """A point on an axis of the screen."""
+    return (value, 0.0) if axis == "FE" else (0.0, value)
+
+
+class _WristTask(StudyTask):
+    def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
+        return Follower(rng)
+
+
+# -- neutral ---------------------------------------------------------------------------------------
+
+
+class NeutralParameters(TaskParameters):
+    """How long the hand rests."""
+
+    impairment: bool = Field(False, description="whether the simulated impairment acts")
+    seconds: float = Field(3.0, ge=1, le=30, description="how long; the last second counts")
+
+
+@dataclass(frozen=True)
+class Resting:
+    """Samples of the last second."""
+
+    parameters: NeutralParameters
+    kept: tuple[tuple[float, float, float], ...] = ()
+
+
+@register
+class Neutral(_WristTask):
+    """The neutral position: the origin from then on."""
+
+    name = "wrist.neutral"
+    title = "Self-selected neutral position"
+    Parameters = NeutralParameters
+    columns = (
+        IMPAIRMENT,
+        DataColumn("neutral_fe_deg", float, "mean of the last second"),
+        DataColumn("neutral_ru_deg", float, "mean of the last second"),
+    )
+
+    def longest_s(self, parameters: Any) -> float:
+        return float(parameters.seconds)
+
+    def begin(self, situation: Situation) -> Resting:
+        return Resting(situation.parameters)
+
+    def step(self, state: Resting, time_s: float, inputs: Inputs) -> TaskStep:
+        kept = (*(x for x in state.kept if x[0] > time_s - 1.0), (time_s, *angles(inputs)))
+        outcome = None
+        if time_s >= state.parameters.seconds:
+            fe, ru = np.mean(np.array(kept)[:, 1:], axis=0)
+            found = {"neutral_fe_deg": float(fe), "neutral_ru_deg": float(ru)}
+            outcome = TrialOutcome({"impairment": state.parameters.impairment, **found})
+        scene = Scene((dot("cursor", *angles(inputs)),), (Text("neutral"),))
+        asked = requests(state.parameters)
+        return TaskStep(replace(state, kept=kept), scene, asked, (), outcome)
+
+
+# -- range -----------------------------------------------------------------------------------------
+
+
+class RangeParameters(OnAxis):
+    """One direction."""
+
+    way: Way = Field(1, description="1 extension or radial, -1 flexion or ulnar")
+    seconds: float = Field(4.0, ge=1, le=60, description="how long")
+
+
+@dataclass(frozen=True)
+class Reaching:
+    """How far it went."""
+
+    parameters: RangeParameters
+    middle: tuple[float, float]
+    end_deg: float = 0.0
+
+
+DIRECTIONS = {("FE", 1): "up", ("FE", -1): "down", ("RU", 1): "thumb", ("RU", -1): "little finger"}
+
+
+@register
+class Range(_WristTask):
+    """Range of motion, one direction of one axis."""
+
+    name = "wrist.range"
+    title = "As far as possible"
+    Parameters = RangeParameters
+    columns = (
+        IMPAIRMENT,
+        DataColumn("axis", str, "FE or RU"),
+        DataColumn("way", int, "1 or -1"),
+        DataColumn("end_deg", float, "furthest angle from the neutral position"),
+    )
+
+    def longest_s(self, parameters: Any) -> float:
+        return float(parameters.seconds)
+
+    def begin(self, situation: Situation) -> Reaching:
+        past = calibrated(situation.past, situation.parameters.impairment)
+        return Reaching(situation.parameters, past.neutral)
+
+    def step(self, state: Reaching, time_s: float, inputs: Inputs) -> TaskStep:
+        p = state.parameters
+        theta = angles(inputs)[AXES.index(p.axis)] - state.middle[AXES.index(p.axis)]
+        end = max(state.end_deg, p.way * theta)
+        outcome = None
+        if time_s >= p.seconds:
+            row = {"axis": p.axis, "way": p.way, "end_deg": float(p.way * end)}
+            row["impairment"] = p.impairment
+            outcome = TrialOutcome(row)
+        far = place(p.axis, 100.0 * p.way)
+        shapes = (
+            Shape("line", "guide", 0.0, 0.0, 1.0, *far),
+            dot("target", *far),
+            dot("cursor", *place(p.axis, theta)),
+        )
+        text = Text("range_forward", {"direction": DIRECTIONS[p.axis, p.way]})
+        scene = Scene(shapes, (text,), 90.0)
+        return TaskStep(replace(state, end_deg=end), scene, requests(p), (), outcome)
+
+
+# -- velocity --------------------------------------------------------------------------------------
+
+
+class VelocityParameters(OnAxis):
+    """A block of linear movements."""
+
+    movements: int = Field(5, ge=2, le=50, description="how many, from end to end")
+    longest_s: float = Field(30.0, gt=1, le=300, description="then it ends anyhow")
+    near_end: float = Field(0.05, gt=0, lt=0.5, description="share of the range that is an end")
+
+
+@dataclass(frozen=True)
+class Sweeping:
+    """Movements so far."""
+
+    parameters: VelocityParameters
+    past: Calibrated
+    done: int = -1  # the way to the first end does not count
+    way: int = -1
+    times: tuple[float, ...] = ()
+    thetas: tuple[float, ...] = ()
+    words: tuple[str, ...] = ()
+
+
+@register
+class VelocitySweep(_WristTask):
+    """To and fro through the nodes, as far and as fast as is comfortable."""
+
+    name = "wrist.velocity"
+    title = "Position-dependent velocity"
+    Parameters = VelocityParameters
+    columns = (
+        IMPAIRMENT,
+        DataColumn("axis", str, "FE or RU"),
+        DataColumn("movements", int, "that were made"),
+        DataColumn("time_s", list, "times of the samples"),
+        DataColumn("theta_deg", list, "angle from the neutral position"),
+        DataColumn("complaints", list, "what was not good enough, and what to do"),
+    )
+
+    def longest_s(self, parameters: Any) -> float:
+        return float(parameters.longest_s)
+
+    def begin(self, situation: Situation) -> Sweeping:
+        p = situation.parameters
+        past = calibrated(situation.past, p.impairment)
+        past.range_of(p.axis)
+        return Sweeping(p, past)
+
+    def step(self, state: Sweeping, time_s: float, inputs: Inputs) -> TaskStep:
+        p = state.parameters
+        k = AXES.index(p.axis)
+        low, high = state.past.range_of(p.axis)
+        theta = angles(inputs)[k] - state.past.neutral[k]
+        room = p.near_end * (high - low)
+        there = theta <= low + room if state.way < 0 else theta >= high - room
+        events: tuple[TaskEvent, ...] = ()
+        if there:
+            events = (TaskEvent("end_reached", {"theta_deg": theta}),)
+        state = replace(
+            state,
+            done=state.done + there,
+            way=-state.way if there else state.way,
+            times=(*state.times, time_s) if state.done >= 0 else (),
+            thetas=(*state.thetas, theta) if state.done >= 0 else (),
+        )
+        if there and state.done > 0:
+            # Once a movement: the live word for the person.
+            found = quality(low, high, [(state.times, state.thetas)])
+            state = replace(state, words=tuple(dict.fromkeys(c.key for c in found)))
+        over = state.done >= p.movements or time_s >= p.longest_s
+        outcome = self._outcome(state, low, high) if over else None
+        return TaskStep(state, self._scene(state, theta), requests(p), events, outcome)
+
+    def _outcome(self, state: Sweeping, low: float, high: float) -> TrialOutcome:
+        complaints = quality(low, high, [(state.times, state.thetas)]) if state.times else []
+        return TrialOutcome(
+            {
+                "impairment": state.parameters.impairment,
+                "axis": state.parameters.axis,
+                "movements": max(state.done, 0),
+                "time_s": list(state.times),
+                "theta_deg": list(state.thetas),
+                "complaints": [f"{c.what}. {c.fix}" for c in complaints],
+            }
+        )
+
+    def _scene(self, state: Sweeping, theta: float) -> Scene:
+        axis = state.parameters.axis
+        low, high = state.past.range_of(axis)
+        nodes = [dot("node", *place(axis, n), 1.5) for n in state.past.nodes(axis)]
+        goal = dot("target", *place(axis, low if state.way < 0 else high), 2.0)
+        left = state.parameters.movements - max(state.done, 0)
+        words = [Text(w) for w in state.words if w in ("faster", "further")]
+        cursor = dot("cursor", *place(axis, theta))
+        return Scene((*nodes, goal, cursor), (Text("sweep", {"left": left}), *words), 90.0)

@@ -1,0 +1,517 @@
+"""The study engine: protocols, order, logs that lose nothing, and what people are owed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from esea_gen.errors import UserError
+from esea_host.cli import app
+from esea_host.study.acting import SimulatedSource
+from esea_host.study.folder import StudyFolder
+from esea_host.study.log import EventLog, read_log
+from esea_host.study.plan import build_plan, explain, group_of
+from esea_host.study.protocol import Protocol, line_of, load_protocol, parse_protocol
+from esea_host.study.scene import COLOURS, Scene, Shape, Text, catalogue, draw, said
+from esea_host.study.session import StudySession, read_session, replay
+from esea_host.study.task import Actor, Situation, task_named
+
+from .conftest import ROOT
+
+EXAMPLE = ROOT / "examples" / "steady_hold.toml"
+TASK = ROOT / "examples" / "steady_hold.py"
+
+
+@pytest.fixture(scope="module")
+def protocol() -> Protocol:
+    return load_protocol(EXAMPLE)
+
+
+def changed(old: str, new: str) -> Protocol:
+    text = EXAMPLE.read_text(encoding="utf-8")
+    assert old in text
+    return parse_protocol(text.replace(old, new, 1), "p.toml", [EXAMPLE.parent])
+
+
+# -- protocols -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("rest_s = 30", "rest = 30", ["unknown key", "rest_s"]),
+        ("rest_s = 30", 'rest_s = "long"', ["rest_s"]),
+        ("copies = 2", "copies = 0", ["copies"]),
+        ("hold_s = 0.3", "holds = 0.3", ["holds", "hold_s"]),
+        ("hold_s = 0.3", "hold_s = -0.3", ["hold_s", "greater than"]),
+        ('task = "steady_hold"', 'task = "steady_hld"', ["Did you mean steady_hold"]),
+        ('condition = "group"', 'condition = "grp"', ["grp", "near, narrow"]),
+        ('A = ["near", "narrow"]', 'A = ["near"]', ["1 conditions", "2 sessions"]),
+        ('A = ["near", "narrow"]', 'A = ["near", "wide"]', ["wide"]),
+        ("within_deg = 3.0", "within_dg = 3.0", ["within_dg", "within_deg"]),
+        ('name = "steady-hold"', 'name = "Steady Hold"', ["name"]),
+        ("seed = 7", "seed = 7\nseed = 8", ["not valid TOML"]),
+    ],
+)
+def test_a_wrong_protocol_is_told_before_the_first_trial(old, new, words):
+    with pytest.raises(UserError) as error:
+        changed(old, new)
+    text = EXAMPLE.read_text(encoding="utf-8")
+    number = text[: text.index(old)].count("\n") + 1
+    if "seed" not in new:  # a key that occurs twice is told by the reader of TOML, with its name
+        words = [*words, f"line {number}"]
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_lines_are_those_of_the_text():
+    text = "a = 1\n[[s]]\nn = 1\n[[s.b]]\nx = 1\n[[s.b]]\nx = 2\n[[s]]\n[[s.b]]\nx = 3\n"
+    assert line_of(text, ["s", 0, "b", 1, "x"]) == 7
+    assert line_of(text, ["s", 1, "b", 0, "x"]) == 10
+    assert line_of(text, ["s", 1, "b", 0, "y"]) == 9
+    assert line_of(text, ["z"]) == 0
+
+
+def test_the_check_says_it_in_words_with_the_duration(protocol):
+    said_there = explain(protocol)
+    # 12 trials of at most 5 s and two rests of 30 s: 2 min, 1 of them rests.
+    assert "12 trials, at most 2 min (1 min of them rests)" in said_there
+    assert "7 days or more after the last" in said_there
+    assert "1 of them catch trials" in said_there
+
+
+# -- order -----------------------------------------------------------------------------------------
+
+
+def test_the_order_is_the_seeds_and_nobody_elses(protocol):
+    plan = build_plan(protocol, 0, 0)
+    np.random.seed(0)
+    np.random.random(100)
+    assert build_plan(protocol, 0, 0) == plan
+    blocks = [t.block for t in plan.trials]
+    assert blocks == ["practice"] * 2 + ["hold 1"] * 5 + ["hold 2"] * 5
+    for name in ("hold 1", "hold 2"):
+        places = [t.parameters["place_deg"] for t in plan.trials if t.block == name]
+        assert Counter(places[:4]) == {10.0: 2, -10.0: 2}
+        assert places[4] == 0.0
+    assert [t.catch for t in plan.trials].count(True) == 2
+    rests = [t.rest_before_s for t in plan.trials]
+    assert rests == [0, 0, 30, 0, 0, 0, 0, 30, 0, 0, 0, 0]
+    orders = {
+        tuple(t.parameters["place_deg"] for t in build_plan(protocol, k, 0).trials)
+        for k in range(20)
+    }
+    assert len(orders) > 5
+
+
+def test_a_changed_block_shifts_no_other_order(protocol):
+    """Each block draws from a generator of its own."""
+    other = changed("{ repeat = 2, parameters = { place_deg = 5.0 } }", "{ repeat = 3 }")
+    a = [t.parameters for t in build_plan(protocol, 3, 0).trials if t.block.startswith("hold")]
+    b = [t.parameters for t in build_plan(other, 3, 0).trials if t.block.startswith("hold")]
+    assert a == b
+
+
+def test_groups_are_balanced_after_every_pair(protocol):
+    groups = [group_of(protocol, k) for k in range(40)]
+    for k in range(0, 40, 2):
+        assert set(groups[k : k + 2]) == {"A", "B"}
+    assert len(set(zip(groups[::2], groups[1::2], strict=True))) == 2  # not always A first
+    near, narrow = (
+        {t.parameters["within_deg"] for t in build_plan(protocol, groups.index("A"), s).trials}
+        for s in (0, 1)
+    )
+    assert (near, narrow) == ({3.0}, {1.5})
+
+
+# -- sessions --------------------------------------------------------------------------------------
+
+
+def study_in(folder: Path, protocol: Protocol, durable: bool = False) -> StudyFolder:
+    study = StudyFolder.create(folder, protocol, simulated=True, durable=durable)
+    study.enrol("P01", True)
+    return study
+
+
+def run_one(study: StudyFolder, code: str = "P01", number: int = 0, **more) -> StudySession:
+    session = study.session(code, number, SimulatedSource(3))
+    session.run(**more)
+    study.finish(code, number, session)
+    session.close()
+    return session
+
+
+def test_a_session_leaves_rows_and_replays_to_the_same_scenes(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    shown: list[Scene] = []
+    session = run_one(study, show=shown.append)
+    assert session.state.remaining == ()
+    assert [r["trial"] for r in session.state.past] == list(range(1, 13))
+    assert all(r["held"] for r in session.state.past)
+    again = list(replay(study.log_of("P01", 0)))
+    assert [scene for _, scene, _ in again] == shown
+    assert all(same for _, _, same in again)
+
+
+def test_a_replay_with_another_task_is_seen(tmp_path, protocol, monkeypatch):
+    study = study_in(tmp_path / "s", protocol)
+    run_one(study)
+    task = task_named("steady_hold", "")
+    step = type(task).step
+
+    def other(self, state, time_s, inputs):
+        nudged = {k: np.nextafter(v, 100) for k, v in inputs.items()}
+        return step(self, state, time_s, nudged)
+
+    monkeypatch.setattr(type(task), "step", other)
+    assert not all(same for _, _, same in replay(study.log_of("P01", 0)))
+
+
+def test_a_stop_acts_at_once_and_the_trial_comes_again(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    asked = iter([""] * 30 + ["the participant asked"])
+    session = run_one(study, stop=lambda: next(asked))
+    number = session.state.remaining[0].number
+    assert session.state.states[number] == "aborted"
+    assert session.state.reasons[number] == "the participant asked"
+    samples = [
+        len(e.data["samples"])
+        for e in read_log(study.log_of("P01", 0)).entries
+        if e.kind == "frames"
+    ]
+    assert sum(samples) == 30
+    assert run_one(study).state.remaining == ()
+
+
+class Broken(Actor):
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def react(self, scene, requests):
+        return 0.02, {"theta_deg": self.value}
+
+
+def test_no_number_is_a_failed_trial_and_three_of_them_end_the_session(
+    tmp_path, protocol, monkeypatch
+):
+    study = study_in(tmp_path / "s", protocol)
+    task = task_named("steady_hold", "")
+    monkeypatch.setattr(type(task), "simulate", lambda *_: Broken(float("nan")))
+    session = run_one(study)
+    assert [session.state.states[n] for n in (1, 2, 3)] == ["failed", "failed", "pending"]
+    assert "theta_deg" in session.state.reasons[1]
+    assert "2 trials in a row failed" in session.state.ended
+
+
+def test_a_row_that_is_not_as_declared_fails_the_trial(tmp_path, protocol, monkeypatch):
+    study = study_in(tmp_path / "s", protocol)
+    task = task_named("steady_hold", "")
+    monkeypatch.setattr(type(task), "columns", task.columns[:1])
+    assert "after_s" in run_one(study).state.reasons[1]
+
+
+class NotReady(SimulatedSource):
+    def ready(self):
+        return {"problem": "the torque at rest is 0.4 Nm, at most 0.1 Nm is allowed"}
+
+
+def test_a_device_that_is_not_ready_starts_nothing(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    session = study.session("P01", 0, NotReady(1))
+    assert "0.4 Nm" in session.run()
+    assert set(session.state.states.values()) == {"pending"}
+
+
+def test_corrections_keep_what_was_there(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    run_one(study)
+    session = study.session("P01", 0, SimulatedSource(1))
+    session.correct(4, "held", False, "the strap was open")
+    with pytest.raises(UserError, match="is done"):
+        session.skip(4, "shown twice")
+    with pytest.raises(UserError, match="reason"):
+        session.skip(5, "")
+    session.close()
+    assert [r["held"] for r in study.rows("P01") if r["trial"] == 4] == [False]
+    (change,) = [e for e in read_log(study.log_of("P01", 0)).entries if e.kind == "correction"]
+    assert (change.data["old"], change.data["new"]) == (True, False)
+
+
+def test_a_trial_comes_again_in_its_place(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    run_one(study)
+    session = study.session("P01", 0, SimulatedSource(9))
+    with pytest.raises(UserError, match="reason"):
+        session.repeat(4, "")
+    session.repeat(4, "the strap was open")
+    assert [t.number for t in session.state.remaining] == [4]
+    assert 4 not in [r["trial"] for r in session.state.past]
+    session.run()
+    session.close()
+    again = read_session(study.log_of("P01", 0))
+    assert [r["trial"] for r in again.past] == [1, 2, 3, *range(5, 13), 4]
+    assert all(same for _, _, same in replay(study.log_of("P01", 0)))
+
+
+# -- nothing lost ----------------------------------------------------------------------------------
+
+
+def killed_at(study: StudyFolder, write: int, share: float) -> None:
+    """A session in a process of its own, which dies by SIGKILL within its n-th write to the log."""
+    child = os.fork()
+    if child == 0:
+        count, whole = 0, EventLog._write
+
+        def cut(self, line):
+            nonlocal count
+            count += 1
+            if self.path.name == "events.jsonl" and count == write:
+                os.write(self._file, line[: int(share * len(line))])
+                os.kill(os.getpid(), signal.SIGKILL)
+            whole(self, line)
+
+        EventLog._write = cut
+        try:
+            study.session("P01", 0, SimulatedSource(3)).run()
+        finally:
+            os._exit(0)
+    _, status = os.waitpid(child, 0)
+    assert os.WIFSIGNALED(status)
+    assert os.WTERMSIG(status) == signal.SIGKILL
+
+
+def kill_and_go_on(folder: Path, protocol: Protocol, seed: int, whole: list) -> None:
+    rng = np.random.default_rng([17, seed])
+    study = study_in(folder, protocol)
+    plan = build_plan(protocol, 0, 0)
+    killed_at(study, int(rng.integers(2, 45)), float(rng.random()))
+    path = study.log_of("P01", 0)
+    before = read_session(path)
+    done = [r["trial"] for r in before.past]
+    assert done == list(range(1, len(done) + 1))  # all but the running one are there
+    assert [t.number for t in before.remaining] == [t.number for t in plan.trials[len(done) :]]
+    assert before.plan == plan
+    after = run_one(study).state
+    assert after.remaining == ()
+    assert [r["trial"] for r in after.past] == list(range(1, 13))
+    # Nothing of what was there before has changed, and the rest is what it would have been.
+    assert list(after.past) == whole
+    assert read_log(path).breaks == ()
+    torn = path.with_suffix(".torn")
+    assert torn.exists() == (before.torn > 0)
+    assert study.problems() == []
+
+
+@pytest.fixture(scope="module")
+def uncut(tmp_path_factory, protocol) -> list:
+    study = study_in(tmp_path_factory.mktemp("uncut") / "s", protocol)
+    return list(run_one(study).state.past)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_kill_loses_the_running_trial_at_most(tmp_path, protocol, uncut, seed):
+    kill_and_go_on(tmp_path / "s", protocol, seed, uncut)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_kill_at_fifty_moments(tmp_path, protocol, uncut, seed):
+    kill_and_go_on(tmp_path / "s", protocol, 100 + seed, uncut)
+
+
+def test_every_event_is_on_disk_before_the_next_step(tmp_path, monkeypatch):
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda f: synced.append(os.fstat(f).st_size))
+    log = EventLog(tmp_path / "e.jsonl")
+    for k in range(3):
+        log.append(k, "note", {"text": "x"})
+        assert synced[-1] == (tmp_path / "e.jsonl").stat().st_size
+    log.close()
+
+
+def test_another_protocol_does_not_go_on_with_a_session(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    killed_at(study, 12, 0.5)
+    study.protocol = changed("seed = 7", "seed = 8")
+    with pytest.raises(UserError, match="another protocol"):
+        study.session("P01", 0, SimulatedSource(3))
+
+
+# -- audit -----------------------------------------------------------------------------------------
+
+
+def edited(kind: str, lines: list[str]) -> list[str]:
+    if kind == "value":
+        k = next(i for i, x in enumerate(lines) if '"held":true' in x)
+        return [*lines[:k], lines[k].replace('"held":true', '"held":false'), *lines[k + 1 :]]
+    if kind == "gone":
+        return lines[:5] + lines[6:]
+    if kind == "swapped":
+        return [*lines[:5], lines[6], lines[5], *lines[7:]]
+    return lines[:-4]  # a whole tail: the chain alone would not show it
+
+
+@pytest.mark.parametrize("kind", ["value", "gone", "swapped", "tail"])
+def test_an_edit_is_named(tmp_path, protocol, kind):
+    study = study_in(tmp_path / "s", protocol)
+    run_one(study)
+    assert study.problems() == []
+    path = study.log_of("P01", 0)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(edited(kind, lines)))
+    (first, *_) = study.problems()
+    assert first.startswith("P01/session-1/events.jsonl: ")
+    assert {"value": "content was edited", "tail": "not what it was"}.get(kind, "line 6") in first
+    if kind != "tail":
+        with pytest.raises(UserError, match="has been changed"):
+            study.rows("P01")
+
+
+def test_a_log_that_vanished_is_named_unless_deleted_on_demand(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    run_one(study)
+    path = study.log_of("P01", 0)
+    held = path.read_bytes()
+    path.unlink()
+    assert study.problems() == ["P01, session 1: its log is missing"]
+    path.write_bytes(held)
+    assert study.delete("P01", "asked for it") == 1
+    assert study.problems() == []
+    assert not (study.path / "P01").exists()
+    with pytest.raises(UserError, match="not in this study"):
+        study.session("P01", 0, SimulatedSource(1))
+    study.enrol("P02", True)
+    assert study.participants()["P02"] == 1  # its place in the random order stays taken
+
+
+# -- people ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("code", "consent", "words"),
+    [("Anna", True, "never a name"), ("P01", True, "taken"), ("P02", False, "not consented")],
+)
+def test_codes_and_consent(tmp_path, protocol, code, consent, words):
+    study = study_in(tmp_path / "s", protocol)
+    with pytest.raises(UserError, match=words):
+        study.enrol(code, consent)
+
+
+def test_washout_and_order_of_sessions(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    with pytest.raises(UserError, match="has not done session 1"):
+        study.session("P01", 1, SimulatedSource(1))
+    session = study.session("P01", 0, SimulatedSource(3), day=100)
+    session.run()
+    session.close()
+    with pytest.raises(UserError, match="6 days since the last session, 7 are planned"):
+        study.session("P01", 1, SimulatedSource(1), day=106)
+    study.session("P01", 1, SimulatedSource(1), day=106, early="leaves the country").close()
+    assert ("session_start", "leaves the country") in [
+        (k, d.get("early")) for k, d in study.audited()
+    ]
+
+
+def test_blinding_and_scrubbed_export(tmp_path, protocol):
+    study = study_in(tmp_path / "s", protocol)
+    assert study.group_shown("P01", "participant") == "blinded"
+    assert study.group_shown("P01", "operator") == "A"
+    session = study.session("P01", 0, SimulatedSource(3))
+    session.note("came with Anna")
+    session.run()
+    session.close()
+    assert study.export(tmp_path / "out") == 12
+    held = "".join(p.read_text() for p in (tmp_path / "out").iterdir())
+    assert "P01" not in held
+    assert "Anna" not in held
+    assert len([json.loads(x) for x in (tmp_path / "out" / "rows.jsonl").open()]) == 12
+    with pytest.raises(UserError, match="not empty"):
+        study.export(tmp_path / "out")
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+def test_texts_are_there_in_every_language():
+    en, de = catalogue("en"), catalogue("de")
+    assert set(en) == set(de)
+    assert said(Text("rest", {"seconds": 30.0}), "de") == "Pause, 30 s"
+    with pytest.raises(UserError, match="de, en"):
+        catalogue("xx")
+
+
+def test_a_scene_is_drawn_as_it_says():
+    shapes = [Shape(kind, "target", 1.0, 2.0) for kind in ("disc", "ring", "square", "line")]
+    figure = draw(Scene(tuple(shapes), (Text("caught"),)))
+    assert len(figure.axes[0].patches) == 3
+    assert len(figure.axes[0].lines) == 1
+    assert figure.axes[0].texts[0].get_text() == "Caught."
+    assert COLOURS["cursor"] != COLOURS["target"]
+
+
+# -- command line ----------------------------------------------------------------------------------
+
+
+def test_from_an_empty_folder_to_the_data(tmp_path):
+    def call(*words: str) -> str:
+        done = CliRunner().invoke(app, ["study", *words])
+        assert done.exit_code == 0, done.output + str(done.exception)
+        return done.output
+
+    folder = str(tmp_path / "s")
+    assert "at most 2 min" in call("check", str(EXAMPLE))
+    call("create", str(EXAMPLE), folder, "--simulated")
+    assert "group: A" in call("enrol", folder, "P01", "--consent")
+    assert "Simulated participant: 12 of 12" in call("run", folder, "P01")
+    assert "the same, bit for bit" in call("replay", folder, "P01")
+    assert "Every log is as it was written" in call("audit", folder)
+    assert "12 of 12 trials are done" in call("resume", folder, "P01")
+    assert "comes again" in call("repeat", folder, "P01", "3", "--reason", "a cough")
+    assert "Remaining, as planned: 3" in call("resume", folder, "P01")
+    call("repeat", folder, "P01", "2", "--reason", "a cough")
+    call("skip", folder, "P01", "2", "--reason", "no time")
+    assert "12 of 12 trials are done" in call("resume", folder, "P01")
+    assert "11 rows" in call("export", folder, str(tmp_path / "out"))
+    assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
+
+
+def test_the_task_file_may_be_named_on_the_command_line(tmp_path):
+    text = EXAMPLE.read_text().replace('tasks = ["steady_hold.py"]\n', "")
+    (tmp_path / "p.toml").write_text(text)
+    done = CliRunner().invoke(
+        app, ["study", "check", str(tmp_path / "p.toml"), "--task", str(TASK)]
+    )
+    assert done.exit_code == 0
+
+
+def test_a_task_can_be_simulated_from_its_parameters_alone(protocol):
+    task = task_named("steady_hold", "")
+    situation = Situation(task.Parameters(), "", (), 1)
+    actor = task.simulate(situation, np.random.default_rng(1))
+    state, scene = task.begin(situation), Scene()
+    for _ in range(1000):
+        step = task.step(state, *actor.react(scene, {}))
+        state, scene = step.state, step.scene
+        if step.outcome:
+            break
+    assert step.outcome.row["held"]
+
+
+def test_many_simulated_participants_whatever_the_workers(tmp_path):
+    said = []
+    for name, jobs in (("a", "1"), ("b", "2")):
+        words = ["study", "virtual", str(EXAMPLE), "--participants", "4", "--jobs", jobs]
+        done = CliRunner().invoke(app, [*words, "--keep", str(tmp_path / name)])
+        assert done.exit_code == 0, str(done.exception)
+        study = StudyFolder.open(tmp_path / name)
+        assert study.problems() == []
+        said.append((done.output, [study.rows(c) for c in study.participants()]))
+    assert said[0] == said[1]
+    assert "4 SIMULATED participants: 56 trials completed" in said[0][0]
