@@ -20,7 +20,7 @@ EXAMPLES = (
 )
 OPEN_S = 3.0
 START_S = 60.0  # of a simulated board: its C is compiled
-FIRST_WAIT_S, LONGEST_WAIT_S, WAITS_S = 0.1, 2.0, 60.0
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class SimulatedProcess(SocketTransport):
 
 
 def open_patiently(
-    address: Address, given_up: Callable[[], bool], most_s: float = WAITS_S
+    address: Address, given_up: Callable[[], bool], most_s: float
 ) -> Transport:
     """Try to open a link again and again, with growing waits, until time is up."""
     deadline_s = time.monotonic() + most_s

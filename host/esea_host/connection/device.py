@@ -22,6 +22,7 @@ from esea_link.session import Session
 from esea_link.transport import LinkError, Transport
 
 WAIT_S = 1.0
+MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ class ConnectedDevice:
 
     def _open_again(self) -> Transport:
         assert self.address is not None
-        transport = open_patiently(self.address, lambda: self._closing)
+        transport = open_patiently(self.address, lambda: self._closing, MOST_AWAY_S)
         try:
             found = identify(transport, self.identity.device.origin.removesuffix(".toml"))
             if found.content_hash != self.identity.content_hash:

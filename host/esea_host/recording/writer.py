@@ -99,6 +99,7 @@ class Recorder:
         """
         channel = self._channels.get(layout.name)
         if channel is None:
+            self._sync()  # so that what describes a channel stands first in its piece
             schema = self._writer.register_schema(
                 f"{PACKAGE}.{layout.name}", "protobuf", layout.descriptor()
             )
@@ -130,6 +131,7 @@ class Recorder:
         """
         channel = self._channels.get(topic)
         if channel is None:
+            self._sync()
             text = json.dumps(EVENT_SCHEMA | {"title": topic}).encode()
             schema = self._writer.register_schema(f"{PACKAGE}.{topic}", "jsonschema", text)
             channel = self._writer.register_channel(f"/{topic}", "json", schema)

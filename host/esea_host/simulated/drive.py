@@ -62,13 +62,21 @@ class SimulatedDrive:
         self._transport = self.board.transport
         self.clamped = person == CLAMPED
         self.plant = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
-        self._noise = np.random.default_rng([seed, 3])
-        self._white = self._noise.standard_normal(NOISE_TICKS)
-        counts = self.plant.start(0.0, clamped=self.clamped, person=_person(person, seed))
+        self._person, self._seed = _person(person, seed), seed
         self._values = self.board._ffi.new("float[]", len(self.board._inputs))
         self._places = [self.board._inputs.index(f"count_{s}") for s in ("motor", "load", "gear")]
-        self._show(counts)
+        self._start()
+
+    def _start(self) -> None:
+        self._noise = np.random.default_rng([self._seed, 3])
+        self._white = self._noise.standard_normal(NOISE_TICKS)
+        self._show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
         self.ticks, self._moved_ticks = 0, 0
+
+    def restart(self) -> None:
+        """Power off and on, everything as at first."""
+        self.board.restart()
+        self._start()
 
     def _show(self, counts: tuple[int, int, int]) -> None:
         for place, count in zip(self._places, counts, strict=True):

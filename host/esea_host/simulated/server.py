@@ -101,19 +101,21 @@ def serve(
             return
         with socket.create_server(("127.0.0.1", port)) as listener:
             tell(f"simulated {device} at tcp:127.0.0.1:{listener.getsockname()[1]}")
-            _serve_hosts(drive, listener, speed, once)
+            serve_hosts(drive, listener, speed, once)
     finally:
         drive.close()
 
 
-def _serve_hosts(drive: SimulatedDrive, listener: socket.socket, speed: float, once: bool) -> None:
-    # Between two hosts the board runs on, in real time, and hears nobody.
+def serve_hosts(drive: SimulatedDrive, listener: socket.socket, speed: float, once: bool) -> None:
+    """One host after another; between two the board runs on, in real time, and hears nobody."""
     while True:
         listener.setblocking(True)
         listener.settimeout(0.01)
         try:
             link, _ = listener.accept()
-        except TimeoutError:
+        except OSError as error:
+            if not isinstance(error, TimeoutError):
+                return  # the listener was closed
             for _ in range(10):
                 drive.tick()
             drive.read()
@@ -155,4 +157,4 @@ def _play(drive: SimulatedDrive, line: _Line, speed: float) -> None:
             time.sleep(IDLE_S)
 
 
-__all__ = ["serve"]
+__all__ = ["serve", "serve_hosts"]
