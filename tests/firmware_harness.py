@@ -144,6 +144,9 @@ static esea_app_t app;
 #include "schedule.c"
 #include "send.c"
 #include "app.c"
+#include "streams.c"
+#include "parameters.c"
+#include "signing.c"
 #include "link.c"
 
 int main(void)

@@ -69,7 +69,7 @@ def test_a_count_more_is_seen_in_the_tick_in_which_each_task_can_know_of_it(devi
     changed = {**drive.inputs, "sense": {**drive.inputs["sense"], "count_motor": counts}}
     with RunningBoard(device, native) as board:
         board.reset()
-        outputs, _ = board.stream_tasks(changed)
+        outputs, _ = board.run_tasks(changed)
     found = {t: first_difference(outputs[t], drive.outputs[t]) for t in outputs}
     assert found["sense"].step == late
     # Control runs at 400, too early to know, and at 405; its command is released a tick later.

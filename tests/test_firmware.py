@@ -214,7 +214,7 @@ def test_info_names_device_board_and_hash(board, elbow, native):
 
 
 def test_heartbeat_comes_every_thousand_steps(board):
-    board.stream("sense", {"theta_rad": chirp(2500)})
+    board.run_task("sense", {"theta_rad": chirp(2500)})
     beats = board.pending()
     assert [m.get_type() for m in beats] == ["HEARTBEAT", "HEARTBEAT"]
     assert {m.custom_mode for m in beats} == {board.dialect.ESEA_STATE_REPLAY}
@@ -226,7 +226,7 @@ def test_exhausted_stack_latches_a_fault_and_no_step_is_taken(elbow, native):
         assert board.heartbeat.system_status == board.dialect.MAV_STATE_CRITICAL
         assert board.fault().startswith("STACK_EXHAUSTED")
         with pytest.raises(LinkError, match="STACK_EXHAUSTED"):
-            board.stream("sense", {"theta_rad": chirp(10)})
+            board.run_task("sense", {"theta_rad": chirp(10)})
         assert board.info().steps == 0
         with pytest.raises(LinkError, match="cannot reset: STACK_EXHAUSTED"):
             board.reset()
@@ -242,7 +242,7 @@ def test_refused_default_latches_a_fault(elbow, tmp_path):
 
 def test_progress_reaches_the_end(board):
     seen = []
-    board.stream("sense", {"theta_rad": chirp(250)}, lambda done, all_: seen.append((done, all_)))
+    board.run_task("sense", {"theta_rad": chirp(250)}, lambda done, all_: seen.append((done, all_)))
     assert seen[0] == (100, 250)
     assert seen[-1] == (250, 250)
 
@@ -470,11 +470,11 @@ def test_emulated_reset_and_noise(elbow, image):
     need("qemu-system-arm")
     stream = {"theta_rad": chirp(60)}
     with RunningBoard(elbow, image) as board:
-        first, _ = board.stream("sense", stream)
+        first, _ = board.run_task("sense", stream)
         board.send_bytes(b"\x00\x55\xaa noise that is no frame" * 20)
         board.send_bytes(struct.pack("<BB", 0xFD, 4) + bytes(40))
         board.reset()
-        second, _ = board.stream("sense", stream)
+        second, _ = board.run_task("sense", stream)
         info = board.info()
     assert first_difference(first, second) is None
     assert info.steps == 60

@@ -171,6 +171,9 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
         "typedef int esea_link_out_t, esea_link_wanted_t, ESEA_FAULT;\n"
         "#define ESEA_FAULT_PROCESSOR 3\n#define ESEA_LINK_TASKS 1\n"
         "#define ESEA_LINK_MEASURED 1\n#define ESEA_LINK_TICK_US 1000\n"
+        "typedef int mavlink_signing_t, mavlink_signing_streams_t;\n"
+        "#define ESEA_LINK_STREAMS 1\n#define ESEA_LINK_STREAM_WORDS 1\n"
+        "#define ESEA_LINK_SYSTEM 1u\n#define ESEA_LINK_COMPONENT 1u\n"
     )
     rng = Random(5)
     orders = [(1023, 0), (1, 0), (1, 0), (5, 3), (4, 4096), (3000, 10), (0, 4096), (7, 7)]

@@ -99,7 +99,7 @@ def test_the_board_stops_at_a_fault_exception(elbow, tools, tmp_path):
         pytest.raises(Exception, match="fault exception"),
         RunningBoard(elbow, image) as board,
     ):
-        board.stream("sense", {"theta_rad": deflection_rad()[:5]})
+        board.run_task("sense", {"theta_rad": deflection_rad()[:5]})
 
 
 def test_a_whole_drive_runs_in_whole_numbers(tools, tmp_path):

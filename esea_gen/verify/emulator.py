@@ -130,17 +130,17 @@ class RunningBoard(Session):
         dialect = load_dialect(device)
         super().__init__(start_board(image, timeout_s, options), dialect, timeout_s)
 
-    def stream(
+    def run_task(
         self, task: str, inputs: Mapping[str, Array], progress: Progress | None = None
     ) -> tuple[dict[str, Array], Array]:
         """Run a task over a stream, a window of frames on the way.
 
         inputs: one float32 array per external input, shape (steps,) or (steps, size).
         """
-        outputs, ticks = self.stream_tasks({task: inputs}, progress)
+        outputs, ticks = self.run_tasks({task: inputs}, progress)
         return outputs[task], ticks[task]
 
-    def stream_tasks(
+    def run_tasks(
         self, inputs: Mapping[str, Mapping[str, Array]], progress: Progress | None = None
     ) -> tuple[dict[str, dict[str, Array]], dict[str, Array]]:
         """Run several tasks, each at its own ticks, a window of frames on the way.
@@ -356,7 +356,7 @@ def run_tasks_in_emulator(
     with RunningBoard(device, image, max(3.0, timeout_s), options) as board:
         board.reset()
         start_s = time.monotonic()
-        outputs, ticks = board.stream_tasks(arrays, progress)
+        outputs, ticks = board.run_tasks(arrays, progress)
         duration_s = time.monotonic() - start_s
         info = board.info()
     chosen = find_board(image.board)

@@ -16,7 +16,8 @@ from typing import Any
 import cffi
 
 from esea_gen.device import Device
-from esea_gen.emit.dialect import board_roles, load_dialect
+from esea_gen.emit.dialect import load_dialect
+from esea_gen.emit.messages import board_roles
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.targets import firmware_folder
 from esea_gen.verify.firmware import build_firmware

@@ -122,7 +122,11 @@ static bool start_control(esea_app_t *app)
     app->clock.counted = false;
     memset(app->started, 0, sizeof app->started);
     app->released = false;
-    return esea_link_init(&app->control) == 0u;
+    if (!esea_link_sealed(&app->control)) { /* memory was overwritten */
+        (void)esea_link_init(&app->control);
+        esea_send_text(app, MAV_SEVERITY_WARNING, "parameters were corrupt: defaults", "");
+    }
+    return esea_link_restart(&app->control) == 0u;
 }
 
 bool esea_app_ask(esea_app_t *app, ESEA_EVENT event)
@@ -163,7 +167,7 @@ static bool limits_hold(esea_app_t *app)
     memset(&out, 0, sizeof out);
     esea_link_step(0u)(&app->control, &in, &out);
     hold = esea_link_outcome(&out).u_Nm == 0.0f && (!ESEA_LINK_DRIVE || esea_link_outcome(&out).fault != 0u);
-    return esea_link_init(&app->control) == 0u && hold;
+    return esea_link_restart(&app->control) == 0u && hold;
 }
 
 bool esea_app_reset(esea_app_t *app)
@@ -203,6 +207,8 @@ void esea_app_init(esea_app_t *app, const esea_port_t *port)
 {
     memset(app, 0, sizeof *app);
     app->port = port;
+    esea_signing_start(app);
+    esea_parameters_start(app);
     if (esea_app_reset(app))
         esea_send_heartbeat(app);
     app->told = app->state;

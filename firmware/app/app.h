@@ -5,6 +5,7 @@
  *   link.c      frames in, and the main loop
  *   app.c       start, self-test, events, faults
  *   send.c      frames out
+ *   streams.c, parameters.c, signing.c   what goes over the link beside commands, and who may command
  *
  * There is no control mathematics here; that is in the generated files.  The caller owns all memory,
  * and any number of instances may run side by side.
@@ -22,6 +23,7 @@
 #include "machine.h"
 #include "port.h"
 #include ESEA_LINK_HEADER /* the device's binding, esea_<device>_link.h: the build names it */
+#include "wire.h"
 
 #define ESEA_FIRST_BOARD_FAULT 101 /* below: the limits' */
 #define ESEA_RUNS_KEPT 4u          /* runs of a task that may wait to be sent; a power of two */
@@ -39,6 +41,7 @@ typedef struct {
 typedef struct {
     volatile bool due;  /* of a slower task: asked for, until it has ended */
     uint32_t due_tick;
+    uint64_t due_time;
     esea_link_in_t in;  /* taken at the tick at which the run starts */
     esea_link_out_t out;
     uint32_t interval[ESEA_SIDES]; /* base ticks from one that is sent to the next; 0: none */
@@ -52,6 +55,8 @@ typedef struct {
     uint32_t tick;      /* of the next base tick */
     uint32_t told_tick; /* at which a HEARTBEAT was sent last */
     uint32_t last_count;
+    bool timed;    /* last_count is of the tick before */
+    uint64_t time; /* the device clock: base ticks since power-on, of the present one */
     bool counted;
     /* Counters; they stay at their maximum. */
     uint32_t lost_ticks;
@@ -77,17 +82,22 @@ typedef struct {
     uint32_t refused; /* events from the link that were refused; stays at its maximum */
 } esea_motion_t;
 
-typedef struct {
+typedef struct esea_app {
     const esea_port_t *port;
     esea_link_control_t control;
     ESEA_STATE state;
     ESEA_FAULT fault;
     bool referenced;
     ESEA_STATE told; /* the state that was last sent */
+    ESEA_FAULT fault_told;
     esea_clock_t clock;
     esea_task_t tasks[ESEA_LINK_TASKS];
     esea_motion_t motion;
     float measured[ESEA_LINK_MEASURED + 1u]; /* one more, for an array of none is no array */
+
+    esea_stream_t streams[ESEA_LINK_STREAMS];
+    esea_parameters_t parameters;
+    esea_signing_t signing;
 
     mavlink_message_t received; /* the frame that is coming in */
     mavlink_status_t receiving;
@@ -145,8 +155,20 @@ void esea_send(esea_app_t *app, const mavlink_message_t *message);
 void esea_send_heartbeat(esea_app_t *app);
 void esea_send_info(esea_app_t *app);
 void esea_send_clock(esea_app_t *app);
-/* The runs that wait. */
+void esea_send_traffic(esea_app_t *app);
+void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result);
+/* A text of two parts; what is longer than 50 characters is cut. */
+void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second);
+/* The answer to TIMESYNC. */
+void esea_send_time(esea_app_t *app, int64_t asked_ns);
+/* The runs that wait, as many as did at the start. */
 void esea_send_runs(esea_app_t *app);
+
+/* Whether a message to this address is meant for the board. */
+static inline bool esea_meant(uint8_t system, uint8_t component)
+{
+    return (system == 0u || system == ESEA_LINK_SYSTEM) && (component == 0u || component == ESEA_LINK_COMPONENT);
+}
 
 static inline void esea_count(uint32_t *counter)
 {

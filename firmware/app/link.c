@@ -80,6 +80,8 @@ static uint8_t do_command(esea_app_t *app, const mavlink_command_long_t *command
     case MAV_CMD_COMPONENT_ARM_DISARM:
         /* Anything but a clear yes switches off. */
         return ask(app, command->param1 == 1.0f ? ESEA_EVENT_ARM : ESEA_EVENT_DISARM);
+    case MAV_CMD_PREFLIGHT_STORAGE:
+        return esea_parameters_storage(app, command->param1);
     case MAV_CMD_SET_MESSAGE_INTERVAL:
         return set_interval(app, command->param1, command->param2);
     default:
@@ -87,41 +89,44 @@ static uint8_t do_command(esea_app_t *app, const mavlink_command_long_t *command
     }
 }
 
+/* Message ids are exact in a float; NaN equals none. */
+static bool can_be_asked(float id)
+{
+    return id == (float)MAVLINK_MSG_ID_HEARTBEAT || id == (float)MAVLINK_MSG_ID_ESEA_INFO ||
+           id == (float)MAVLINK_MSG_ID_ESEA_CLOCK || id == (float)MAVLINK_MSG_ID_ESEA_TRAFFIC;
+}
+
+static void send_asked(esea_app_t *app, uint32_t id)
+{
+    if (id == MAVLINK_MSG_ID_HEARTBEAT)
+        esea_send_heartbeat(app);
+    else if (id == MAVLINK_MSG_ID_ESEA_INFO)
+        esea_send_info(app);
+    else if (id == MAVLINK_MSG_ID_ESEA_CLOCK)
+        esea_send_clock(app);
+    else
+        esea_send_traffic(app);
+}
+
 static void run_command(esea_app_t *app, const mavlink_message_t *received)
 {
     mavlink_command_long_t command;
-    mavlink_command_ack_t ack;
-    mavlink_message_t message;
-    bool heartbeat = false, info = false, clock = false;
+    uint8_t result;
 
     mavlink_msg_command_long_decode(received, &command);
     /* A stop is taken whoever it is for. */
-    if (command.command != ESEA_LINK_CMD_STOP &&
-        ((command.target_system != 0u && command.target_system != ESEA_LINK_SYSTEM) ||
-         (command.target_component != 0u && command.target_component != ESEA_LINK_COMPONENT)))
+    if (command.command != ESEA_LINK_CMD_STOP && !esea_meant(command.target_system, command.target_component))
         return;
-
-    memset(&ack, 0, sizeof ack);
-    ack.command = command.command;
-    ack.target_system = received->sysid;
-    ack.target_component = received->compid;
-    if (command.command == MAV_CMD_REQUEST_MESSAGE) {
-        /* Message ids are exact in a float; NaN equals none. */
-        heartbeat = command.param1 == (float)MAVLINK_MSG_ID_HEARTBEAT;
-        info = command.param1 == (float)MAVLINK_MSG_ID_ESEA_INFO;
-        clock = command.param1 == (float)MAVLINK_MSG_ID_ESEA_CLOCK;
-        ack.result = heartbeat || info || clock ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED;
-    } else {
-        ack.result = do_command(app, &command);
-    }
-    (void)mavlink_msg_command_ack_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &ack);
-    esea_send(app, &message);
-    if (heartbeat)
-        esea_send_heartbeat(app);
-    if (info)
-        esea_send_info(app);
-    if (clock)
-        esea_send_clock(app);
+    if (command.command == MAV_CMD_REQUEST_MESSAGE)
+        result = (uint8_t)(can_be_asked(command.param1) ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED);
+    else
+        result = do_command(app, &command);
+    esea_send_ack(app, received, command.command, result);
+    if (command.command == MAV_CMD_REQUEST_MESSAGE && result == MAV_RESULT_ACCEPTED)
+        send_asked(app, (uint32_t)command.param1);
+    if (result == MAV_RESULT_TEMPORARILY_REJECTED)
+        esea_send_text(app, MAV_SEVERITY_WARNING, "command refused in state ",
+                esea_link_state_name((uint32_t)app->state));
 }
 
 /* What the host wants, for as long as it says and no longer than we let it. */
@@ -152,21 +157,68 @@ static void run_wanted(esea_app_t *app, const esea_link_wanted_t *wanted, uint32
     app->port->quiet(false);
 }
 
+/* What changes nothing, and so needs no signature; false when it is something else. */
+static bool run_question(esea_app_t *app, const mavlink_message_t *message)
+{
+    mavlink_timesync_t time;
+
+    switch (message->msgid) {
+    case MAVLINK_MSG_ID_HEARTBEAT:
+        return true;
+    case MAVLINK_MSG_ID_TIMESYNC:
+        /* Decoded whole: the getters of its 64-bit fields would read them where they stand, not aligned. */
+        mavlink_msg_timesync_decode(message, &time);
+        if (time.tc1 == 0)
+            esea_send_time(app, time.ts1);
+        return true;
+    case MAVLINK_MSG_ID_PARAM_REQUEST_READ:
+        esea_parameters_read(app, message);
+        return true;
+    case MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
+        if (esea_meant(mavlink_msg_param_request_list_get_target_system(message),
+                    mavlink_msg_param_request_list_get_target_component(message)))
+            esea_parameters_list(app);
+        return true;
+    default:
+        return false;
+    }
+}
+
 static void run_message(esea_app_t *app)
 {
+    const mavlink_message_t *const message = &app->received;
     esea_link_in_t in;
     esea_link_wanted_t wanted;
     uint32_t task, sequence, deadline_ms;
 
     app->motion.link_left = esea_ticks(ESEA_LINK_LOST_MS); /* one word: whole, whatever comes between */
-    if (esea_link_decode(&app->received, &task, &sequence, &in))
+    if (esea_link_decode(message, &task, &sequence, &in))
         replay_task(app, task, sequence, &in);
-    else if (esea_link_decode_wanted(&app->received, &wanted, &deadline_ms))
+    else if (esea_link_decode_wanted(message, &wanted, &deadline_ms))
         run_wanted(app, &wanted, deadline_ms);
-    else if (app->received.msgid == MAVLINK_MSG_ID_COMMAND_LONG)
-        run_command(app, &app->received);
-    else if (app->received.msgid != MAVLINK_MSG_ID_HEARTBEAT)
+    else if (message->msgid == MAVLINK_MSG_ID_COMMAND_LONG)
+        run_command(app, message);
+    else if (message->msgid == MAVLINK_MSG_ID_ESEA_STREAM)
+        esea_streams_choose(app, message);
+    else if (message->msgid == MAVLINK_MSG_ID_PARAM_SET)
+        esea_parameters_set(app, message);
+    else if (message->msgid == MAVLINK_MSG_ID_SETUP_SIGNING)
+        esea_signing_setup(app, message);
+    else if (!run_question(app, message))
         esea_count(&app->unknown_messages); /* of the dialect, but not for the board */
+}
+
+/* A frame whose signature is missing or not good, to a board that asks for one: a stop is taken all the
+ * same, and questions are answered; none keeps the link alive. */
+static void run_stranger(esea_app_t *app)
+{
+    const mavlink_message_t *const message = &app->received;
+
+    if (message->msgid == MAVLINK_MSG_ID_COMMAND_LONG &&
+        mavlink_msg_command_long_get_command(message) == ESEA_LINK_CMD_STOP)
+        run_command(app, message);
+    else if (!run_question(app, message))
+        esea_signing_refuse(app, message);
 }
 
 static void receive(esea_app_t *app, uint8_t byte)
@@ -174,6 +226,9 @@ static void receive(esea_app_t *app, uint8_t byte)
     switch (mavlink_frame_char_buffer(&app->received, &app->receiving, byte, NULL, NULL)) {
     case MAVLINK_FRAMING_OK:
         run_message(app);
+        break;
+    case MAVLINK_FRAMING_BAD_SIGNATURE:
+        run_stranger(app);
         break;
     case MAVLINK_FRAMING_INCOMPLETE:
         break;
@@ -199,6 +254,9 @@ static void send_state(esea_app_t *app)
     if (app->told != app->state && app->state != ESEA_STATE_REPLAY)
         esea_send_heartbeat(app);
     app->told = app->state;
+    if (app->fault != app->fault_told && app->fault != ESEA_FAULT_NONE)
+        esea_send_text(app, MAV_SEVERITY_CRITICAL, "fault ", esea_link_fault_name((uint32_t)app->fault));
+    app->fault_told = app->fault;
 }
 
 void esea_app_poll(esea_app_t *app)
@@ -212,6 +270,8 @@ void esea_app_poll(esea_app_t *app)
     if (app->motion.zeroing_ends)
         esea_app_end_zeroing(app);
     esea_send_runs(app);
+    esea_streams_send(app);
     send_state(app);
-    app->port->wait();
+    if (!esea_parameters_send(app) && !esea_streams_wait(app))
+        app->port->wait();
 }

@@ -14,24 +14,37 @@ static bool ends(uint32_t *left)
     return *left > 0u && --*left == 0u;
 }
 
-/* A base tick that found the one before still running has come late or not at all: its number is left
- * out, and the limits latch on it. */
-static uint32_t next_tick(esea_app_t *app)
+/* Base ticks since the interrupt before, at least one; the device clock goes on by them. */
+static uint32_t pass_time(esea_app_t *app)
 {
     esea_clock_t *const clock = &app->clock;
     const uint32_t base = app->port->base_ticks;
     const uint32_t now = app->port->ticks();
+    uint32_t passed = 1u;
 
-    if (clock->counted && base > 0u) {
-        const uint32_t passed = (now - clock->last_count + base / 2u) / base;
+    if (clock->timed && base > 0u)
+        passed = (now - clock->last_count + base / 2u) / base;
+    if (passed == 0u)
+        passed = 1u;
+    clock->timed = true;
+    clock->last_count = now;
+    clock->time += passed;
+    return passed;
+}
 
+/* A base tick that found the one before still running has come late or not at all: its number is left
+ * out, and the limits latch on it. */
+static uint32_t next_tick(esea_app_t *app, uint32_t passed)
+{
+    esea_clock_t *const clock = &app->clock;
+
+    if (clock->counted) {
         for (uint32_t lost = 1u; lost < passed; ++lost) {
             esea_count(&clock->lost_ticks);
             ++clock->tick;
         }
     }
     clock->counted = true;
-    clock->last_count = now;
     return clock->tick++;
 }
 
@@ -123,13 +136,16 @@ static void keep(esea_app_t *app, uint32_t number, uint32_t tick, uint32_t step_
     task->head = task->head + 1u;
 }
 
-static void run(esea_app_t *app, uint32_t number, uint32_t tick)
+static void run(esea_app_t *app, uint32_t number, uint32_t tick, uint64_t time)
 {
     esea_task_t *const task = &app->tasks[number];
     const uint32_t start = app->port->ticks();
+    uint32_t step_ticks;
 
     esea_link_step(number)(&app->control, &task->in, &task->out);
-    keep(app, number, tick, app->port->ticks() - start);
+    step_ticks = app->port->ticks() - start;
+    keep(app, number, tick, step_ticks);
+    esea_streams_take(app, number, tick, time, step_ticks);
 }
 
 static bool starts(uint32_t number, uint32_t tick)
@@ -154,6 +170,7 @@ static void start_slower(esea_app_t *app, uint32_t tick)
         }
         esea_link_fill(number, app->measured, &app->motion.wanted, &task->in);
         task->due_tick = tick;
+        task->due_time = app->clock.time;
         task->due = true;
         app->port->pend();
     }
@@ -171,10 +188,11 @@ void esea_app_tick(esea_app_t *app)
 {
     esea_link_outcome_t outcome;
     uint32_t tick, number;
+    const uint32_t passed = pass_time(app);
 
     if (!app->clock.runs)
         return;
-    tick = next_tick(app);
+    tick = next_tick(app, passed);
     for (number = 0u; number < ESEA_LINK_MEASURED; ++number)
         app->measured[number] = NAN;
     if (app->port->sample != NULL)
@@ -186,7 +204,7 @@ void esea_app_tick(esea_app_t *app)
     for (number = 0u; number < ESEA_LINK_TASKS; ++number)
         if (esea_link_every(number) == 1u && starts(number, tick)) {
             esea_link_fill(number, app->measured, &app->motion.wanted, &app->tasks[number].in);
-            run(app, number, tick);
+            run(app, number, tick, app->clock.time);
         }
     outcome = esea_link_outcome(&app->tasks[0].out);
     watch_limits(app, &outcome);
@@ -204,7 +222,7 @@ void esea_app_background(esea_app_t *app)
 
         if (!task->due)
             continue;
-        run(app, number, task->due_tick);
+        run(app, number, task->due_tick, task->due_time);
         task->due = false;
     }
 }

@@ -94,6 +94,84 @@ void esea_send_clock(esea_app_t *app)
     esea_send(app, &message);
 }
 
+void esea_send_traffic(esea_app_t *app)
+{
+    mavlink_esea_traffic_t fields;
+    mavlink_message_t message;
+    uint32_t i;
+
+    memset(&fields, 0, sizeof fields);
+    for (i = 0u; i < ESEA_LINK_STREAMS; ++i) {
+        fields.stream_messages += app->streams[i].filled;
+        fields.stream_dropped += app->streams[i].dropped;
+    }
+    fields.paired = app->signing.paired ? 1u : 0u;
+    fields.unsigned_refused = app->signing.unsigned_refused;
+    fields.bad_signatures = app->signing.bad;
+    fields.replayed = app->signing.replayed;
+    fields.parameters_refused = app->parameters.refused;
+    (void)mavlink_msg_esea_traffic_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result)
+{
+    mavlink_command_ack_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.command = command;
+    fields.result = result;
+    fields.target_system = to->sysid;
+    fields.target_component = to->compid;
+    (void)mavlink_msg_command_ack_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second)
+{
+    const size_t length = strlen(first);
+    mavlink_statustext_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.severity = severity;
+    put_text(fields.text, sizeof fields.text, first);
+    if (length < sizeof fields.text)
+        put_text(fields.text + length, sizeof fields.text - length, second);
+    (void)mavlink_msg_statustext_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+/* The device clock; between two base ticks by the counter, where there is one. */
+static uint64_t now_ns(const esea_app_t *app)
+{
+    const uint32_t base = app->port->base_ticks;
+    uint64_t time;
+    uint32_t since;
+
+    app->port->quiet(true);
+    time = app->clock.time;
+    since = app->port->ticks() - app->clock.last_count;
+    app->port->quiet(false);
+    time *= ESEA_LINK_TICK_US * 1000u;
+    if (app->clock.timed && base > 0u)
+        time += (uint64_t)(since < base ? since : base) * (ESEA_LINK_TICK_US * 1000u) / base;
+    return time;
+}
+
+void esea_send_time(esea_app_t *app, int64_t asked_ns)
+{
+    mavlink_timesync_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.tc1 = (int64_t)now_ns(app) + 1; /* 0 would be a request; the nanosecond does not matter */
+    fields.ts1 = asked_ns;
+    (void)mavlink_msg_timesync_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
 void esea_send_runs(esea_app_t *app)
 {
     mavlink_message_t message;
@@ -102,7 +180,9 @@ void esea_send_runs(esea_app_t *app)
     for (number = 0u; number < ESEA_LINK_TASKS; ++number) {
         esea_task_t *const task = &app->tasks[number];
 
-        while (task->tail != task->head) {
+        const uint32_t head = task->head;
+
+        while (task->tail != head) {
             const esea_run_t *const run = &task->runs[task->tail % ESEA_RUNS_KEPT];
 
             if (run->send[0]) {

@@ -1,32 +1,40 @@
-"""A MAVLink session with a board: messages, commands, requests with a window on the way."""
+"""A session with a board: what it can be asked to do, and what it tells."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from itertools import islice
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from esea_link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
+from esea_link import signing, streams
+from esea_link.messenger import BOARD, HOST, Address, Messenger
+from esea_link.parameters import BoardParameter, find_parameter, known_parameters
+from esea_link.streams import BoardStream, StreamSamples, StreamSignal
 from esea_link.transport import LinkError, Transport
 
-MOST_ON_THE_WAY = 64
+__all__ = ["BOARD", "HOST", "Address", "Session", "TimeSync"]
+
+STREAMS, STREAM_WORDS = 6, 59  # side by side, and values that a message holds
+TRIES = 3
 
 
-class Address(NamedTuple):
-    """Who sends a message, or whom a command is for."""
+class TimeSync(NamedTuple):
+    """Device clock against the host's, at one moment.
 
-    system: int
-    component: int
+    offset_ns: device clock minus host clock (``time.monotonic_ns``).
+    round_trip_ns: of the question it is taken from, the fastest; the offset is off by less than
+        half of it.
+    host_ns: host clock at that moment.
+    """
+
+    offset_ns: int
+    round_trip_ns: int
+    host_ns: int
 
 
-HOST = Address(255, 190)  # a ground station, by MAVLink's custom
-BOARD = Address(1, 1)
-
-
-class Session:
+class Session(Messenger):
     """A board at the other end of a transport.
 
     As a context manager it waits for the board's HEARTBEAT, and closes the transport.
@@ -43,148 +51,9 @@ class Session:
         host: Address = HOST,
         board: Address = BOARD,
     ) -> None:
-        self.transport, self.dialect, self.timeout_s = transport, dialect, timeout_s
-        self.board = board
-        self.heartbeat: Any = None
-        self._classes = {c.msgname: c for c in dialect.mavlink_map.values()}
-        self._encoder = dialect.MAVLink(None, *host)
-        self._reader = FrameReader(dialect)
-        self._pending: deque[Any] = deque()
-
-    def __enter__(self) -> Self:
-        try:
-            self.wait_for("HEARTBEAT")
-        except BaseException:
-            self.close()
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Let go of the board."""
-        self.transport.close()
-
-    @property
-    def counters(self) -> Counters:
-        """What has come in since the session began."""
-        return self._reader.counters
-
-    def message(self, name: str, *values: Any) -> Any:
-        """A message of the dialect by name, its values in the order of the definition."""
-        return self._classes[name](*values)
-
-    def pack(self, message: Any) -> bytes:
-        """A message as the next frame from the host."""
-        frame = bytes(message.pack(self._encoder))
-        # pack() leaves counting to send(), which wants a file.
-        self._encoder.seq = (self._encoder.seq + 1) % 256
-        return frame
-
-    def send(self, message: Any) -> None:
-        """Send a message."""
-        self.send_bytes(self.pack(message))
-
-    def send_bytes(self, data: bytes) -> None:
-        """Send bytes as they are."""
-        self.transport.write(data, self.timeout_s)
-
-    def pending(self) -> list[Any]:
-        """What has come and nobody has waited for; it does not wait."""
-        while self._read(0.0):
-            pass
-        found = list(self._pending)
-        self._pending.clear()
-        return found
-
-    def receive(self, timeout_s: float | None = None) -> Any:
-        """The next message, whatever it is."""
-        return self._wait(lambda _: True, "message", timeout_s)
-
-    def wait_for(
-        self, name: str, timeout_s: float | None = None, wanted: Callable[[Any], bool] | None = None
-    ) -> Any:
-        """The next message of a name; others stay pending.
-
-        wanted: whether it is the one that is meant.
-        """
-
-        def fits(message: Any) -> bool:
-            return message.get_type() == name and (wanted is None or wanted(message))
-
-        return self._wait(fits, name, timeout_s)
-
-    def _wait(
-        self,
-        fits: Callable[[Any], bool],
-        name: str,
-        timeout_s: float | None = None,
-        drop_before: bool = False,
-    ) -> Any:
-        limit_s = self.timeout_s if timeout_s is None else timeout_s
-        deadline_s = time.monotonic() + limit_s
-        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
-        seen = 0
-        while True:
-            for i, message in enumerate(islice(self._pending, seen, None), seen):
-                if fits(message):
-                    del self._pending[i]
-                    for _ in range(i if drop_before else 0):
-                        self._pending.popleft()
-                    return message
-            seen = len(self._pending)
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0:
-                frames = self.counters.frames - frames
-                noise_bytes = self.counters.noise_bytes - noise_bytes
-                raise self._too_late(name, limit_s, frames, noise_bytes)
-            self._read(left_s)
-
-    def _too_late(self, name: str, limit_s: float, frames: int, noise_bytes: int) -> LinkError:
-        what = f"no {name} came within {limit_s:g} s"
-        if frames:
-            fix = f"{frames} other frames did: does the firmware speak this device's dialect?"
-        elif noise_bytes:
-            what += f", but {noise_bytes} bytes that are no frames"
-            fix = "Check the baud rate, and that the firmware is this device's."
-        else:
-            what = f"the board was silent for {limit_s:g} s, no {name} came"
-            fix = "Check that it has power and runs, and that port and cable are the right ones."
-        return LinkError(what, fix, self.transport.said())
-
-    def _read(self, timeout_s: float) -> bool:
-        # Whether any bytes came.
-        data = self.transport.read(timeout_s)
-        for message in self._reader.feed(data):
-            self._pending.append(message)
-            if message.get_type() == "HEARTBEAT":
-                self.heartbeat = message
-                if message.system_status == self.dialect.MAV_STATE_EMERGENCY:
-                    what = "the processor took a fault exception and halted"
-                    raise LinkError(what, said=self.transport.said())
-        return bool(data)
-
-    def command(
-        self, command: int, param1: float = 0.0, param2: float = 0.0, *, drop_before: bool = False
-    ) -> int:
-        """Give a command and wait for its result.
-
-        drop_before: forget what came before the result.
-        """
-
-        def fits(message: Any) -> bool:
-            return message.get_type() == "COMMAND_ACK" and bool(message.command == command)
-
-        zeros = [0.0] * 5
-        self.send(self.message("COMMAND_LONG", *self.board, command, 0, param1, param2, *zeros))
-        ack = self._wait(fits, "COMMAND_ACK", drop_before=drop_before)
-        return int(ack.result)
+        super().__init__(transport, dialect, timeout_s, host, board)
+        self._streams: dict[int, BoardStream] = {}
+        self._choice = time.monotonic_ns() % 256  # so that samples for a session before are known
 
     def reset(self) -> None:
         """Return the board to its initial state; what it sent before is dropped."""
@@ -244,76 +113,202 @@ class Session:
         wanted = (float(self._classes[name].id), interval_us)
         self._ask(f"tell {name}", self.dialect.MAV_CMD_SET_MESSAGE_INTERVAL, *wanted)
 
-    def _ask(self, what: str, command: int, param1: float = 0.0, param2: float = 0.0) -> None:
-        result = self.command(command, param1, param2)
+    # -- streams -----------------------------------------------------------------------------------
+
+    def signals(self) -> list[StreamSignal]:
+        """Everything that can be streamed: inputs and outputs of every task."""
+        return streams.signals(self.dialect)
+
+    def stream(self, names: Iterable[str], rate_Hz: float = 0.0) -> tuple[BoardStream, ...]:
+        """Have values sent over and over, beside what is sent already.
+
+        names: ``tau_Nm``, ``sense.tau_Nm``, ``sense.*``.
+        rate_Hz: samples a second; 0: every run of the task. The board rounds it down to whole runs.
+        return: a stream for each task, or more where a message does not hold all values.
+        """
+        tick_s = self.info().tick_us * 1e-6
+        interval = max(1, round(1 / (rate_Hz * tick_s))) if rate_Hz > 0 else 1
+        made = []
+        numbers = streams.tasks(self.dialect)
+        for task, chosen in streams.choose(self.signals(), names).items():
+            for i in range(0, len(chosen), STREAM_WORDS):
+                part = tuple(chosen[i : i + STREAM_WORDS])
+                made.append(self._choose(numbers.index(task), task, part, interval, tick_s))
+        return tuple(made)
+
+    def _choose(
+        self, at: int, task: str, chosen: tuple[StreamSignal, ...], interval: int, tick_s: float
+    ) -> BoardStream:
+        free = [n for n in range(STREAMS) if n not in self._streams]
+        if not free:
+            raise LinkError(f"all {STREAMS} streams are in use", "End some: stop_streams().")
+        self._choice = (self._choice + 1) % 256
+        answer = self._ask_stream(
+            free[0], at, self._choice, min(interval, 65535), [s.number for s in chosen]
+        )
+        rate_Hz = 1 / (answer.interval * tick_s)
+        made = BoardStream(
+            free[0], self._choice, task, chosen, answer.interval, answer.samples, rate_Hz
+        )
+        self._streams[made.number] = made
+        return made
+
+    def _ask_stream(
+        self, number: int, task: int, choice: int, interval: int, numbers: list[int]
+    ) -> Any:
+        filled = numbers + [0] * (STREAM_WORDS - len(numbers))
+        cls = self._classes["ESEA_STREAM"]
+        values = {
+            "interval": interval, "stream": number, "task": task, "choice": choice,
+            "count": len(numbers), "samples": 0, "result": 0, "signals": filled,
+        }  # fmt: skip
+        self.send(cls(*(values[n] for n in cls.fieldnames)))
+        answer = self.wait_for(
+            "ESEA_STREAM", wanted=lambda m: m.stream == number and m.choice == choice
+        )
+        if answer.result != self.dialect.MAV_RESULT_ACCEPTED:
+            raise LinkError("the board does not stream that")
+        return answer
+
+    def stop_streams(self) -> None:
+        """End every stream, those of a session before this one too."""
+        self._streams.clear()
+        for number in range(STREAMS):
+            self._ask_stream(number, 0, self._choice, 0, [])
+
+    def samples(self, message: Any) -> StreamSamples | None:
+        """The samples in a message; None when it holds none of a stream of this session."""
+        if message.get_type() != "ESEA_DATA":
+            return None
+        return streams.by_choice(self._streams, message)
+
+    # -- parameters --------------------------------------------------------------------------------
+
+    def known_parameters(self) -> list[BoardParameter]:
+        """What parameters there are, with unit, bounds, default and meaning."""
+        return known_parameters(self.dialect)
+
+    def parameters(self) -> dict[str, float]:
+        """The values in force, by full name."""
+        known = self.known_parameters()
+        found: dict[int, float] = {}
+        self.send(self.message("PARAM_REQUEST_LIST", *self.board))
+        for _ in range(TRIES):
+            while len(found) < len(known):
+                try:
+                    value = self.wait_for("PARAM_VALUE", min(1.0, self.timeout_s))
+                except LinkError:
+                    break
+                found[value.param_index] = float(value.param_value)
+            # A frame may have been lost on the way.
+            for p in known:
+                if p.index not in found:
+                    request = self.message("PARAM_REQUEST_READ", *self.board, b"", p.index)
+                    self.send(request)
+        if len(found) < len(known):
+            raise LinkError(f"only {len(found)} of {len(known)} parameters came")
+        return {p.name: found[p.index] for p in known}
+
+    def parameter(self, name: str) -> float:
+        """One value in force, by full name or id."""
+        p = find_parameter(self.known_parameters(), name)
+        self.send(self.message("PARAM_REQUEST_READ", *self.board, p.id.encode(), -1))
+        return float(self._told_of(p).param_value)
+
+    def set_parameter(self, name: str, value: float) -> float:
+        """Set a parameter, by full name or id; what the board refuses is an error that says why.
+
+        return: the value in force, which is rounded to the board's number format.
+        """
+        p = find_parameter(self.known_parameters(), name)
+        kind = self.dialect.MAV_PARAM_TYPE_REAL32
+        self.send(self.message("PARAM_SET", *self.board, p.id.encode(), value, kind))
+        answer = self._told_of(p)
+        if answer.get_type() == "PARAM_VALUE":
+            return float(answer.param_value)
+        error = answer.error
+        if error == self.dialect.MAV_PARAM_ERROR_READ_ONLY:
+            raise LinkError(f"{p.name} is set by a calibration only", "Zero the joint instead.")
+        if error == self.dialect.MAV_PARAM_ERROR_PERMISSION_DENIED:
+            raise self._refused(f"set {p.name}")
+        if error == self.dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST:
+            raise LinkError(f"the board has no {p.name}", "Its firmware is of another device.")
+        what = f"{p.name} = {value:g} {p.unit} is outside {p.low:g} to {p.high:g}"
+        raise LinkError(f"{what}; it was left as it is")
+
+    def _told_of(self, p: BoardParameter) -> Any:
+        def fits(message: Any) -> bool:
+            kind = message.get_type()
+            return kind in ("PARAM_VALUE", "PARAM_ERROR") and bool(message.param_id == p.id)
+
+        # An answer to an earlier question is no answer to this one.
+        self._pending = deque(m for m in self._pending if not fits(m))
+        return self._wait(fits, "PARAM_VALUE")
+
+    def save_parameters(self) -> None:
+        """Have the board keep the values in force without power."""
+        self._store("save its parameters", 1.0, "This board keeps none without power.")
+
+    def load_parameters(self) -> None:
+        """Put those in force that the board keeps."""
+        self._store("load its parameters", 0.0, "It keeps none, or of other firmware.")
+
+    def default_parameters(self) -> None:
+        """Put all defaults in force; what is kept stays."""
+        self._store("take its defaults", 2.0, "")
+
+    def _store(self, what: str, action: float, failed: str) -> None:
+        result = self.command(self.dialect.MAV_CMD_PREFLIGHT_STORAGE, action)
+        if result == self.dialect.MAV_RESULT_FAILED:
+            raise LinkError(f"the board cannot {what}", failed)
         if result != self.dialect.MAV_RESULT_ACCEPTED:
             raise self._refused(what)
 
-    def _refused(self, what: str) -> LinkError:
-        state, meaning = self._entry("ESEA_STATE", self.clock().state)
-        return LinkError(f"the board does not {what} now: it is {state}. {meaning}")
+    # -- time and trust ----------------------------------------------------------------------------
+
+    def time_sync(self, rounds: int = 8) -> TimeSync:
+        """Compare the clocks; of some questions the one that was answered fastest counts."""
+        found = []
+        for _ in range(rounds):
+            asked_ns = time.monotonic_ns()
+            self.send(self.message("TIMESYNC", 0, asked_ns))
+            answer = self.wait_for("TIMESYNC", wanted=_answers(asked_ns))
+            now_ns = time.monotonic_ns()
+            middle_ns = (asked_ns + now_ns) // 2
+            found.append(TimeSync(answer.tc1 - middle_ns, now_ns - asked_ns, middle_ns))
+        return min(found, key=lambda s: s.round_trip_ns)
+
+    def pair(self, path: Path) -> None:
+        """Give the board a key, once; from then on it takes signed commands only, beside a stop.
+
+        The key goes over the wire as it is: pair over a cable that nobody listens to.
+
+        path: new file for the key, which only its owner can read; keep it.
+        """
+        if self.traffic().paired:
+            raise LinkError("the board is paired already", "Use its key: use_key(file).")
+        key = signing.new_key()
+        signing.write_key(path, key)
+        now = signing.timestamp()
+        self.send(self.message("SETUP_SIGNING", *self.board, list(key), now))
+        self._sign(key)
+        if not self.traffic().paired:
+            self._sign(None)
+            path.unlink()
+            raise self._refused("pair")
+
+    def use_key(self, path: Path) -> None:
+        """Sign from now on, with the key of a board that is paired."""
+        self._sign(signing.read_key(path))
+
+    def traffic(self) -> Any:
+        """Counters of the link: streams dropped, signatures refused, whether it is paired."""
+        return self.ask_for("ESEA_TRAFFIC")
 
     def clock(self) -> Any:
         """The board's own clock: ticks, what was lost or late, its state."""
-        wanted = float(self._classes["ESEA_CLOCK"].id)
-        self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, wanted)
-        return self.wait_for("ESEA_CLOCK")
+        return self.ask_for("ESEA_CLOCK")
 
-    def info(self) -> Any:
-        """What runs on the board, and its counters."""
-        wanted = float(self._classes["ESEA_INFO"].id)
-        self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, wanted)
-        return self.wait_for("ESEA_INFO")
 
-    def state(self) -> str:
-        """State of the board, as its last HEARTBEAT said."""
-        return self._entry("ESEA_STATE", self.heartbeat.custom_mode)[0]
-
-    def fault(self) -> str:
-        """The latched fault: its name and meaning."""
-        name, meaning = self._entry("ESEA_FAULT", self.info().fault)
-        return f"{name}: {meaning}"
-
-    def _entry(self, enum: str, value: int) -> tuple[str, str]:
-        entry = self.dialect.enums[enum][value]
-        return str(entry.name).removeprefix(f"{enum}_"), str(entry.description)
-
-    def window(self, names: Iterable[str]) -> int:
-        """How many messages of these names the board's receive buffer holds at once."""
-        payload_bytes: int = max(self._classes[name].unpacker.size for name in names)
-        room_bytes = int(self.info().receive_buffer_bytes) - 1
-        fits = room_bytes // (HEADER_BYTES + payload_bytes + CHECKSUM_BYTES)
-        return max(1, min(MOST_ON_THE_WAY, fits))
-
-    def exchange(self, requests: Iterable[tuple[Any, str]], window: int) -> Iterator[Any]:
-        """Send requests, a window of them on the way, and give their answers in order.
-
-        requests: a message with a field ``sequence``, and the name of its answer, which has the
-            same one.
-        """
-
-        def fits(message: Any) -> bool:
-            held = (self.dialect.ESEA_STATE_FAULT, self.dialect.ESEA_STATE_STOPPED)
-            kind = message.get_type()
-            return bool(kind == name or (kind == "HEARTBEAT" and message.custom_mode in held))
-
-        source = iter(requests)
-        awaited: deque[tuple[str, int]] = deque()
-        while True:
-            # Refill when half of the window has come back: few, large pieces go faster.
-            if len(awaited) <= window // 2:
-                batch = list(islice(source, window - len(awaited)))
-                awaited.extend((name, message.sequence) for message, name in batch)
-                if batch:
-                    self.send_bytes(b"".join(self.pack(message) for message, _ in batch))
-            if not awaited:
-                return
-            name, sequence = awaited.popleft()
-            answer = self._wait(fits, name)
-            if answer.get_type() != name and self.state() == "STOPPED":
-                raise LinkError("the board was stopped", "Release the stop.")
-            if answer.get_type() != name:
-                raise LinkError(f"a fault is latched: {self.fault()}")
-            if answer.sequence != sequence:
-                raise LinkError(f"answer {answer.sequence} came in place of {sequence}")
-            yield answer
+def _answers(asked_ns: int) -> Callable[[Any], bool]:
+    return lambda message: bool(message.ts1 == asked_ns)

@@ -1,12 +1,19 @@
-"""What carries the bytes: a socket, or the standard input and output of a process."""
+"""What carries the bytes: a socket, a serial port, a terminal, a file, a process."""
 
 from __future__ import annotations
 
+import os
+import select
 import socket
 import subprocess
 import tempfile
+import time
+import tty
 from collections.abc import Sequence
-from typing import IO, Protocol
+from pathlib import Path
+from typing import IO, Any, Protocol, Self
+
+import serial
 
 RECEIVE_CHUNK_BYTES = 1 << 16
 STOP_S = 3.0
@@ -75,6 +82,187 @@ class SocketTransport:
     def said(self) -> str:
         """Nothing: a socket has no second channel."""
         return ""
+
+
+class TcpTransport(SocketTransport):
+    """A TCP connection to a board, or to what stands before it.
+
+    host: by default this computer: what listens elsewhere must be named.
+    """
+
+    def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = STOP_S) -> None:
+        try:
+            link = socket.create_connection((host, port), timeout_s)
+        except OSError as error:
+            what = f"nothing answers at {host}:{port} ({error})"
+            raise LinkError(what, "Check that the board, or its simulation, listens.") from None
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        super().__init__(link)
+
+
+class SerialTransport:
+    """A serial port.
+
+    port: ``/dev/ttyUSB0``, ``COM3``.
+    """
+
+    def __init__(self, port: str, baud: int = 115200) -> None:
+        try:
+            self._port: Any = serial.Serial(port, baud, exclusive=True)
+        except (serial.SerialException, OSError, ValueError) as error:
+            what = f"{port} cannot be opened ({error})"
+            raise LinkError(
+                what, "Check the name, your rights to it, and who else has it."
+            ) from None
+
+    def read(self, timeout_s: float) -> bytes:
+        """See :class:`Transport`."""
+        try:
+            self._port.timeout = timeout_s
+            first = self._port.read(1)
+            return bytes(first + self._port.read(self._port.in_waiting)) if first else b""
+        except (serial.SerialException, OSError, TypeError) as error:
+            raise LinkError(f"the serial link broke ({error})") from None
+
+    def write(self, data: bytes, timeout_s: float) -> None:
+        """See :class:`Transport`."""
+        try:
+            self._port.write_timeout = timeout_s
+            self._port.write(data)
+        except (serial.SerialException, OSError) as error:
+            raise LinkError(f"the board does not take data ({error})") from None
+
+    def close(self) -> None:
+        """See :class:`Transport`."""
+        self._port.close()
+
+    def said(self) -> str:
+        """Nothing: a serial port has no second channel."""
+        return ""
+
+
+class PtyTransport:
+    """A terminal without a device behind it, as a simulated board offers one.
+
+    path: its name, ``/dev/pts/4``.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        try:
+            self._open(os.open(path, os.O_RDWR | os.O_NOCTTY))
+        except OSError as error:
+            raise LinkError(f"{path} cannot be opened ({error.strerror})") from None
+
+    def _open(self, handle: int) -> None:
+        tty.setraw(handle)
+        os.set_blocking(handle, False)
+        self._handle = handle
+
+    @classmethod
+    def pair(cls) -> tuple[Self, str]:
+        """A new one: this end, and the name of the other."""
+        ours, theirs = os.openpty()
+        made = cls.__new__(cls)
+        made._open(ours)
+        tty.setraw(theirs)
+        name = os.ttyname(theirs)
+        made._other = theirs  # held open: else this end would find nobody there at first
+        return made, name
+
+    _other: int = -1
+
+    def read(self, timeout_s: float) -> bytes:
+        """See :class:`Transport`."""
+        ready, _, _ = select.select([self._handle], [], [], timeout_s)
+        if not ready:
+            return b""
+        try:
+            data = os.read(self._handle, RECEIVE_CHUNK_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise LinkError(f"the link broke ({error.strerror})") from None
+        if not data:
+            raise LinkError("the board has stopped")
+        return data
+
+    def write(self, data: bytes, timeout_s: float) -> None:
+        """See :class:`Transport`."""
+        end_s = time.monotonic() + timeout_s
+        left = memoryview(data)
+        while left:
+            wait_s = end_s - time.monotonic()
+            if wait_s <= 0 or not select.select([], [self._handle], [], wait_s)[1]:
+                raise LinkError(f"the board did not take data within {timeout_s:g} s")
+            try:
+                left = left[os.write(self._handle, left) :]
+            except BlockingIOError:
+                continue
+            except OSError as error:
+                raise LinkError(f"the link broke ({error.strerror})") from None
+
+    def close(self) -> None:
+        """See :class:`Transport`."""
+        for name in ("_handle", "_other"):
+            if getattr(self, name) >= 0:
+                os.close(getattr(self, name))
+                setattr(self, name, -1)
+
+    def said(self) -> str:
+        """Nothing: a terminal has no second channel."""
+        return ""
+
+
+class FileTransport:
+    """Bytes that a link once carried, out of a file; it takes none.
+
+    path: the bytes as they came.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        try:
+            self._file = Path(path).open("rb")  # noqa: SIM115 - closed by close()
+        except OSError as error:
+            raise LinkError(f"{path} cannot be read ({error.strerror})") from None
+
+    def read(self, timeout_s: float) -> bytes:
+        """See :class:`Transport`."""
+        data = self._file.read(RECEIVE_CHUNK_BYTES)
+        if not data:
+            raise LinkError("the file has ended")
+        return data
+
+    def write(self, data: bytes, timeout_s: float) -> None:
+        """See :class:`Transport`."""
+        raise LinkError("a file takes no commands")
+
+    def close(self) -> None:
+        """See :class:`Transport`."""
+        self._file.close()
+
+    def said(self) -> str:
+        """Nothing: a file has no second channel."""
+        return ""
+
+
+def open_transport(address: str) -> Transport:
+    """A transport by its address.
+
+    address: ``serial:/dev/ttyUSB0:921600``, ``tcp:5760`` of this computer, ``tcp:host:5760``,
+        ``pty:/dev/pts/4``, ``file:recording.bin``.
+    """
+    kind, _, rest = address.partition(":")
+    before, _, last = rest.rpartition(":")
+    if kind == "serial" and rest:
+        return SerialTransport(before, int(last)) if last.isdigit() else SerialTransport(rest)
+    if kind == "tcp" and last.isdigit():
+        return TcpTransport(int(last), before) if before else TcpTransport(int(last))
+    if kind == "pty" and rest:
+        return PtyTransport(rest)
+    if kind == "file" and rest:
+        return FileTransport(rest)
+    kinds = "serial:DEVICE[:BAUD], tcp:[HOST:]PORT, pty:PATH, file:PATH"
+    raise LinkError(f"{address!r} is no address of a board", f"There is {kinds}.")
 
 
 class Process:

@@ -1,0 +1,96 @@
+/* What goes over the link beside commands: streams, parameters, who may command.  Part of app.h, which
+ * comes with the device's binding before it.
+ *
+ * License: MIT. */
+#ifndef ESEA_WIRE_H
+#define ESEA_WIRE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define ESEA_BLOCKS 4u /* messages of a stream that may wait, the one that is filled among them */
+
+struct esea_app;
+
+/* A message of a stream while it is filled, and until it is sent. */
+typedef struct {
+    uint64_t time; /* of its first sample, base ticks since power-on */
+    uint32_t tick; /* base tick of its run */
+    uint32_t count;
+    uint32_t words[ESEA_LINK_STREAM_WORDS];
+} esea_block_t;
+
+/* A stream belongs to one task, whose runs write `head`, the main loop `tail`; both run free.  What is
+ * chosen changes in the main loop, which runs only when no run does. */
+typedef struct {
+    uint32_t interval; /* base ticks; 0: off */
+    uint32_t task;
+    uint32_t width;    /* values in a sample */
+    uint32_t samples;  /* in a message */
+    uint32_t count;    /* in the one that is filled */
+    uint32_t left_out; /* samples still to be left out: their message found no room */
+    uint32_t filled, dropped; /* messages; they stay at their maximum */
+    uint8_t choice;
+    uint8_t signals[ESEA_LINK_STREAM_WORDS];
+    volatile uint32_t head, tail;
+    esea_block_t blocks[ESEA_BLOCKS];
+} esea_stream_t;
+
+typedef struct {
+    uint32_t listed;  /* parameter that a list tells next */
+    uint32_t refused; /* stays at its maximum */
+} esea_parameters_t;
+
+typedef struct {
+    bool paired;
+    mavlink_signing_t key;
+    mavlink_signing_streams_t streams;
+    uint32_t unsigned_refused, bad, replayed; /* they stay at their maximum */
+} esea_signing_t;
+
+/* -- streams.c --------------------------------------------------------------------------------- */
+
+/* After a run of a task, at its priority. */
+void esea_streams_take(struct esea_app *app, uint32_t task, uint32_t tick, uint64_t time, uint32_t step_ticks);
+
+/* At most one message of each stream. */
+void esea_streams_send(struct esea_app *app);
+bool esea_streams_wait(const struct esea_app *app);
+void esea_streams_choose(struct esea_app *app, const mavlink_message_t *message);
+
+/* -- parameters.c ------------------------------------------------------------------------------ */
+
+/* At power-on: defaults, then what was kept. */
+void esea_parameters_start(struct esea_app *app);
+void esea_parameters_read(struct esea_app *app, const mavlink_message_t *message);
+void esea_parameters_list(struct esea_app *app);
+void esea_parameters_set(struct esea_app *app, const mavlink_message_t *message);
+void esea_parameters_error(struct esea_app *app, const mavlink_message_t *to, const char *id, int16_t index,
+        uint8_t error);
+
+/* The command PREFLIGHT_STORAGE; its result. */
+uint8_t esea_parameters_storage(struct esea_app *app, float action);
+
+/* The next one of a list that was asked for; false when there is none. */
+bool esea_parameters_send(struct esea_app *app);
+
+/* -- signing.c --------------------------------------------------------------------------------- */
+
+void esea_signing_start(struct esea_app *app);
+void esea_signing_setup(struct esea_app *app, const mavlink_message_t *message);
+
+/* A frame whose signature is missing or not good has been refused: counts it, and says so. */
+void esea_signing_refuse(struct esea_app *app, const mavlink_message_t *message);
+
+/* -- what a board keeps without power ---------------------------------------------------------- */
+
+/* False where nothing can be kept, or was.  Values stand in the order of the parameters, those that a
+ * calibration sets among them; `layout` tells whether they are of this device.  The weak functions in
+ * parameters.c and signing.c keep nothing. */
+bool esea_keep_parameters(struct esea_app *app, const float *values, uint32_t count, uint32_t layout);
+bool esea_kept_parameters(struct esea_app *app, float *values, uint32_t count, uint32_t layout);
+bool esea_keep_key(struct esea_app *app, const uint8_t *key, uint64_t timestamp);
+bool esea_kept_key(struct esea_app *app, uint8_t *key, uint64_t *timestamp);
+
+#endif

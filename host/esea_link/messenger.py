@@ -1,0 +1,280 @@
+"""Messages with a board: frames both ways, waits, commands, requests with a window on the way."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+from esea_link import signing
+from esea_link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
+from esea_link.transport import LinkError, Transport
+
+MOST_ON_THE_WAY = 64
+UNSIGNED = (
+    "If it is paired, it takes what is signed with its key (use_key), by a clock that was not set "
+    "back."
+)
+
+
+class Address(NamedTuple):
+    """Who sends a message, or whom a command is for."""
+
+    system: int
+    component: int
+
+
+HOST = Address(255, 190)  # a ground station, by MAVLink's custom
+BOARD = Address(1, 1)
+
+
+class Messenger:
+    """Messages with a board at the other end of a transport, and commands that it answers.
+
+    As a context manager it waits for the board's HEARTBEAT, and closes the transport.
+
+    dialect: the device's generated MAVLink module.
+    timeout_s: longest wait for anything that does not name its own.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        dialect: Any,
+        timeout_s: float = 10.0,
+        host: Address = HOST,
+        board: Address = BOARD,
+    ) -> None:
+        self.transport, self.dialect, self.timeout_s = transport, dialect, timeout_s
+        self.board = board
+        self.heartbeat: Any = None
+        self._classes = {c.msgname: c for c in dialect.mavlink_map.values()}
+        self._encoder = dialect.MAVLink(None, *host)
+        self._reader = FrameReader(dialect)
+        self._pending: deque[Any] = deque()
+
+    def __enter__(self) -> Self:
+        try:
+            self.wait_for("HEARTBEAT")
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def _denied(self) -> int:
+        return int(self.dialect.MAV_RESULT_DENIED)
+
+    def close(self) -> None:
+        """Let go of the board."""
+        self.transport.close()
+
+    @property
+    def counters(self) -> Counters:
+        """What has come in since the session began."""
+        return self._reader.counters
+
+    def message(self, name: str, *values: Any) -> Any:
+        """A message of the dialect by name, its values in the order of the definition."""
+        return self._classes[name](*values)
+
+    def pack(self, message: Any) -> bytes:
+        """A message as the next frame from the host."""
+        if self._encoder.signing.sign_outgoing:
+            own = self._encoder.signing
+            own.timestamp = max(own.timestamp, signing.timestamp())
+        frame = bytes(message.pack(self._encoder))
+        # pack() leaves counting to send(), which wants a file.
+        self._encoder.seq = (self._encoder.seq + 1) % 256
+        return frame
+
+    def send(self, message: Any) -> None:
+        """Send a message."""
+        self.send_bytes(self.pack(message))
+
+    def send_bytes(self, data: bytes) -> None:
+        """Send bytes as they are."""
+        self.transport.write(data, self.timeout_s)
+
+    def pending(self) -> list[Any]:
+        """What has come and nobody has waited for; it does not wait."""
+        while self._read(0.0):
+            pass
+        found = list(self._pending)
+        self._pending.clear()
+        return found
+
+    def receive(self, timeout_s: float | None = None) -> Any:
+        """The next message, whatever it is."""
+        return self._wait(lambda _: True, "message", timeout_s)
+
+    def wait_for(
+        self, name: str, timeout_s: float | None = None, wanted: Callable[[Any], bool] | None = None
+    ) -> Any:
+        """The next message of a name; others stay pending.
+
+        wanted: whether it is the one that is meant.
+        """
+
+        def fits(message: Any) -> bool:
+            return message.get_type() == name and (wanted is None or wanted(message))
+
+        return self._wait(fits, name, timeout_s)
+
+    def _wait(
+        self,
+        fits: Callable[[Any], bool],
+        name: str,
+        timeout_s: float | None = None,
+        drop_before: bool = False,
+    ) -> Any:
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        deadline_s = time.monotonic() + limit_s
+        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
+        seen = 0
+        while True:
+            for i, message in enumerate(islice(self._pending, seen, None), seen):
+                if fits(message):
+                    del self._pending[i]
+                    for _ in range(i if drop_before else 0):
+                        self._pending.popleft()
+                    return message
+            seen = len(self._pending)
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0:
+                frames = self.counters.frames - frames
+                noise_bytes = self.counters.noise_bytes - noise_bytes
+                raise self._too_late(name, limit_s, frames, noise_bytes)
+            self._read(left_s)
+
+    def _too_late(self, name: str, limit_s: float, frames: int, noise_bytes: int) -> LinkError:
+        what = f"no {name} came within {limit_s:g} s"
+        if frames:
+            fix = f"{frames} other frames did: does the firmware speak this device's dialect?"
+        elif noise_bytes:
+            what += f", but {noise_bytes} bytes that are no frames"
+            fix = "Check the baud rate, and that the firmware is this device's."
+        else:
+            what = f"the board was silent for {limit_s:g} s, no {name} came"
+            fix = "Check that it has power and runs, and that port and cable are the right ones."
+        return LinkError(what, fix, self.transport.said())
+
+    def _read(self, timeout_s: float) -> bool:
+        # Whether any bytes came.
+        data = self.transport.read(timeout_s)
+        for message in self._reader.feed(data):
+            self._pending.append(message)
+            if message.get_type() == "HEARTBEAT":
+                self.heartbeat = message
+                if message.system_status == self.dialect.MAV_STATE_EMERGENCY:
+                    what = "the processor took a fault exception and halted"
+                    raise LinkError(what, said=self.transport.said())
+        return bool(data)
+
+    def command(
+        self, command: int, param1: float = 0.0, param2: float = 0.0, *, drop_before: bool = False
+    ) -> int:
+        """Give a command and wait for its result.
+
+        drop_before: forget what came before the result.
+        """
+
+        def fits(message: Any) -> bool:
+            return message.get_type() == "COMMAND_ACK" and bool(message.command == command)
+
+        zeros = [0.0] * 5
+        self.send(self.message("COMMAND_LONG", *self.board, command, 0, param1, param2, *zeros))
+        ack = self._wait(fits, "COMMAND_ACK", drop_before=drop_before)
+        return int(ack.result)
+
+    def _sign(self, key: bytes | None) -> None:
+        # Signs what is sent from now on; without a key no more.
+        own = self._encoder.signing
+        own.secret_key, own.link_id, own.timestamp = key, 0, signing.timestamp()
+        own.sign_outgoing = key is not None
+
+    def _ask(self, what: str, command: int, param1: float = 0.0, param2: float = 0.0) -> None:
+        result = self.command(command, param1, param2)
+        if result == self._denied:
+            raise LinkError(f"the board does not {what}", UNSIGNED)
+        if result != self.dialect.MAV_RESULT_ACCEPTED:
+            raise self._refused(what)
+
+    def _refused(self, what: str) -> LinkError:
+        state, meaning = self._entry("ESEA_STATE", self.ask_for("ESEA_CLOCK").state)
+        return LinkError(f"the board does not {what} now: it is {state}. {meaning}")
+
+    def ask_for(self, name: str) -> Any:
+        """One message that the board sends on request."""
+        wanted = float(self._classes[name].id)
+        if self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, wanted) == self._denied:
+            raise LinkError(f"the board does not send {name}", UNSIGNED)
+        return self.wait_for(name)
+
+    def info(self) -> Any:
+        """What runs on the board, and its counters."""
+        return self.ask_for("ESEA_INFO")
+
+    def state(self) -> str:
+        """State of the board, as its last HEARTBEAT said."""
+        return self._entry("ESEA_STATE", self.heartbeat.custom_mode)[0]
+
+    def fault(self) -> str:
+        """The latched fault: its name and meaning."""
+        name, meaning = self._entry("ESEA_FAULT", self.info().fault)
+        return f"{name}: {meaning}"
+
+    def _entry(self, enum: str, value: int) -> tuple[str, str]:
+        entry = self.dialect.enums[enum][value]
+        return str(entry.name).removeprefix(f"{enum}_"), str(entry.description)
+
+    def window(self, names: Iterable[str]) -> int:
+        """How many messages of these names the board's receive buffer holds at once."""
+        payload_bytes: int = max(self._classes[name].unpacker.size for name in names)
+        room_bytes = int(self.info().receive_buffer_bytes) - 1
+        fits = room_bytes // (HEADER_BYTES + payload_bytes + CHECKSUM_BYTES)
+        return max(1, min(MOST_ON_THE_WAY, fits))
+
+    def exchange(self, requests: Iterable[tuple[Any, str]], window: int) -> Iterator[Any]:
+        """Send requests, a window of them on the way, and give their answers in order.
+
+        requests: a message with a field ``sequence``, and the name of its answer, which has the
+            same one.
+        """
+
+        def fits(message: Any) -> bool:
+            held = (self.dialect.ESEA_STATE_FAULT, self.dialect.ESEA_STATE_STOPPED)
+            kind = message.get_type()
+            return bool(kind == name or (kind == "HEARTBEAT" and message.custom_mode in held))
+
+        source = iter(requests)
+        awaited: deque[tuple[str, int]] = deque()
+        while True:
+            # Refill when half of the window has come back: few, large pieces go faster.
+            if len(awaited) <= window // 2:
+                batch = list(islice(source, window - len(awaited)))
+                awaited.extend((name, message.sequence) for message, name in batch)
+                if batch:
+                    self.send_bytes(b"".join(self.pack(message) for message, _ in batch))
+            if not awaited:
+                return
+            name, sequence = awaited.popleft()
+            answer = self._wait(fits, name)
+            if answer.get_type() != name and self.state() == "STOPPED":
+                raise LinkError("the board was stopped", "Release the stop.")
+            if answer.get_type() != name:
+                raise LinkError(f"a fault is latched: {self.fault()}")
+            if answer.sequence != sequence:
+                raise LinkError(f"answer {answer.sequence} came in place of {sequence}")
+            yield answer

@@ -1,0 +1,54 @@
+"""Parameters of a board, as its dialect describes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class BoardParameter:
+    """A parameter.
+
+    name: full, ``velocity.bandwidth_Hz``.
+    id: on the wire, at most 16 characters.
+    index: its number.
+    meaning: what it does.
+    unit: 1 where it has none.
+    low, high: bounds; a value outside is refused.
+    default: as built.
+    fixed: whether only a calibration sets it.
+    """
+
+    name: str
+    id: str
+    index: int
+    meaning: str
+    unit: str
+    low: float
+    high: float
+    default: float
+    fixed: bool
+
+
+def known_parameters(dialect: Any) -> list[BoardParameter]:
+    """A device's parameters, by index."""
+    entries = dialect.enums.get("ESEA_PARAM", {})
+    found = []
+    for index, entry in sorted(entries.items()):
+        if entry.name.endswith("_ENUM_END"):
+            continue
+        name, own, unit, low, high, default, fixed = (entry.param[i] for i in range(1, 8))
+        numbers = (float(low), float(high), float(default))
+        found.append(
+            BoardParameter(name, own, index, entry.description, unit, *numbers, fixed == "fixed")
+        )
+    return found
+
+
+def find_parameter(known: list[BoardParameter], name: str) -> BoardParameter:
+    """By full name or id."""
+    for p in known:
+        if name in (p.name, p.id):
+            return p
+    raise ValueError(f"there is no parameter {name}; there is {', '.join(p.name for p in known)}")

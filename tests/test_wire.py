@@ -1,0 +1,582 @@
+"""The wire on the simulated board: streams, parameters, time, signed commands."""
+
+from __future__ import annotations
+
+import json
+import re
+import stat
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import common
+
+from esea_gen.device import load_device
+from esea_gen.emit.dialect import render_dialect
+from esea_gen.emit.parameters import link_parameters
+from esea_gen.targets import BOARDS
+from esea_gen.verify.emulator import RunningBoard
+from esea_gen.verify.firmware import build_firmware
+from esea_gen.verify.sim import SimBoard
+from esea_link.signing import read_key
+from esea_link.streams import gaps
+from esea_link.transport import LinkError
+
+from .conftest import require_tool
+
+ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
+STOP, RESET = "MAV_CMD_USER_4", "MAV_CMD_USER_1"
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return load_device("elbow_drive")
+
+
+@pytest.fixture(scope="module")
+def powered(drive):
+    require_tool("gcc")
+    board = SimBoard(drive)
+    yield board
+    board.close()
+
+
+@pytest.fixture
+def board(powered):
+    powered.restart()
+    powered._sign(None)
+    powered._streams.clear()
+    powered.measure(**ANGLES)
+    return powered
+
+
+def zeroed(board):
+    board.ticks(20)
+    board.zero()
+    board.ticks(230)
+    assert board.state_now == "READY"
+
+
+def active(board):
+    zeroed(board)
+    board.arm()
+    board.ticks(1)
+    board.want(mode=1.0, tau_desired_Nm=0.1)
+    board.ticks(1)
+    assert board.state_now == "ACTIVE"
+
+
+def samples_of(board, stream):
+    found = [s for m in board.pending() if (s := board.samples(m)) is not None]
+    return [s for s in found if s.names == stream.names]
+
+
+def texts(board):
+    return [m.text for m in board.pending() if m.get_type() == "STATUSTEXT"]
+
+
+# -- streams ---------------------------------------------------------------------------------------
+
+
+def test_every_value_of_every_task_streams_as_its_own_message_has_it(board):
+    """All inputs and outputs of both tasks, bit for bit those of the whole-run messages."""
+    zeroed(board)
+    sense, control = board.stream(["sense.*", "control.*"])
+    assert len(sense.signals) + len(control.signals) == len(board.signals()) == 12 + 37 + 0 + 12
+    for task in ("SENSE", "CONTROL"):
+        for side in ("IN", "OUT"):
+            board.tell(f"ESEA_{task}_{side}", 1000)
+    for k in range(50):
+        board.measure(**{n: v + k for n, v in ANGLES.items()})
+        board.ticks(1)
+    messages = board.pending()
+    runs = {}
+    for m in messages:
+        if (found := re.fullmatch(r"ESEA_(\w+)_(IN|OUT)", m.get_type())) is not None:
+            runs.setdefault((found[1].lower(), m.sequence), {}).update(m.to_dict())
+    compared = 0
+    for s in filter(None, map(board.samples, messages)):
+        for tick, row in zip(s.sequences, s.values, strict=True):
+            for name, value in zip(s.names, row, strict=True):
+                task, _, field = name.partition(".")
+                assert np.array_equal(value, runs[task, tick][field], equal_nan=True), (name, tick)
+                compared += 1
+    assert compared >= 45 * 49 + 5 * 12
+
+
+def test_every_tick_of_a_few_values_comes_packed_and_with_the_device_clock(board):
+    (stream,) = board.stream(["tau_Nm", "theta_motor_rad", "u_Nm"])
+    assert stream.samples == 19  # of 59 words
+    board.ticks(1000)
+    found = samples_of(board, stream)
+    times = [t for s in found for t in s.times]
+    assert len(times) == 19 * (1000 // 19)
+    assert times == list(range(times[0], times[0] + len(times)))
+    assert gaps(found, stream.interval) == 0
+    assert board.traffic().stream_dropped == 0
+
+
+def test_no_sample_waits_longer_than_20_ms_for_others(board):
+    (fast,) = board.stream(["tau_Nm"])
+    (slow,) = board.stream(["u_command_Nm"])
+    (rare,) = board.stream(["theta_load_rad"], rate_Hz=10)
+    assert (fast.samples, slow.samples, rare.samples) == (20, 4, 1)
+    assert (fast.rate_Hz, slow.rate_Hz, rare.rate_Hz) == (1000, 200, 10)
+    board.ticks(401)
+    for stream, every in ((fast, 1), (slow, 5), (rare, 100)):
+        times = [t for s in samples_of(board, stream) for t in s.times]
+        assert set(np.diff(times)) <= {every}
+        board.pending()
+        board.ticks(401)
+
+
+def test_the_clock_of_a_sample_goes_on_where_the_tick_is_set_back(board):
+    (stream,) = board.stream(["tau_Nm", "step_ticks"][:1])
+    board.ticks(100)
+    board.reset()  # forgets what came before
+    board.ticks(100)
+    found = samples_of(board, stream)
+    # From power-on; the run's tick starts again, and a message holds neither gap nor jump.
+    assert found[0].times[0] < 105
+    assert found[-1].sequences[-1] < 100 < found[-1].times[-1]
+    for s in found:
+        assert np.array_equal(np.diff(s.times), np.diff(s.sequences))
+
+
+def test_a_lost_tick_ends_a_message_and_shows_as_a_gap(board):
+    (stream,) = board.stream(["tau_Nm"])
+    board.ticks(30)
+    board.lib.sim_tick(3, True)
+    board.ticks(30)
+    found = samples_of(board, stream)
+    assert gaps(found, 1) == 2
+    assert all(set(np.diff(s.times)) <= {1} for s in found)
+
+
+def test_what_finds_no_room_is_dropped_by_whole_messages_and_counted(board):
+    """The main loop does not come by: four messages wait, the others are left out."""
+    (stream,) = board.stream(["tau_Nm"])
+    board.ticks(200, poll=False)  # 10 messages
+    board.lib.sim_poll()
+    board.ticks(41)
+    found = samples_of(board, stream)
+    times = [t for s in found for t in s.times]
+    traffic = board.traffic()
+    assert traffic.stream_dropped == 6
+    assert gaps(found, 1) == 6 * 20
+    assert times[:80] == list(range(times[0], times[0] + 80))
+    assert traffic.stream_messages == len(found) == 6
+
+
+def test_a_full_line_keeps_no_command_waiting(board):
+    """However much is streamed, a stop is taken in the poll after it came."""
+    board.stream(["sense.*"])
+    for _ in range(3):
+        board.ticks(50, poll=False)
+        board.stop()
+        assert board.state_now == "STOPPED"
+        board.release()
+
+
+def test_streams_end_and_what_was_sent_before_is_not_taken_for_the_new_choice(board):
+    (old,) = board.stream(["tau_Nm"])
+    board.ticks(40)
+    before = [m for m in board.pending() if m.get_type() == "ESEA_DATA"]
+    board.stop_streams()
+    board.ticks(40)
+    assert [m for m in board.pending() if m.get_type() == "ESEA_DATA"] == []
+    (new,) = board.stream(["u_Nm"])
+    assert new.number == old.number
+    assert [board.samples(m) for m in before] == [None] * len(before)
+
+
+def test_names_that_are_not_clear_are_refused_before_anything_is_sent(board):
+    with pytest.raises(ValueError, match=r"tau_Nn cannot be streamed; there is .*sense\.tau_Nm"):
+        board.stream(["tau_Nn"])
+    with pytest.raises(ValueError, match=r"say control\.step_ticks or sense\.step_ticks"):
+        board.stream(["step_ticks"])
+    for _ in range(6):
+        board.stream(["tau_Nm"])
+    with pytest.raises(LinkError, match="all 6 streams are in use"):
+        board.stream(["tau_Nm"])
+
+
+@pytest.mark.parametrize(
+    ("number", "task", "signals"), [(6, 0, [0]), (0, 2, [0]), (0, 0, [50]), (0, 1, [13]), (0, 0, [])]
+)
+def test_a_stream_of_what_there_is_not_is_denied(board, number, task, signals):
+    with pytest.raises(LinkError, match="does not stream"):
+        board._ask_stream(number, task, 1, 1, signals)
+    board.ticks(40)
+    assert not [m for m in board.pending() if m.get_type() == "ESEA_DATA"]
+
+
+# -- parameters ------------------------------------------------------------------------------------
+
+
+def test_all_tunables_are_parameters_at_their_defaults(board, drive):
+    values = board.parameters()
+    wanted = {f"{i}.{t.name}": t.default for i, t in drive.system.tunables}
+    zeros = {"encoder_motor.zeroed", "encoder_load.zeroed"}  # not calibrated
+    assert list(values) == list(wanted)
+    assert {n: np.float32(v) for n, v in values.items()} == {
+        n: np.float32(0 if n in zeros else v) for n, v in wanted.items()
+    }
+
+
+def test_ids_are_short_and_unlike(drive):
+    for name in ("elbow", "elbow_drive", "elbow_mpc", "wrist"):
+        found = link_parameters(load_device(name).system)
+        ids = [p.id for p in found]
+        assert len(set(ids)) == len(ids)
+        assert all(re.fullmatch(r"[.\-a-zA-Z0-9_]{1,16}", i) for i in ids)
+
+
+def test_the_metadata_is_as_the_standard_has_it(drive):
+    """Against the keys of MAVLink's parameter.schema.json, version 3."""
+    content = json.loads(render_dialect(drive).files["esea_elbow_drive_parameters.json"])
+    assert set(content) == {"version", "parameters"}
+    assert content["version"] == 3
+    known = {"name", "type", "shortDesc", "longDesc", "units", "default", "min", "max", "group",
+             "readOnly"}  # fmt: skip
+    tunables = {f"{i}.{t.name}": t for i, t in drive.system.tunables}
+    assert len(content["parameters"]) == len(tunables)
+    for entry in content["parameters"]:
+        assert set(entry) == known
+        tunable = tunables[entry["shortDesc"]]
+        assert (entry["min"], entry["max"]) == (tunable.low, tunable.high)
+        assert entry["type"] == "Float"
+        assert tunable.meaning in entry["longDesc"]
+        assert entry["readOnly"] == ("zero" in tunable.name)
+
+
+def test_a_parameter_that_is_set_is_in_the_next_step_and_outlives_reset_and_zeroing(board):
+    """The default set by hand gives the same bits, another value others."""
+    rng = np.random.default_rng(4)
+    counts = np.float32(700 + rng.integers(0, 9, 120))
+
+    def run(bandwidth_Hz):
+        board.restart()
+        if bandwidth_Hz:
+            assert board.set_parameter("velocity.bandwidth_Hz", bandwidth_Hz) == bandwidth_Hz
+        board.measure(**ANGLES)
+        zeroed(board)
+        board.reset()
+        zeroed(board)
+        if bandwidth_Hz:
+            assert board.parameter("velocity.bandwidth_Hz") == bandwidth_Hz
+        (stream,) = board.stream(["tau_Nm", "theta_motor_rad"])
+        for c in counts:
+            board.measure(**ANGLES | {"count_motor": float(c)})
+            board.ticks(1)
+        board._streams.clear()
+        found = [s for m in board.pending() if m.get_type() == "ESEA_DATA"
+                 for s in [stream.decode(m)]]  # fmt: skip
+        return np.array([row for s in found for row in s.values], np.float32)
+
+    default = run(None)
+    assert np.array_equal(run(15.0), default)  # what the default is
+    assert not np.array_equal(run(40.0), default)
+
+
+def test_coefficients_that_were_set_are_prepared_whole(board):
+    """The limits latch COEFFICIENTS on any that do not fit their checksum: none does."""
+    zeroed(board)
+    board.arm()
+    board.disarm()
+    for value in (15.0, 60.0, 15.5, 30.0):
+        board.set_parameter("motor_rate.cutoff_Hz", value)
+        board.ticks(7)
+    board.arm()
+    board.ticks(1)
+    board.want(mode=1.0)
+    board.ticks(20)
+    assert board.state_now == "ACTIVE"
+
+
+def test_a_value_outside_its_bounds_leaves_all_as_it_is(board):
+    for value in (100.0001, 1.9999, float("nan"), float("inf"), -float("inf")):
+        with pytest.raises(LinkError, match="is outside 2 to 100; it was left as it is"):
+            board.set_parameter("velocity.bandwidth_Hz", value)
+        assert board.parameter("velocity.bandwidth_Hz") == 15
+    assert board.set_parameter("velocity.bandwidth_Hz", 100.0) == 100
+    assert board.set_parameter("velocity.bandwidth_Hz", 2.0) == 2
+    assert board.traffic().parameters_refused == 5
+
+
+def test_what_a_calibration_sets_nobody_else_does(board):
+    for name in ("encoder_motor.zero_rad", "encoder_load.zeroed"):
+        with pytest.raises(LinkError, match="by a calibration only"):
+            board.set_parameter(name, 1.0)
+    assert board.state_now == "UNREFERENCED"
+
+
+def test_with_the_motor_on_no_parameter_changes_and_the_reply_says_so(board):
+    zeroed(board)
+    allowed = board.set_parameter("limits.tau_max_Nm", 4.0)
+    active_states = {"ARMED": board.arm, "ACTIVE": None}
+    board.arm()
+    board.ticks(1)
+    for state in active_states:
+        assert board.state_now == state
+        with pytest.raises(LinkError, match=f"does not set limits.tau_max_Nm now: it is {state}"):
+            board.set_parameter("limits.tau_max_Nm", 8.0)
+        with pytest.raises(LinkError, match=f"it is {state}"):
+            board.default_parameters()
+        assert f"parameter refused in state {state}" in texts(board)
+        board.want(mode=1.0)
+        board.ticks(1)
+    assert board.parameter("limits.tau_max_Nm") == allowed
+    board.stop()
+    assert board.set_parameter("limits.tau_max_Nm", 5.0) == 5
+
+
+def test_defaults_come_back_but_a_zero_stays(board):
+    zeroed(board)
+    zero_rad = board.parameter("encoder_motor.zero_rad")
+    assert zero_rad != 0
+    board.set_parameter("smc.margin", 1.5)
+    board.default_parameters()
+    values = board.parameters()
+    assert values["encoder_motor.zero_rad"] == zero_rad
+    assert values["encoder_motor.zeroed"] == 1
+    assert values["smc.margin"] != 1.5
+    board.arm()
+
+
+def test_a_board_that_keeps_nothing_says_so(board):
+    with pytest.raises(LinkError, match=r"cannot save its parameters\. This board keeps none"):
+        board.save_parameters()
+    assert "not saved: this board keeps no parameters" in texts(board)
+    with pytest.raises(LinkError, match="cannot load its parameters"):
+        board.load_parameters()
+    assert board.command(board.dialect.MAV_CMD_PREFLIGHT_STORAGE, 3.0) == 2
+    assert board.command(board.dialect.MAV_CMD_PREFLIGHT_STORAGE, float("nan")) == 2
+
+
+# -- time ------------------------------------------------------------------------------------------
+
+
+def test_the_clocks_are_compared_by_the_device_clock_of_the_samples(board):
+    board.ticks(1234)
+    sync = board.time_sync(4)
+    device_ns = sync.offset_ns + sync.host_ns
+    # Base ticks since power-on, and what the counter has gone on since the last, which is nothing.
+    assert abs(device_ns - 1234 * 1_000_000) <= 1
+    assert 0 < sync.round_trip_ns < 1e9
+    (stream,) = board.stream(["tau_Nm"])
+    board.ticks(20)
+    assert samples_of(board, stream)[0].times[-1] == 1234 + 20
+
+
+# -- who may command -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def paired(board, tmp_path):
+    path = tmp_path / "board.key"
+    board.pair(path)
+    return board, path
+
+
+def test_the_key_is_its_owners_alone(paired, tmp_path):
+    board, path = paired
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    board.use_key(path)
+    path.chmod(0o640)
+    with pytest.raises(LinkError, match="read or written by others"):
+        board.use_key(path)
+    other = tmp_path / "other"
+    other.write_text("no key")
+    other.chmod(0o600)
+    with pytest.raises(LinkError, match="is no key file"):
+        read_key(other)
+    with pytest.raises(LinkError, match="paired already"):
+        board.pair(tmp_path / "second")
+    assert not (tmp_path / "second").exists()
+
+
+def test_a_paired_board_takes_a_stop_from_anybody_and_nothing_else_unsigned(paired):
+    board, path = paired
+    zeroed(board)
+    before = board.traffic().unsigned_refused
+    board._sign(None)
+    refused = 0
+    enum = board.dialect.enums["MAV_CMD"]
+    for command in [c for c in enum if not enum[c].name.endswith("ENUM_END")]:
+        if command != board.dialect.MAV_CMD_USER_4:
+            assert board.command(command, 1.0) == board.dialect.MAV_RESULT_DENIED
+            refused += 1
+    with pytest.raises(LinkError, match="does not arm"):
+        board.arm()
+    with pytest.raises(LinkError, match="takes what is signed"):
+        board.set_parameter("smc.margin", 1.5)
+    board.want(mode=1.0)
+    board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
+    board.send(board.message("SETUP_SIGNING", 1, 1, [7] * 32, 2**47))
+    with pytest.raises(LinkError):
+        board.stream(["tau_Nm"])
+    assert board.state_now == "READY"
+    # What changes nothing is answered.
+    assert len(board.parameters()) == 35
+    board.time_sync(1)
+    board.stop()
+    assert board.state_now == "STOPPED"
+    with pytest.raises(LinkError):
+        board.release()
+    assert board.state_now == "STOPPED"
+    board.use_key(path)
+    board.release()
+    assert board.state_now == "READY"
+    assert board.traffic().unsigned_refused > before + refused
+
+
+def test_what_was_signed_is_taken_once(paired):
+    board, _ = paired
+    zeroed(board)
+    arm = board.message("COMMAND_LONG", 1, 1, 400, 0, 1.0, *[0.0] * 6)
+    frame = board.pack(arm)
+    board.send_bytes(frame)
+    assert board.state_now == "ARMED"
+    board.disarm()
+    before = board.traffic().replayed
+    for _ in range(3):
+        board.send_bytes(frame)
+    assert board.state_now == "READY"
+    assert board.traffic().replayed == before + 3
+    # One that was signed earlier and held back is old as well.
+    held, later = board.pack(arm), board.pack(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
+    board.send_bytes(later + held)
+    assert board.state_now == "READY"
+    # Under another sender's address the old one is still old: and its signature no longer fits.
+    forged = bytearray(held)
+    forged[5] ^= 1
+    board.send_bytes(bytes(forged))
+    assert board.state_now == "READY"
+
+
+@pytest.mark.parametrize("where", [4, 12, 30, -13, -12, -1])
+def test_a_signed_frame_with_any_byte_another_is_refused(paired, where):
+    board, _ = paired
+    zeroed(board)
+    frame = bytearray(board.pack(board.message("COMMAND_LONG", 1, 1, 400, 0, 1.0, *[0.0] * 6)))
+    crc_at = len(frame) - 15
+    frame[where] ^= 0x10
+    # With a checksum that fits again, so that only the signature can tell.
+    crc = common.x25crc(bytes(frame[1:crc_at]))
+    crc.accumulate(bytes([152]))
+    frame[crc_at : crc_at + 2] = crc.crc.to_bytes(2, "little")
+    board.send_bytes(bytes(frame))
+    assert board.state_now == "READY"
+    traffic = board.traffic()
+    assert traffic.bad_signatures + traffic.replayed >= 1
+
+
+def test_a_wrong_key_commands_nothing_but_a_stop(paired):
+    board, _ = paired
+    zeroed(board)
+    board._sign(bytes(range(32)))
+    assert board.command(board.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == 2
+    assert board.state_now == "READY"
+    board.command(board.dialect.MAV_CMD_USER_4)
+    assert board.state_now == "STOPPED"
+
+
+def test_strangers_do_not_keep_the_link_alive(paired):
+    board, path = paired
+    zeroed(board)
+    board.arm()
+    for _ in range(60):  # signed, for longer than the link may be silent
+        board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
+        board.ticks(20)
+    assert board.state_now == "ARMED"
+    board._sign(None)
+    for _ in range(60):
+        board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
+        board.ticks(20)
+    assert board.state_now == "READY"
+    board.use_key(path)
+
+
+def test_a_board_is_not_paired_with_the_motor_on(board, tmp_path):
+    active(board)
+    with pytest.raises(LinkError, match="does not pair now: it is ACTIVE"):
+        board.pair(tmp_path / "key")
+    assert not (tmp_path / "key").exists()
+    assert board.traffic().paired == 0
+
+
+def test_a_signed_key_of_zeros_takes_the_key_away(paired):
+    board, _ = paired
+    board.send(board.message("SETUP_SIGNING", 1, 1, [0] * 32, 0))
+    assert board.traffic().paired == 0
+    board._sign(None)
+    board.reset()
+
+
+# -- texts -----------------------------------------------------------------------------------------
+
+
+def test_faults_and_refusals_are_said(board):
+    active(board)
+    board.measure(count_motor=700, count_load=1200, count_gear=5)
+    board.want(mode=1.0)
+    board.ticks(20)
+    assert board.state_now == "FAULT"
+    said = texts(board)
+    assert len([t for t in said if t.startswith("fault ")]) == 1
+    with pytest.raises(LinkError):
+        board.arm()
+    assert "command refused in state FAULT" in texts(board)
+
+
+# -- bytes of any kind -----------------------------------------------------------------------------
+
+
+def frame_of_any_content(board, rng):
+    """One well-formed frame of any message, its fields of any bits."""
+    cls = list(board._classes.values())[rng.integers(len(board._classes))]
+    size = cls.unpacker.size
+    payload = rng.integers(0, 256, size).astype(np.uint8).tobytes()
+    if rng.random() < 0.5:  # mostly small numbers: indices that are just in or out of range
+        payload = bytes(b if rng.random() < 0.2 else b % 4 for b in payload)
+    head = bytes([0xFD, size, 0, 0, 0, 255, 190]) + int(cls.id).to_bytes(3, "little")
+    crc = common.x25crc(head[1:] + payload)
+    crc.accumulate(bytes([cls.crc_extra]))
+    return head + payload + crc.crc.to_bytes(2, "little")
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_frames_of_any_content_leave_a_board_that_answers(board, tmp_path, signed):
+    """Under the sanitizer that the simulated board is built with; no torque without the states."""
+    rng = np.random.default_rng(12)
+    if signed:
+        board.pair(tmp_path / "key")
+        board._sign(None)
+    for _ in range(1500):
+        board.send_bytes(frame_of_any_content(board, rng))
+        if rng.random() < 0.2:
+            board.send_bytes(rng.integers(0, 256, 40).astype(np.uint8).tobytes())
+        board.ticks(1)
+        board.pending()
+        on, u_Nm = board.motor
+        assert on or u_Nm == 0
+        if signed:
+            assert board.state_now in ("UNREFERENCED", "STOPPED")
+    board.send_bytes(bytes(600))
+    board.pending()
+    board.time_sync(1)
+
+
+def test_the_same_under_the_address_sanitizer(drive, tmp_path):
+    """The board on standard input and output, without a clock."""
+    rng = np.random.default_rng(13)
+    image = build_firmware(drive, "host", tmp_path)
+    assert any("address" in f for f in BOARDS["host"].flags)
+    with RunningBoard(drive, image) as board:
+        for _ in range(60):
+            frames = [frame_of_any_content(board, rng) for _ in range(50)]
+            board.send_bytes(b"".join(frames))
+            board.pending()
+        board.send_bytes(bytes(600))
+        board.send(board.message("SETUP_SIGNING", 1, 1, [0] * 32, 0))
+        board.time_sync(1)
