@@ -21,7 +21,7 @@ _FAST: Any = getattr(mavcrc, "mcrf4xx", None)  # in C, where pymavlink found it
 _CRC = struct.Struct("<H")
 TICK = "sequence"
 # So many frames that came again or late are told from a board that started again.
-WINDOW = 128
+WINDOW, LATE_ROW = 128, 32
 
 
 @dataclass
@@ -89,7 +89,7 @@ class TelemetryDecoder:
                 name = message.msgname
                 said = dict((units or {}).get(name, {})), dict((texts or {}).get(name, {}))
                 self.layouts[number] = layout_of(message, stream_name(name), *said)
-        self._late: dict[int, int] = {}
+        self._late: dict[int, tuple[int, int]] = {}
         self._found: dict[int, tuple[list[bytes], list[int], list[int], list[bool]]] = {}
 
     def feed(self, data: bytes) -> tuple[list[Decoded], bytes]:
@@ -144,10 +144,12 @@ class TelemetryDecoder:
         health = self.health
         health.frames += 1
         ahead = (number - self._next.get(sender, number)) % 256
-        if ahead >= WINDOW and number != self._late.get(sender):
-            # Two in a row are not late: so many were lost.
-            self._late[sender] = (number + 1) % 256
-            return True
+        if ahead >= WINDOW:
+            expected, row = self._late.get(sender, (number, 0))
+            self._late[sender] = (number + 1) % 256, row + 1 if number == expected else 0
+            # So long a row in order is not late: more were lost than the numbers can tell.
+            if row < LATE_ROW:
+                return True
         health.lost_frames += ahead
         self._late.pop(sender, None)
         self._next[sender] = (number + 1) % 256

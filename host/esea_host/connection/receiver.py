@@ -47,7 +47,7 @@ class Subscription:
     def __init__(self, streams: Collection[str] | None = None, most_rows: int = MOST_ROWS) -> None:
         self.streams = None if streams is None else frozenset(streams)
         self.most_rows, self.dropped_rows = most_rows, 0
-        self._held = 0
+        self._held, self._full = 0, False
         self._batches: deque[Batch] = deque()
         self._lost: dict[str, Gap] = {}
         self._last: dict[str, tuple[int, int]] = {}
@@ -61,7 +61,8 @@ class Subscription:
             return
         with self._changed:
             last = int(batch.rows[TICK][-1]), int(batch.board_ns[-1])
-            if self._held + len(batch.rows) > self.most_rows:
+            self._full = self._full or self._held + len(batch.rows) > self.most_rows
+            if self._full:
                 self.dropped_rows += len(batch.rows)
                 tick, ns = self._last.get(name, (-1, -1))
                 lost = self._lost.get(name) or Gap(name, tick, -1, 0, "host", ns)
@@ -90,7 +91,7 @@ class Subscription:
                 raise self._error
             found = list(self._batches)
             self._batches.clear()
-            self._held = 0
+            self._held, self._full = 0, False
             return found
 
 

@@ -109,9 +109,8 @@ def serve(
 def serve_hosts(drive: SimulatedDrive, listener: socket.socket, speed: float, once: bool) -> None:
     """One host after another; between two the board runs on, in real time, and hears nobody."""
     while True:
-        listener.setblocking(True)
-        listener.settimeout(0.01)
         try:
+            listener.settimeout(0.01)
             link, _ = listener.accept()
         except OSError as error:
             if not isinstance(error, TimeoutError):
