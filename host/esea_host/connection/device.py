@@ -15,13 +15,14 @@ from esea_gen.errors import UserError
 from esea_host.connection.address import Address, open_patiently, open_transport, parse_address
 from esea_host.connection.decoder import TICK, TelemetryDecoder
 from esea_host.connection.identity import Identity, column_texts, identify
-from esea_host.connection.receiver import Receiver, SessionTransport, Subscription
+from esea_host.connection.receiver import KEY, Receiver, SessionTransport, Subscription
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import StreamLayout
 from esea_link.session import Session
 from esea_link.transport import LinkError, Transport
 
 WAIT_S = 1.0
+KEY_US = 1e6  # from one key frame to the next
 MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
 
 
@@ -248,6 +249,8 @@ class ConnectedDevice:
                 raise UserError(f"There is no stream '{stream}'.", f"There is {', '.join(names)}.")
             message = self._dialect.mavlink_map[names[stream]].msgname
             interval_us = 1.0 if rate_Hz is None else 1e6 / rate_Hz
+            if stream == KEY:
+                interval_us = KEY_US
             with self._lock:
                 self.session.tell(message, interval_us)
             self._told[message] = interval_us

@@ -21,6 +21,7 @@ from esea_link.transport import LinkError, Transport
 
 MOST_ROWS = 60_000  # a minute at 1 kHz
 READ_S = 0.05
+KEY = "key"  # a stream whose rows are parts of a frame
 
 
 @dataclass(frozen=True)
@@ -298,6 +299,8 @@ class _StreamClocks:
         name = found.layout.name
         ticks = found.rows[TICK].astype(np.int64)
         last = self._last.get(name)
+        if name == KEY:
+            return self._parts(found, arrived_ns)
         self._epochs.setdefault(name, len(self._moved) - 1)
         steps = np.diff(ticks, prepend=ticks[0] - 1 if last is None else last)
         every = self._every.get(name) or _period(steps if last is not None else steps[1:])
@@ -318,6 +321,19 @@ class _StreamClocks:
         self._last[name] = int(found.rows[TICK][-1])
         self._lost[name] = int(found.lost[-1]), int(found.bad[-1])
         self._broken.discard(name)
+
+    def _parts(self, found: Decoded, arrived_ns: int) -> Batch:
+        # Several rows of a tick, at no even distance.
+        self._epochs.setdefault(KEY, len(self._moved) - 1)
+        times = []
+        firsts = found.rows["first"].tolist()
+        for tick, first in zip(found.rows[TICK].tolist(), firsts, strict=True):
+            # A tick has one frame: another one is of a clock that started again.
+            if tick < self._last.get(KEY, tick) or (first == 0 and tick == self._last.get(KEY)):
+                self._start_again(KEY)
+            self._last[KEY] = tick
+            times.append(int(self._board_ns(KEY, np.array([tick]))[0]))
+        return Batch(found.layout, found.rows, np.array(times, np.int64), arrived_ns)
 
     def _one_by_one(self, found: Decoded, arrived_ns: int, health: LinkHealth) -> Batch | None:
         name = found.layout.name

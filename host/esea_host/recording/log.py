@@ -288,6 +288,35 @@ class Log:
         for _, rows, _ in self._rows(stream, checked):
             yield rows
 
+    def read_all(self, stream: str, damaged: list[str]) -> Iterator[tuple[Array, Array]]:
+        """Rows and board times of every piece, those with a wrong checksum too, which are named.
+
+        Parameters
+        ----------
+        stream : str
+            One of :attr:`streams`.
+        damaged : list of str
+            Gets what is wrong with each piece, once.
+
+        Returns
+        -------
+        iterator of (ndarray, ndarray)
+            Rows, and nanoseconds of the board's clock.
+        """
+        layout = self._layout(stream)
+        for piece in self._file.pieces:
+            try:
+                self._file.content(piece)
+            except PieceError as error:
+                if str(error) not in damaged:
+                    damaged.append(str(error))
+            try:
+                found = self._file.read(piece, stream, checked=False)
+                if found is not None:
+                    yield layout.rows(found.data), found.board_ns
+            except (PieceError, ValueError, IndexError):
+                continue
+
     def __getitem__(self, stream: str) -> Table:
         """All of a stream.
 
@@ -306,10 +335,11 @@ class Log:
         rows = np.concatenate([r for _, r, _ in parts]) if parts else np.empty(0, layout.dtype)
         board_ns = np.concatenate([ns for _, _, ns in parts]) if parts else np.empty(0, np.int64)
         gaps = tuple(g for g in self.gaps if g.stream == stream)
-        return Table(layout, rows, board_ns, self._start_ns, gaps)
+        return Table(layout, rows, board_ns, self.start_ns, gaps)
 
     @cached_property
-    def _start_ns(self) -> int:
+    def start_ns(self) -> int:
+        """The recording's beginning, on the board's clock."""
         firsts = [next(self._rows(s), None) for s in self.streams]
         return min((int(f[2][0]) for f in firsts if f is not None), default=0)
 
