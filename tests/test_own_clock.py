@@ -140,6 +140,28 @@ def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, tmp_path, name):
     assert info.stack_peak_bytes <= sum(image.stack_bounds_bytes.values()) <= info.stack_bytes
 
 
+def test_all_of_a_tasks_values_stream_at_1_kHz_while_parameters_are_read(elbow_drive, drive_image):
+    with RunningBoard(elbow_drive, drive_image) as board:
+        sense, control = board.stream(["sense.*", "control.*"])
+        assert (sense.rate_Hz, control.rate_Hz) == (1000, 200)
+        values = board.parameters()
+        assert len(values) == len(elbow_drive.system.tunables)
+        assert board.set_parameter("velocity.bandwidth_Hz", 20.0) == 20
+        first, second = board.time_sync(), board.time_sync()
+        times: dict[str, list[int]] = {sense.task: [], control.task: []}
+        while len(times["sense"]) < 500:
+            samples = board.samples(board.receive())
+            if samples is not None:
+                times[samples.names[0].partition(".")[0]] += samples.times
+        traffic, clock, info = board.traffic(), board.clock(), board.info()
+    for task, every in (("sense", 1), ("control", 5)):
+        assert set(np.diff(times[task])) == {every}
+    assert traffic.stream_dropped == clock.dropped == clock.lost_ticks == clock.late_runs == 0
+    # The emulated clock goes by instructions, not by time: it only goes forward.
+    assert second.offset_ns + second.host_ns > first.offset_ns + first.host_ns
+    assert info.stack_peak_bytes <= sum(drive_image.stack_bounds_bytes.values())
+
+
 # -- preempted at an instruction -------------------------------------------------------------------
 
 

@@ -53,6 +53,7 @@ def build(
     """
     from esea_gen.emit.build import device_hash, write_bundles
     from esea_gen.emit.dialect import core_bundle, without_core
+    from esea_gen.emit.telemetry import cost_table
 
     loaded = load_device(device, controller)
     target = folder or GENERATED / loaded.name
@@ -64,6 +65,8 @@ def build(
         size = sum(len(t) for t in bundle.files.values())
         out.print(f"{path}: {len(bundle.files)} files, {size / 1000:.0f} kB")
     out.print(f"content {device_hash(loaded)}")
+    if real is None:
+        out.print(cost_table(loaded.system))
 
 
 @app.command()

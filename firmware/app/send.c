@@ -43,6 +43,8 @@ void esea_send_heartbeat(esea_app_t *app)
     fields.type = MAV_TYPE_GENERIC;
     fields.autopilot = MAV_AUTOPILOT_INVALID;
     fields.base_mode = MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+    if (esea_state_drives(app->state))
+        fields.base_mode |= MAV_MODE_FLAG_SAFETY_ARMED;
     fields.custom_mode = (uint32_t)app->state;
     fields.system_status = esea_state_known(app->state) ? states[app->state] : (uint8_t)MAV_STATE_CRITICAL;
     if (app->fault == ESEA_FAULT_PROCESSOR)
