@@ -1,5 +1,7 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
+from esea_host.cli import live as live
+from esea_host.cli import logs as logs
 from esea_host.cli.app import app, main
 
 __all__ = ["app", "main"]

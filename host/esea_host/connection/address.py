@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from esea_gen.errors import UserError
+from esea_link import transport as link
 from esea_link.transport import LinkError, SocketTransport, Transport
 
 KINDS = ("tcp", "serial", "pty", "sim", "file")
@@ -51,34 +52,16 @@ def parse_address(text: str) -> Address:
 
 def open_transport(address: Address) -> Transport:
     """Open the link to a board; :class:`LinkError` when nobody is there."""
-    if address.kind == "tcp":
-        return _tcp(address.place)
     if address.kind == "sim":
         return SimulatedProcess(address.place)
-    return _of_the_link(address)
-
-
-def _tcp(place: str) -> Transport:
-    host, _, port = place.rpartition(":")
     try:
-        link = socket.create_connection((host, int(port)), OPEN_S)
-    except OSError as error:
-        raise LinkError(
-            f"nobody answers at tcp:{place} ({error})",
-            "Start the board, or a simulated one: esea-host sim elbow_drive --tcp " + port,
-        ) from None
-    link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return SocketTransport(link)
-
-
-def _of_the_link(address: Address) -> Transport:
-    import esea_link.transport as known
-
-    name = {"serial": "SerialTransport", "pty": "PtyTransport", "file": "FileTransport"}
-    make: Callable[[str], Transport] | None = getattr(known, name[address.kind], None)
-    if make is None:
-        raise UserError(f"{address.kind}: addresses are not served yet.", "Use tcp: or sim:.")
-    return make(address.place)
+        return link.open_transport(str(address))
+    except LinkError as error:
+        if address.kind != "tcp":
+            raise
+        port = address.place.rpartition(":")[2]
+        fix = f"Start the board, or a simulated one: esea-host sim elbow_drive --tcp {port}"
+        raise LinkError(error.what, fix, error.said) from None
 
 
 class SimulatedProcess(SocketTransport):

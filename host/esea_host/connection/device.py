@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import difflib
 import threading
 from collections.abc import AsyncIterator, Collection, Iterator
 from dataclasses import asdict, dataclass
@@ -14,7 +15,7 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_host.connection.address import Address, open_patiently, open_transport, parse_address
 from esea_host.connection.decoder import TICK, TelemetryDecoder
-from esea_host.connection.identity import Identity, column_texts, identify
+from esea_host.connection.identity import Identity, column_texts, identify, passive
 from esea_host.connection.receiver import KEY, Receiver, SessionTransport, Subscription
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import StreamLayout
@@ -364,6 +365,67 @@ class ConnectedDevice:
         with self._lock:
             self.session.want(deadline_ms, **wanted)
 
+    def parameters(self) -> dict[str, float]:
+        """The values in force.
+
+        Returns
+        -------
+        dict of str to float
+            By full name, such as ``smc.lambda_1_s``, in the unit of the name.
+        """
+        with self._lock:
+            return self.session.parameters()
+
+    def parameter_name(self, name: str) -> str:
+        """Full name of a parameter.
+
+        Parameters
+        ----------
+        name : str
+            Full, or what stands behind its dot where only one has that.
+
+        Returns
+        -------
+        str
+            As in :meth:`parameters`.
+        """
+        known = [p.name for p in self.session.known_parameters()]
+        found = [n for n in known if name == n] or [n for n in known if n.endswith(f".{name}")]
+        if len(found) != 1:
+            near = ", ".join(found or difflib.get_close_matches(name, known, 3, 0.4) or known)
+            many = "is not the name of one parameter" if found else "is no parameter"
+            raise UserError(f"'{name}' {many} of {self.identity.device.name}.", f"Say which: {near}.")
+        return found[0]
+
+    def set(self, name: str, value: float) -> float:
+        """Set a parameter; it is written into the recordings that run.
+
+        Parameters
+        ----------
+        name : str
+            Full, or what stands behind its dot.
+        value : float
+            Within its bounds, in the unit of the name.
+
+        Returns
+        -------
+        float
+            In force now, in the board's number format.
+
+        Raises
+        ------
+        UserError
+            When there is no such parameter.
+        LinkError
+            When the board refuses: outside its bounds, or not in this state.
+        """
+        full = self.parameter_name(name)
+        with self._lock:
+            taken = self.session.set_parameter(full, value)
+        for recording in self._recordings:
+            recording.event("parameter", name=full, asked=value, value=taken)
+        return taken
+
     def record(
         self, path: str | Path, streams: Collection[str] | None = None, compress: bool = False
     ) -> LiveRecording:
@@ -385,7 +447,9 @@ class ConnectedDevice:
         """
         recording = LiveRecording(self, Path(path), streams, compress, self._threaded)
         self._recordings.append(recording)
-        self.listen(streams)
+        if self.address is None or self.address.kind != "file":
+            recording.event("parameters", **self.parameters())
+            self.listen(streams)
         return recording
 
     def forget(self, recording: LiveRecording) -> None:
@@ -503,7 +567,7 @@ def open_device(address: str, device: str | None = None) -> ConnectedDevice:
     place = parse_address(address)
     transport = open_transport(place)
     try:
-        identity = identify(transport, device)
+        identity = passive(device) if place.kind == "file" else identify(transport, device)
     except BaseException:
         transport.close()
         raise

@@ -130,6 +130,15 @@ def identify(transport: Transport, expected: str | None = None) -> Identity:
     return check_hash(device, _text(info.content_hash), _text(info.board), int(info.tick_us))
 
 
+def passive(device: str | None) -> Identity:
+    """Bytes out of a file: nobody can be asked, so the device must be said, and is believed."""
+    if device is None:
+        raise UserError("Bytes in a file do not say whose they are.", "Add --device elbow_drive.")
+    loaded = _loaded(device)
+    tick_us = round(loaded.system.base_period_s * 1e6)
+    return Identity(loaded, "f32", "unknown", "file", tick_us)
+
+
 def check_hash(device: Device, told: str, board: str, tick_us: int) -> Identity:
     """Refuse C that is not what this tree makes of the device."""
     real = BOARDS[board].real if board in BOARDS else "f32"

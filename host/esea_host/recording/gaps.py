@@ -14,6 +14,7 @@ REASONS = {
     "host": "the host could not keep up and dropped them",
     "disconnected": "the link was broken meanwhile",
     "recording": "a piece of the recording is damaged",
+    "foreign": "the imported log says so: its time jumps there",
 }
 
 
