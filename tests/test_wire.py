@@ -201,7 +201,8 @@ def test_names_that_are_not_clear_are_refused_before_anything_is_sent(board):
 
 
 @pytest.mark.parametrize(
-    ("number", "task", "signals"), [(6, 0, [0]), (0, 2, [0]), (0, 0, [50]), (0, 1, [13]), (0, 0, [])]
+    ("number", "task", "signals"),
+    [(6, 0, [0]), (0, 2, [0]), (0, 0, [50]), (0, 1, [13]), (0, 0, [])],
 )
 def test_a_stream_of_what_there_is_not_is_denied(board, number, task, signals):
     with pytest.raises(LinkError, match="does not stream"):

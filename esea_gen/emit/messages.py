@@ -328,7 +328,9 @@ def messages(system: System) -> tuple[Message, ...]:
         Message(STREAM_ID, "ESEA_STREAM", chosen, _STREAM),
         Message(DATA_ID, "ESEA_DATA", "Samples of a stream.", _DATA),
         Message(TRAFFIC_ID, "ESEA_TRAFFIC", "Counters of the link; on request.", _TRAFFIC),
-        Message(KEY_ID, "ESEA_KEY", "Part of a key frame: all that the next ticks come from.", _KEY),
+        Message(
+            KEY_ID, "ESEA_KEY", "Part of a key frame: all that the next ticks come from.", _KEY
+        ),
     ]
     roles = board_roles(system)
     if roles.drive:

@@ -1,5 +1,6 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
+from esea_host.cli import demo as demo
 from esea_host.cli import live as live
 from esea_host.cli import logs as logs
 from esea_host.cli.app import app, main

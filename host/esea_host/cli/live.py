@@ -78,7 +78,9 @@ def _plain(value: Any) -> Any:
 
 
 def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) -> None:
-    layout = next(x for x in board.receiver.decoder.layouts.values() if x.name in (queue.streams or ()))
+    layout = next(
+        x for x in board.receiver.decoder.layouts.values() if x.name in (queue.streams or ())
+    )
     last: Any = None
     rows = 0
     with Live(console=out, refresh_per_second=5, transient=False) as live:

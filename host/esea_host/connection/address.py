@@ -122,9 +122,7 @@ class SimulatedProcess(SocketTransport):
             self._stop()
 
 
-def open_patiently(
-    address: Address, given_up: Callable[[], bool], most_s: float
-) -> Transport:
+def open_patiently(address: Address, given_up: Callable[[], bool], most_s: float) -> Transport:
     """Try to open a link again and again, with growing waits, until time is up."""
     deadline_s = time.monotonic() + most_s
     wait_s = FIRST_WAIT_S

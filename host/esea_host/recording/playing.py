@@ -25,7 +25,9 @@ def play(log: Log, stream: str, speed: float) -> Iterator[str]:
             time.sleep(wait_s)
         row = dict(zip(table.names, values, strict=True))
         # JSON has no NaN.
-        plain = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+        plain = {
+            k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()
+        }
         yield json.dumps({"time_s": round(at_s, 6), **plain})
         if row.get("sequence") in holes:
             yield json.dumps({"gap": holes[row["sequence"]].to_dict()})
