@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import dataclasses
 import json
 import math
@@ -207,7 +208,7 @@ def test_what_the_board_drops_is_told_from_what_the_link_loses(drive, device):
     for _ in range(10):  # the main loop comes back after the 11th tick; its ring holds 4 runs
         drive.board.lib.sim_tick(1, True)
     device.advance(0.1)
-    rows, (gap,) = rows_and_gaps(queue)
+    _, (gap,) = rows_and_gaps(queue)
     assert gap.reason == "board"
     assert gap.missing == device.clock()["dropped"] == 7
     assert gap.before_tick - gap.after_tick == 8
@@ -291,10 +292,8 @@ class Proxy:
 
     def pull(self) -> None:
         for link in self.links:
-            try:
+            with contextlib.suppress(OSError):
                 link.shutdown(socket.SHUT_RDWR)
-            except OSError:
-                pass
             link.close()
 
 

@@ -106,5 +106,5 @@ def import_(
     out.print(f"{target}: {report.rows} rows, {len(report.gaps)} gaps")
     out.print(
         f"dropped at first {report.dropped_first}, no rows of numbers {report.ragged}, unwrapped "
-        f"{report.wrapped}, broken values {report.broken}, time went back {len(report.backward_s)} x"
+        f"{report.wrapped}, broken values {report.broken}, back in time {len(report.backward_s)} x"
     )

@@ -1,7 +1,7 @@
 """CSV logs of other machines, read by a mapping file, with their faults told and not smoothed over.
 
-A mapping is TOML: which column is what, in which unit, times which factor; what a broken value looks
-like; and how time runs.
+A mapping is TOML: which column is what, in which unit, times which factor; what a broken value
+looks like; and how time runs.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ class ForeignMapping(BaseModel):
     """A mapping file.
 
     stream: name of the stream that is made.
-    delimiter, skip_lines: of the file; the header stands behind the skipped lines.
+    delimiter, skip_lines: of the file; the header, if it has one, stands behind the skipped lines.
+    header: whether there is one; without it columns are named by number.
+    fields: of a row; without it as many as the header has.
     drop_first: rows at the beginning that were not framed right.
     """
 
@@ -73,6 +75,8 @@ class ForeignMapping(BaseModel):
     stream: str = "foreign"
     delimiter: str = ","
     skip_lines: int = 0
+    header: bool = True
+    fields: Annotated[int, Field(ge=1)] | None = None
     drop_first: int = 0
     time: ForeignTime
     columns: Annotated[list[ForeignColumn], Field(min_length=1)]
@@ -173,9 +177,7 @@ def import_csv(source: Path, mapping: ForeignMapping, target: Path) -> ImportRep
 
 def _place(header: list[str], wanted: str | int, source: Path) -> int:
     if isinstance(wanted, int):
-        if wanted < len(header):
-            return wanted
-        raise UserError(f"{source} has {len(header)} columns, not {wanted + 1}.", "")
+        return wanted
     names = [h.strip() for h in header]
     if wanted not in names:
         known = ", ".join(names)[:300]
@@ -190,16 +192,17 @@ def _table(source: Path, mapping: ForeignMapping, report: ImportReport) -> list[
             lines = list(csv.reader(file, delimiter=mapping.delimiter))[mapping.skip_lines :]
     except OSError as error:
         raise UserError(f"{source} cannot be read: {error.strerror}.", "") from None
-    header = lines[0] if lines else []
+    header = lines[0] if lines and mapping.header else []
+    width = mapping.fields or len(header)
     wanted = [mapping.time.source, *(c.source for c in mapping.columns)]
     places = [None if w is None else _place(header, w, source) for w in wanted]
     found = []
-    for line in lines[1:]:
+    for line in lines[int(mapping.header) :]:
         try:
             row = [float("nan") if p is None else float(line[p]) for p in places]
         except (ValueError, IndexError):
             row = []
-        if row and len(line) == len(header):
+        if row and len(line) == width:
             found.append(row)
         else:
             report.ragged += 1

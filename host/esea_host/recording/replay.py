@@ -299,9 +299,8 @@ class _Replay:
         # A state that was begun anew, by zeroing or a parameter, is no difference.
         start = self.params.dtype.itemsize // 4 if self.params is not None else 0
         told = key.words[start:]
-        if self.params is not None:
-            if key.words[:start].tobytes() != self.params.tobytes():
-                return
+        if self.params is not None and key.words[:start].tobytes() != self.params.tobytes():
+            return
         mine = self.state.view("<u4").ravel()
         wrong = np.flatnonzero(told != mine)
         self.verdict.values += len(told)

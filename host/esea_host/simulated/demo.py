@@ -12,7 +12,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_host.recording.log import Log, Table, open_log
-from esea_host.recording.replay import Verdict, verify
+from esea_host.recording.replay import Verdict, device_of, verify
 from esea_host.simulated.drive import SimulatedDrive
 from esea_host.simulated.lockstep import LockstepDevice
 
@@ -97,12 +97,10 @@ def _flags(log: Log, device: Any, name: str) -> list[tuple[int, str]]:
 
 
 def _draw(log: Log, verdict: Verdict, path: Path) -> float:
+    import matplotlib as mpl
     from matplotlib.figure import Figure
 
     from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, STYLE
-    from esea_host.recording.replay import device_of
-
-    import matplotlib as mpl
 
     last = list(log["sense_out"].pieces())[-1]
     given = list(log["sense_in"].pieces())[-1]
