@@ -28,6 +28,7 @@ from esea_gen.emit.messages import (
     FIRST_ID,
     HEARTBEAT_EVERY,
     STREAM_SPAN_MS,
+    KEY_PART,
     STREAM_WORDS,
     STREAMS,
     ZERO_ROOM_RAD,
@@ -92,6 +93,7 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
         "longest_period": max(t.every for t in system.tasks),
         "parameters": link_parameters(system),
         "layout": parameter_layout(system),
+        "key_part": KEY_PART,
         "streams": (STREAMS, STREAM_WORDS, STREAM_SPAN_MS),
         "largest_payload": max(m.payload_bytes for m in own),  # longer than any standard one
     }

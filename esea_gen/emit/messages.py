@@ -20,6 +20,7 @@ HEARTBEAT_EVERY = 1000
 
 WANTED_ID, CLOCK_ID = FIRST_ID + 60, FIRST_ID + 61
 STREAM_ID, DATA_ID, TRAFFIC_ID = FIRST_ID + 62, FIRST_ID + 63, FIRST_ID + 64
+KEY_ID, KEY_PART = FIRST_ID + 65, 58  # words of a key frame that a message holds
 STREAM_WORDS = 59  # values that a message of a stream holds
 STREAMS = 6  # that a board sends side by side
 STREAM_SPAN_MS = 20  # longest that a sample waits for others to be packed with
@@ -306,6 +307,14 @@ def task_messages(system: System) -> tuple[Message, ...]:
     return tuple(found)
 
 
+_KEY = (
+    MessageField("uint32_t", "sequence", "Base tick at whose start it was taken."),
+    MessageField("uint32_t", "first", "Number of the first word here."),
+    MessageField("uint32_t", "total", "Words of the whole frame: params, then state, as in the C."),
+    MessageField("uint32_t", "words", "As they lie in memory; 0 behind the last.", KEY_PART),
+)
+
+
 def messages(system: System) -> tuple[Message, ...]:
     """The messages of a System beside the standard ones."""
     found = [
@@ -320,6 +329,9 @@ def messages(system: System) -> tuple[Message, ...]:
         Message(STREAM_ID, "ESEA_STREAM", chosen, _STREAM),
         Message(DATA_ID, "ESEA_DATA", "Samples of a stream.", _DATA),
         Message(TRAFFIC_ID, "ESEA_TRAFFIC", "Counters of the link; on request.", _TRAFFIC),
+        Message(
+            KEY_ID, "ESEA_KEY", "Part of a key frame: all that the next ticks come from.", _KEY
+        ),
     ]
     roles = board_roles(system)
     if roles.drive:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -41,6 +41,7 @@ def _compiled(device: DeviceData, cable: bool, step_s: float) -> HostLibrary:
 
 class SteppedPlant:
     """A plant whose output is clamped or free.
+    """A plant whose output is clamped or free, with a person in the joint or nobody.
 
     person: who is in the joint; nobody where none is given.
     motor_gain: true torque over commanded torque; below 0 the motor turns the other way.
@@ -73,11 +74,17 @@ class SteppedPlant:
         blocks = self.system.blocks["encoders"]
         self._full = {p.name: round(p.high) + 1 for p in blocks.outputs}
 
-    def start(self, start_rad: float, *, clamped: bool) -> tuple[int, int, int]:
-        """From rest at an angle; the counts there, of motor side, load side and motor's shaft."""
+    def start(
+        self, start_rad: float, *, clamped: bool, person: Person = EMPTY
+    ) -> tuple[int, int, int]:
+        """From rest at an angle; the counts there, of motor side, load side and motor's shaft.
+
+        person: who is in the joint; default: nobody.
+        """
         library, prefix = self.library, self.library.prefix
         ffi = library.ffi
         values = {**self.variant.values, **self.person.values(), "clamped": float(clamped)}
+        values = {**self.variant.values, **person.values(), "clamped": float(clamped)}
         params = ffi.new(f"{prefix}_params_t *")
         self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
         library.function(f"{prefix}_default_params")(params)
@@ -128,6 +135,15 @@ class SteppedPlant:
             push.u_Nm = line.popleft()
             self._move(self._coeffs, self._state, push, plant)
         return self._read()
+
+    def intend(self, path: Mapping[str, float]) -> None:
+        """What the person intends from now on.
+
+        path: ``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``, and ``noise``, a number of
+            variance 1 for each tick.
+        """
+        for key, value in path.items():
+            setattr(self._push, key, value)
 
     def truth(self) -> dict[str, float]:
         """The plant's own outputs at this moment."""

@@ -136,6 +136,7 @@ static bool start_control(esea_app_t *app)
     app->clock.counted = false;
     memset(app->started, 0, sizeof app->started);
     app->released = false;
+    esea_key_ask(app);
     if (!esea_link_sealed(&app->control)) { /* memory was overwritten */
         (void)esea_link_init(&app->control);
         esea_send_text(app, MAV_SEVERITY_WARNING, "parameters were corrupt: defaults", "");
@@ -249,6 +250,7 @@ void esea_app_end_zeroing(esea_app_t *app)
     if (!app->referenced)
         app->referenced = esea_link_unzero(&app->control);
     app->motion.zeroing_ends = false;
+    esea_key_ask(app);
     app->clock.counted = false; /* the ticks meanwhile are none that were lost */
     app->clock.runs = app->fault < ESEA_FIRST_BOARD_FAULT;
 }

@@ -100,6 +100,7 @@ typedef struct esea_app {
     float measured[ESEA_LINK_MEASURED + 1u]; /* one more, for an array of none is no array */
 
     esea_stream_t streams[ESEA_LINK_STREAMS];
+    esea_key_t key;
     esea_parameters_t parameters;
     esea_signing_t signing;
 

@@ -40,6 +40,13 @@ static uint8_t set_interval(esea_app_t *app, float id, float interval_us)
 {
     uint32_t number, side;
 
+    if (id == (float)MAVLINK_MSG_ID_ESEA_KEY) {
+        if (!(interval_us <= 1e9f)) /* NaN too */
+            return MAV_RESULT_DENIED;
+        app->key.interval = interval_us > 0.0f ? esea_ticks((uint32_t)interval_us / 1000u) : 0u;
+        esea_key_ask(app);
+        return MAV_RESULT_ACCEPTED;
+    }
     for (number = 0u; number < ESEA_LINK_TASKS; ++number)
         for (side = 0u; side < ESEA_SIDES; ++side) {
             const uint32_t every = esea_link_every(number);
@@ -288,7 +295,10 @@ void esea_app_poll(esea_app_t *app)
     if (app->motion.zeroing_ends)
         esea_app_end_zeroing(app);
     send_all(app);
+    esea_send_runs(app);
+    esea_streams_send(app);
+    esea_key_send(app);
     send_state(app);
-    if (!esea_parameters_send(app) && !esea_streams_wait(app))
+    if (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits)
         app->port->wait();
 }

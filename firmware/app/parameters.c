@@ -43,6 +43,7 @@ static bool put_in_force(esea_app_t *app)
         return false;
     app->port->quiet(true);
     esea_link_take(&app->control);
+    esea_key_ask(app);
     app->port->quiet(false);
     return true;
 }

@@ -264,6 +264,7 @@ void esea_app_tick(esea_app_t *app)
     supervise(app);
     tell_limits(app);
 
+    esea_key_take(app, tick);
     esea_link_release_at(&app->control, tick);
     for (number = 0u; number < ESEA_LINK_TASKS; ++number)
         if (esea_link_every(number) == 1u && starts(number, tick)) {

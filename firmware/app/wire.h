@@ -37,6 +37,15 @@ typedef struct {
     esea_block_t blocks[ESEA_BLOCKS];
 } esea_stream_t;
 
+/* All that the next ticks come from: written by the tick, sent by the main loop while it `waits`. */
+typedef struct {
+    uint32_t interval; /* base ticks; 0: none */
+    uint32_t tick;     /* at whose start it was taken */
+    uint32_t sent;     /* words of it */
+    volatile bool asked, waits;
+    uint32_t words[ESEA_LINK_KEY_WORDS];
+} esea_key_t;
+
 typedef struct {
     uint32_t listed;  /* parameter that a list tells next */
     uint32_t refused; /* stays at its maximum */
@@ -58,6 +67,12 @@ void esea_streams_take(struct esea_app *app, uint32_t task, uint32_t tick, uint6
 bool esea_streams_send(struct esea_app *app, uint32_t number);
 bool esea_streams_wait(const struct esea_app *app);
 void esea_streams_choose(struct esea_app *app, const mavlink_message_t *message);
+
+/* -- key.c ------------------------------------------------------------------------------------- */
+
+void esea_key_ask(struct esea_app *app);
+void esea_key_take(struct esea_app *app, uint32_t tick);
+void esea_key_send(struct esea_app *app);
 
 /* -- parameters.c ------------------------------------------------------------------------------ */
 

@@ -2,4 +2,28 @@
 
 Rooms, from the top floor down: ``cli``; the windows; the three studies; the study engine; the
 simulated board; the connection to a board; recordings; metrics and statistics.
+
+``esea_host.connect`` and ``esea_host.open_device`` reach a board, ``esea_host.open_log`` a
+recording.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from esea_host.connection import connect, open_device
+    from esea_host.recording import open_log
+
+__all__ = ["connect", "open_device", "open_log"]
+
+_ROOMS = {"connect": "connection", "open_device": "connection", "open_log": "recording"}
+
+
+def __getattr__(name: str) -> Any:
+    # Loaded when asked for: who reads a recording needs no link.
+    if name not in _ROOMS:
+        raise AttributeError(f"module 'esea_host' has no attribute '{name}'")
+    from importlib import import_module
+
+    return getattr(import_module(f"esea_host.{_ROOMS[name]}"), name)

@@ -1,6 +1,9 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
 from esea_host.cli import analyse
+from esea_host.cli import demo as demo
+from esea_host.cli import live as live
+from esea_host.cli import logs as logs
 from esea_host.cli.app import app, main
 
 __all__ = ["analyse", "app", "main"]

@@ -1,0 +1,219 @@
+"""A board that is connected: ``monitor``, ``record``, ``parameters``, ``sim``."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.live import Live
+from rich.table import Table as Grid
+
+from esea_gen.errors import UserError
+from esea_host.cli.app import app, out
+from esea_host.cli.options import AddressArgument, DeviceOption, SecondsOption, StreamOption
+from esea_host.connection import ConnectedDevice, Subscription, open_device
+
+SCREEN_S = 0.2
+
+
+def _until(seconds: float | None, step_s: float) -> Iterator[None]:
+    # Turns of a loop until the time is up, or Ctrl+C.
+    end_s = None if seconds is None else time.monotonic() + seconds
+    try:
+        while end_s is None or time.monotonic() < end_s:
+            yield
+            time.sleep(step_s)
+    except KeyboardInterrupt:
+        return
+
+
+def _said(device: ConnectedDevice) -> str:
+    kind = " (simulated)" if device.simulated else ""
+    return f"{device.identity.device.name} on {device.identity.board}{kind}"
+
+
+@app.command()
+def monitor(
+    address: AddressArgument,
+    stream: Annotated[str, typer.Option("--stream", help="Which to show.")] = "sense_out",
+    device: DeviceOption = None,
+    seconds: SecondsOption = None,
+    jsonl: Annotated[
+        bool, typer.Option("--jsonl", help="One JSON object a line for each run, for scripts.")
+    ] = False,
+    rate: Annotated[
+        float | None, typer.Option("--rate", min=0.001, help="Runs a second; default: every one.")
+    ] = None,
+) -> None:
+    """Show what a board tells, in the terminal or line by line."""
+    with open_device(address, device) as board:
+        board.listen([stream], rate)
+        queue = board.subscribe([stream])
+        if jsonl:
+            _lines(queue, seconds)
+        else:
+            _screen(board, queue, seconds)
+
+
+def _lines(queue: Subscription, seconds: float | None) -> None:
+    for _ in _until(seconds, 0.0):
+        for batch in queue.take(0.1):
+            for gap in batch.gaps:
+                print(json.dumps({"gap": gap.to_dict()}))
+            names = batch.rows.dtype.names or ()
+            for row in batch.rows:
+                values = {n: _plain(row[n].tolist()) for n in names}
+                print(json.dumps({"stream": batch.layout.name, **values}), flush=True)
+
+
+def _plain(value: Any) -> Any:
+    # JSON has no NaN.
+    if isinstance(value, list):
+        return [_plain(v) for v in value]
+    return value if isinstance(value, int) or abs(value) < float("inf") else None
+
+
+def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) -> None:
+    layout = next(
+        x for x in board.receiver.decoder.layouts.values() if x.name in (queue.streams or ())
+    )
+    last: Any = None
+    rows = 0
+    with Live(console=out, refresh_per_second=5, transient=False) as live:
+        for _ in _until(seconds, SCREEN_S):
+            for batch in queue.take(0.0):
+                last, rows = batch.rows[-1], rows + len(batch.rows)
+            grid = Grid(title=f"{_said(board)}: {board.state()}", title_justify="left")
+            for column in ("signal", "value", "unit", "meaning"):
+                grid.add_column(column, justify="right" if column == "value" else "left")
+            for c in layout.columns if last is not None else ():
+                value = last[c.name].tolist()
+                text = f"{value:.5g}" if isinstance(value, float) else str(value)
+                grid.add_row(c.name, text, c.unit, c.meaning[:50])
+            health = board.health()
+            grid.caption = f"{rows} runs; " + ", ".join(f"{k} {v}" for k, v in health.items())
+            live.update(grid)
+
+
+@app.command()
+def record(
+    address: AddressArgument,
+    path: Annotated[Path, typer.Argument(help="File to write (.mcap); must not exist.")],
+    stream: StreamOption = None,
+    device: DeviceOption = None,
+    seconds: SecondsOption = None,
+    compress: Annotated[bool, typer.Option("--compress", help="With zstandard.")] = False,
+    note: Annotated[str, typer.Option("--note", help="Written into it at the start.")] = "",
+) -> None:
+    """Record a board; gaps are counted, shown and kept."""
+    with open_device(address, device) as board:
+        with board.record(path, stream, compress) as recording:
+            if note:
+                recording.note(note)
+            told_s = time.monotonic()
+            for _ in _until(seconds, 0.1):
+                if recording.error is not None:
+                    raise recording.error
+                if time.monotonic() - told_s > 5:
+                    told_s = time.monotonic()
+                    out.print(f"{recording.rows} runs, {recording.gaps} gaps")
+            recording.event("board_clock", **board.clock())
+        health = board.health()
+        out.print(f"{path}: {recording.rows} runs of {_said(board)}, {recording.gaps} gaps")
+        out.print(", ".join(f"{k} {v}" for k, v in health.items() if v and k != "frames"))
+
+
+@app.command()
+def parameters(
+    address: AddressArgument,
+    device: DeviceOption = None,
+    assign: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="name=value, such as smc.lambda_1_s=12; again for more."),
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option("--save", help="Write the values into a JSON file.")
+    ] = None,
+    load: Annotated[
+        Path | None, typer.Option("--load", help="Set those of a JSON file that differ.")
+    ] = None,
+    compare: Annotated[
+        Path | None, typer.Option("--compare", help="Show only what differs from a JSON file.")
+    ] = None,
+) -> None:
+    """List, set, save, load or compare a board's parameters; what changes is shown first."""
+    wanted = _assigned(assign or [])
+    if load is not None:
+        wanted = _read(load) | wanted
+    with open_device(address, device) as board:
+        values = board.parameters()
+        known = {p.name: p for p in board.session.known_parameters()}
+        if compare is not None:
+            other = _read(compare)
+            for name in sorted(set(values) | set(other)):
+                if values.get(name) != other.get(name):
+                    out.print(f"{name}: {values.get(name)} here, {other.get(name)} in {compare}")
+            return
+        for name, value in wanted.items():
+            full = board.parameter_name(name)
+            if known[full].fixed or values[full] == value:
+                continue
+            out.print(f"{full}: {values[full]:g} -> {value:g} {known[full].unit}")
+            values[full] = board.set(full, value)
+        if save is not None:
+            save.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+            out.print(f"{save}: {len(values)} parameters")
+        if not wanted and save is None:
+            for name, p in known.items():
+                bounds = f"[{p.low:g}, {p.high:g}]"
+                out.print(f"{name} = {values[name]:g} {p.unit}  {bounds}  {p.meaning}")
+
+
+def _assigned(texts: list[str]) -> dict[str, float]:
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            raise UserError(f"--set {text}: no number behind '='.", "Write name=value.") from None
+    return found
+
+
+def _read(path: Path) -> dict[str, float]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return {str(k): float(v) for k, v in content.items()}
+    except (OSError, ValueError, AttributeError, TypeError) as error:
+        what = f"{path} is no file of parameters ({error})."
+        raise UserError(what, "Write one with --save.") from None
+
+
+@app.command()
+def sim(
+    device: Annotated[str, typer.Argument(help="Device with a drive, such as elbow_drive.")],
+    tcp: Annotated[int | None, typer.Option("--tcp", help="Port; 0: any.")] = None,
+    pty: Annotated[bool, typer.Option("--pty", help="A pseudo terminal in place of TCP.")] = False,
+    person: Annotated[str, typer.Option("--person", help="Who is in the joint.")] = "uncertain",
+    plant: Annotated[str, typer.Option("--plant", help="ideal, real or random.")] = "real",
+    seed: Annotated[int, typer.Option("--seed")] = 0,
+    speed: Annotated[float, typer.Option("--speed", help="1: real time; 0: as it is read.")] = 1.0,
+) -> None:
+    """Serve a simulated board: the firmware's application, the virtual drive, a virtual person."""
+    from esea_host.simulated.server import serve
+
+    if pty and tcp is not None:
+        raise UserError("Both --tcp and --pty are given.", "Give one.")
+    port = None if pty else (tcp or 0)
+    try:
+        serve(device, port, plant=plant, person=person, seed=seed, speed=speed, say=_tell)
+    except KeyboardInterrupt:
+        return
+
+
+def _tell(text: str) -> None:
+    print(text, flush=True)

@@ -1,0 +1,137 @@
+"""Where a board is: ``tcp:host:port``, ``serial:/dev/...``, ``pty:...``, ``sim:device``."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from esea_gen.errors import UserError
+from esea_link import transport as link
+from esea_link.transport import LinkError, SocketTransport, Transport
+
+KINDS = ("tcp", "serial", "pty", "sim", "file")
+EXAMPLES = (
+    "tcp:127.0.0.1:5760, serial:/dev/ttyACM0, pty:/dev/pts/3, file:bytes.bin or sim:elbow_drive"
+)
+OPEN_S = 3.0
+START_S = 60.0  # of a simulated board: its C is compiled
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
+
+
+@dataclass(frozen=True)
+class Address:
+    """A parsed address.
+
+    place: what stands behind the first colon.
+    """
+
+    kind: str
+    place: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.place}"
+
+
+def parse_address(text: str) -> Address:
+    """An address from what somebody typed."""
+    kind, colon, place = text.partition(":")
+    if kind not in KINDS or not colon or not place:
+        raise UserError(f"'{text}' is no address of a board.", f"Write one such as {EXAMPLES}.")
+    if kind == "tcp":
+        host, _, port = place.rpartition(":")
+        if not host or not port.isdigit() or not 0 < int(port) < 65536:
+            raise UserError(f"'{text}' names no host and port.", "Write tcp:127.0.0.1:5760.")
+    return Address(kind, place)
+
+
+def open_transport(address: Address) -> Transport:
+    """Open the link to a board; :class:`LinkError` when nobody is there."""
+    if address.kind == "sim":
+        return SimulatedProcess(address.place)
+    try:
+        return link.open_transport(str(address))
+    except LinkError as error:
+        if address.kind != "tcp":
+            raise
+        port = address.place.rpartition(":")[2]
+        fix = f"Start the board, or a simulated one: esea-host sim elbow_drive --tcp {port}"
+        raise LinkError(error.what, fix, error.said) from None
+
+
+class SimulatedProcess(SocketTransport):
+    """A simulated board in a process of its own, which ends with the link.
+
+    place: ``device``, or ``device?person=...&speed=...`` as the command's options.
+    """
+
+    def __init__(self, place: str) -> None:
+        device, _, options = place.partition("?")
+        words = [f"--{k}={v}" for k, _, v in (o.partition("=") for o in options.split("&") if o)]
+        command = [sys.executable, "-m", "esea_host.simulated", device, "--tcp=0", "--once", *words]
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL
+        )
+        try:
+            port = self._port()
+            super().__init__(socket.create_connection(("127.0.0.1", port), OPEN_S))
+        except BaseException:
+            self._stop()
+            raise
+
+    def _port(self) -> int:
+        # Its first line says where it listens.
+        output = self._process.stdout
+        assert output is not None
+        deadline_s = time.monotonic() + START_S
+        said = b""
+        with selectors.DefaultSelector() as selector:
+            selector.register(output, selectors.EVENT_READ)
+            while b"\n" not in said and time.monotonic() < deadline_s:
+                if not selector.select(0.2):
+                    continue
+                data = os.read(output.fileno(), 4096)
+                if not data:
+                    break
+                said += data
+        line = said.decode(errors="replace").partition("\n")[0]
+        port = line.rpartition(":")[2].strip()
+        if not port.isdigit():
+            self._process.kill()
+            _, error = self._process.communicate()
+            raise LinkError("the simulated board did not start", said=error.decode().strip())
+        return int(port)
+
+    def _stop(self) -> None:
+        self._process.terminate()
+        try:
+            self._process.communicate(timeout=3.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+
+    def close(self) -> None:
+        """See :class:`esea_link.transport.Transport`."""
+        super().close()
+        if self._process.poll() is None:
+            self._stop()
+
+
+def open_patiently(address: Address, given_up: Callable[[], bool], most_s: float) -> Transport:
+    """Try to open a link again and again, with growing waits, until time is up."""
+    deadline_s = time.monotonic() + most_s
+    wait_s = FIRST_WAIT_S
+    while True:
+        try:
+            return open_transport(address)
+        except LinkError as error:
+            if given_up() or time.monotonic() + wait_s >= deadline_s:
+                what = f"the link to {address} broke and did not come back within {most_s:g} s"
+                raise LinkError(what, "Check cable and power.", str(error)) from None
+        time.sleep(wait_s)
+        wait_s = min(2 * wait_s, LONGEST_WAIT_S)

@@ -1,0 +1,594 @@
+"""A connected board: what a program, a window or a command line holds in its hand."""
+
+from __future__ import annotations
+
+import asyncio
+import difflib
+import threading
+from collections.abc import AsyncIterator, Collection, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from esea_gen.emit.dialect import load_dialect
+from esea_gen.errors import UserError
+from esea_host.connection.address import Address, open_patiently, open_transport, parse_address
+from esea_host.connection.decoder import TICK, TelemetryDecoder
+from esea_host.connection.identity import Identity, column_texts, identify, passive
+from esea_host.connection.receiver import KEY, Receiver, SessionTransport, Subscription
+from esea_host.connection.recording import LiveRecording
+from esea_host.recording.layout import StreamLayout
+from esea_link.session import Session
+from esea_link.transport import LinkError, Transport
+
+WAIT_S = 1.0
+KEY_US = 1e6  # from one key frame to the next
+MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One run of a task.
+
+    Parameters
+    ----------
+    stream : str
+        Which task's, and whether its input or output.
+    tick : int
+        Base tick.
+    time_s : float
+        By the board's clock.
+    values : dict of str to float
+        By name, in the unit of the name.
+    """
+
+    stream: str
+    tick: int
+    time_s: float
+    values: dict[str, Any]
+
+    def __getitem__(self, name: str) -> Any:
+        """A value by its name."""
+        return self.values[name]
+
+
+class ConnectedDevice:
+    """A board that is connected, known and listened to.
+
+    Parameters
+    ----------
+    identity : Identity
+        Who it is.
+    transport : Transport
+        Open.
+    address : Address, optional
+        Where it is, to open the link anew when it breaks.
+    threaded : bool
+        Listen in a thread; a simulated board whose clock the caller moves is listened to by
+        :meth:`pump`.
+    """
+
+    def __init__(
+        self,
+        identity: Identity,
+        transport: Transport,
+        address: Address | None = None,
+        threaded: bool = True,
+    ) -> None:
+        self.identity, self.address = identity, address
+        dialect = load_dialect(identity.device)
+        decoder = TelemetryDecoder(dialect, *column_texts(identity.device))
+        self._closing = False
+        reopen = self._open_again if address is not None and address.kind != "file" else None
+        self.receiver = Receiver(transport, decoder, identity.tick_us * 1000, reopen)
+        self.session = Session(SessionTransport(self.receiver), dialect)
+        self._lock = threading.RLock()
+        self._told: dict[str, float] = {}
+        self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
+        self._recordings: list[LiveRecording] = []
+        self._beats = dialect.MAVLink(None, 255, 191)
+        self._dialect, self._threaded = dialect, threaded
+        self.receiver.keep_alive = self._heartbeat
+        self.receiver.on_reconnect = self._tell_again
+        if threaded:
+            self.receiver.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End recordings and let go of the board; more than once does no harm."""
+        self._closing = True
+        for recording in list(self._recordings):
+            recording.close()
+        self.receiver.close()
+
+    # -- staying connected -----------------------------------------------------------------------
+
+    def _heartbeat(self) -> bytes:
+        beat = self._dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+        frame = bytes(beat.pack(self._beats))
+        self._beats.seq = (self._beats.seq + 1) % 256
+        return frame
+
+    def _open_again(self) -> Transport:
+        assert self.address is not None
+        transport = open_patiently(self.address, lambda: self._closing, MOST_AWAY_S)
+        try:
+            found = identify(transport, self.identity.device.origin.removesuffix(".toml"))
+            if found.content_hash != self.identity.content_hash:
+                raise UserError("Behind the link is another board now.", "Connect anew.")
+        except BaseException:
+            transport.close()
+            raise
+        return transport
+
+    def _tell_again(self) -> None:
+        command = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+        for name, interval_us in self._told.items():
+            number = float(self._ids[name])
+            values = 1, 1, command, 0, number, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
+            message = self._dialect.MAVLink_command_long_message(*values)
+            frame = bytes(message.pack(self._beats))
+            self._beats.seq = (self._beats.seq + 1) % 256
+            self.receiver.write(frame, WAIT_S)
+
+    def pump(self, timeout_s: float = 0.0) -> bool:
+        """Listen once, where no thread does.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait.
+
+        Returns
+        -------
+        bool
+            Whether anything came.
+        """
+        came = self.receiver.pump(timeout_s)
+        for recording in self._recordings:
+            recording.drain(0.0)
+        return came
+
+    # -- looking ---------------------------------------------------------------------------------
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no hardware is behind it."""
+        return self.identity.simulated
+
+    @property
+    def _layouts(self) -> list[StreamLayout]:
+        return list(self.receiver.decoder.layouts.values())
+
+    @property
+    def streams(self) -> list[str]:
+        """Names of the streams that it can be asked for."""
+        return [layout.name for layout in self._layouts]
+
+    def health(self) -> dict[str, int]:
+        """Counters of the link: frames, losses, wrong checksums, new connections, gaps.
+
+        Returns
+        -------
+        dict of str to int
+            Since the connection was made.
+        """
+        own = {"reconnects": self.receiver.reconnects, "gaps": self.receiver.gap_count}
+        dropped = sum(r.subscription.dropped_rows for r in self._recordings)
+        return asdict(self.receiver.health) | own | {"dropped_rows": dropped}
+
+    def state(self) -> str:
+        """The board's state by name, as its last HEARTBEAT told.
+
+        Returns
+        -------
+        str
+            ``READY``, ``ACTIVE`` ...; ``UNKNOWN`` before the first.
+        """
+        with self._lock:
+            self.session.pending()
+            return self.session.state() if self.session.heartbeat is not None else "UNKNOWN"
+
+    def clock(self) -> dict[str, int]:
+        """The board's own counters: ticks, what it lost, dropped and refused.
+
+        Returns
+        -------
+        dict of str to int
+            Fields of ESEA_CLOCK.
+        """
+        with self._lock:
+            told = self.session.clock()
+        return {name: int(getattr(told, name)) for name in told.get_fieldnames()}
+
+    def _stream_of(self, name: str) -> str:
+        """A stream by its own name, or by that of one of its columns."""
+        if name in self.streams:
+            return name
+        # A task's output before what it was given.
+        layouts = sorted(self._layouts, key=lambda x: x.name.endswith("_in"))
+        for layout in layouts:
+            if name in [c.name for c in layout.columns]:
+                return layout.name
+        raise UserError(
+            f"{self.identity.device.name} has neither a stream nor a signal '{name}'.",
+            f"Streams: {', '.join(self.streams)}; signals are their columns, such as tau_Nm.",
+        )
+
+    def listen(
+        self, streams: Collection[str] | None = None, rate_Hz: float | None = None
+    ) -> list[str]:
+        """Ask the board to tell of runs.
+
+        Parameters
+        ----------
+        streams : collection of str, optional
+            Default: input and output of every task.
+        rate_Hz : float, optional
+            Default: every run.
+
+        Returns
+        -------
+        list of str
+            The streams that are told now.
+        """
+        chosen = list(streams) if streams is not None else self.streams
+        names = {layout.name: n for n, layout in self.receiver.decoder.layouts.items()}
+        for stream in chosen:
+            if stream not in names:
+                raise UserError(f"There is no stream '{stream}'.", f"There is {', '.join(names)}.")
+            message = self._dialect.mavlink_map[names[stream]].msgname
+            interval_us = 1.0 if rate_Hz is None else 1e6 / rate_Hz
+            if stream == KEY:
+                interval_us = KEY_US
+            with self._lock:
+                self.session.tell(message, interval_us)
+            self._told[message] = interval_us
+        return chosen
+
+    def subscribe(self, streams: Collection[str] | None = None) -> Subscription:
+        """A queue of rows as they come, for whoever wants arrays.
+
+        Parameters
+        ----------
+        streams : collection of str, optional
+            Default: all that is told.
+
+        Returns
+        -------
+        Subscription
+            With a bound; what does not fit is counted.
+        """
+        return self.receiver.subscribe(streams)
+
+    def samples(self, *names: str, timeout_s: float = 5.0) -> Iterator[Sample]:
+        """Runs of one stream, one after another, as long as they come.
+
+        Parameters
+        ----------
+        *names : str
+            A stream, or signals of one stream.
+        timeout_s : float
+            Longest silence.
+
+        Returns
+        -------
+        iterator of Sample
+            Endless.
+
+        Raises
+        ------
+        LinkError
+            When the board is silent for longer, or the link has gone.
+        """
+        stream, wanted = self._chosen(names)
+        subscription = self.receiver.subscribe([stream])
+        try:
+            while True:
+                batches = subscription.take(timeout_s)
+                if not batches:
+                    what = f"no {stream} came within {timeout_s:g} s"
+                    raise LinkError(what, "Does the board run?")
+                for batch in batches:
+                    yield from _samples(batch, wanted)
+        finally:
+            self.receiver.unsubscribe(subscription)
+
+    def _chosen(self, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+        if not names:
+            raise UserError("No signal is named.", "Name one, such as tau_Nm.")
+        found = {self._stream_of(n) for n in names}
+        if len(found) > 1:
+            raise UserError(
+                f"{', '.join(names)} are of several streams: {', '.join(sorted(found))}.",
+                "Ask for each stream by itself.",
+            )
+        (stream,) = found
+        layout = next(x for x in self._layouts if x.name == stream)
+        everything = tuple(c.name for c in layout.columns if c.name != TICK)
+        self.listen([stream])
+        return stream, everything if stream in names else names
+
+    # -- doing -----------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """Stop the motor; taken in every state, held until :meth:`release`."""
+        with self._lock:
+            self.session.stop()
+
+    def release(self) -> None:
+        """Take a stop back; the motor stays off."""
+        with self._lock:
+            self.session.release()
+
+    def zero(self) -> None:
+        """Take the present angles as zero: unloaded, at the joint's zero, standing still."""
+        with self._lock:
+            self.session.zero()
+
+    def arm(self) -> None:
+        """Switch the motor on."""
+        with self._lock:
+            self.session.arm()
+
+    def disarm(self) -> None:
+        """Switch the motor off, gently where it holds torque."""
+        with self._lock:
+            self.session.disarm()
+
+    def clear(self) -> None:
+        """Say that a fault has been seen to."""
+        with self._lock:
+            self.session.clear()
+
+    def want(self, deadline_ms: int = 0, **wanted: Any) -> None:
+        """Send what is wanted; it holds until its deadline, at most a second.
+
+        Parameters
+        ----------
+        deadline_ms : int
+            Until the next must have come; 0: as the board has it.
+        **wanted : float
+            ``mode``, ``tau_desired_Nm`` ...; what is left out is 0.
+        """
+        with self._lock:
+            self.session.want(deadline_ms, **wanted)
+
+    def parameters(self) -> dict[str, float]:
+        """The values in force.
+
+        Returns
+        -------
+        dict of str to float
+            By full name, such as ``smc.lambda_1_s``, in the unit of the name.
+        """
+        with self._lock:
+            return self.session.parameters()
+
+    def parameter_name(self, name: str) -> str:
+        """Full name of a parameter.
+
+        Parameters
+        ----------
+        name : str
+            Full, or what stands behind its dot where only one has that.
+
+        Returns
+        -------
+        str
+            As in :meth:`parameters`.
+        """
+        known = [p.name for p in self.session.known_parameters()]
+        found = [n for n in known if name == n] or [n for n in known if n.endswith(f".{name}")]
+        if len(found) != 1:
+            near = ", ".join(found or difflib.get_close_matches(name, known, 3, 0.4) or known)
+            many = "is not the name of one parameter" if found else "is no parameter"
+            raise UserError(
+                f"'{name}' {many} of {self.identity.device.name}.", f"Say which: {near}."
+            )
+        return found[0]
+
+    def set(self, name: str, value: float) -> float:
+        """Set a parameter; it is written into the recordings that run.
+
+        Parameters
+        ----------
+        name : str
+            Full, or what stands behind its dot.
+        value : float
+            Within its bounds, in the unit of the name.
+
+        Returns
+        -------
+        float
+            In force now, in the board's number format.
+
+        Raises
+        ------
+        UserError
+            When there is no such parameter.
+        LinkError
+            When the board refuses: outside its bounds, or not in this state.
+        """
+        full = self.parameter_name(name)
+        with self._lock:
+            taken = self.session.set_parameter(full, value)
+        for recording in self._recordings:
+            recording.event("parameter", name=full, asked=value, value=taken)
+        return taken
+
+    def record(
+        self, path: str | Path, streams: Collection[str] | None = None, compress: bool = False
+    ) -> LiveRecording:
+        """Record from now on, until the recording is closed.
+
+        Parameters
+        ----------
+        path : str or Path
+            Must not exist.
+        streams : collection of str, optional
+            Default: input and output of every task, every run.
+        compress : bool
+            With zstandard.
+
+        Returns
+        -------
+        LiveRecording
+            A context manager; it has counters and takes notes.
+        """
+        recording = LiveRecording(self, Path(path), streams, compress, self._threaded)
+        self._recordings.append(recording)
+        if self.address is None or self.address.kind != "file":
+            recording.event("parameters", **self.parameters())
+            self.listen(streams)
+        return recording
+
+    def forget(self, recording: LiveRecording) -> None:
+        """A recording has ended."""
+        self._recordings = [r for r in self._recordings if r is not recording]
+
+
+def _samples(batch: Any, wanted: tuple[str, ...]) -> Iterator[Sample]:
+    columns = {n: batch.rows[n].tolist() for n in wanted}
+    ticks, times = batch.rows[TICK].tolist(), (batch.board_ns * 1e-9).tolist()
+    for i, (tick, time_s) in enumerate(zip(ticks, times, strict=True)):
+        yield Sample(batch.layout.name, tick, time_s, {n: c[i] for n, c in columns.items()})
+
+
+class AsyncDevice:
+    """The same for programs with an event loop: every call gives way while it waits.
+
+    Parameters
+    ----------
+    address : str
+        Where the board is.
+    device : str, optional
+        What it must be.
+    """
+
+    def __init__(self, address: str, device: str | None = None) -> None:
+        self._address, self._device = address, device
+        self.blocking: ConnectedDevice | None = None
+
+    async def __aenter__(self) -> Self:
+        self.blocking = await asyncio.to_thread(open_device, self._address, self._device)
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await asyncio.to_thread(self._connected.close)
+
+    @property
+    def _connected(self) -> ConnectedDevice:
+        if self.blocking is None:
+            raise UserError(
+                "The device is not connected.", "Use: async with connect(...) as device"
+            )
+        return self.blocking
+
+    def __getattr__(self, name: str) -> Any:
+        """Every method of :class:`ConnectedDevice`, to be awaited."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        method = getattr(self._connected, name)
+        if not callable(method):
+            return method
+
+        async def call(*arguments: Any, **named: Any) -> Any:
+            return await asyncio.to_thread(method, *arguments, **named)
+
+        return call
+
+    async def stream(self, *names: str, timeout_s: float = 5.0) -> AsyncIterator[Sample]:
+        """Runs of one stream as they come.
+
+        Parameters
+        ----------
+        *names : str
+            A stream, or signals of one stream.
+        timeout_s : float
+            Longest silence.
+
+        Yields
+        ------
+        Sample
+            One run.
+        """
+        device = self._connected
+        stream, wanted = await asyncio.to_thread(device._chosen, names)
+        subscription = device.receiver.subscribe([stream])
+        try:
+            while True:
+                batches = await asyncio.to_thread(subscription.take, timeout_s)
+                if not batches:
+                    raise LinkError(f"no {stream} came within {timeout_s:g} s", "Does it run?")
+                for batch in batches:
+                    for sample in _samples(batch, wanted):
+                        yield sample
+        finally:
+            device.receiver.unsubscribe(subscription)
+
+
+def open_device(address: str, device: str | None = None) -> ConnectedDevice:
+    """Connect to a board, waiting until it has answered.
+
+    Parameters
+    ----------
+    address : str
+        ``tcp:host:port``, ``serial:/dev/...``, ``pty:...``, ``sim:elbow_drive``.
+    device : str, optional
+        Name or file of the device that it must be; default: any shipped one.
+
+    Returns
+    -------
+    ConnectedDevice
+        A context manager.
+
+    Raises
+    ------
+    UserError
+        For no address, another device, or C that is not what this tree makes.
+    LinkError
+        When nobody answers.
+    """
+    place = parse_address(address)
+    transport = open_transport(place)
+    try:
+        identity = passive(device) if place.kind == "file" else identify(transport, device)
+    except BaseException:
+        transport.close()
+        raise
+    return ConnectedDevice(identity, transport, place)
+
+
+def connect(address: str, device: str | None = None) -> AsyncDevice:
+    """Connect to a board from a program with an event loop.
+
+    Parameters
+    ----------
+    address : str
+        As for :func:`open_device`.
+    device : str, optional
+        What it must be.
+
+    Returns
+    -------
+    AsyncDevice
+        For ``async with``.
+    """
+    return AsyncDevice(address, device)

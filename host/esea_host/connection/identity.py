@@ -1,0 +1,176 @@
+"""Who is at the other end, and whether we speak the same language."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import io
+import json
+import os
+import platform
+import sys
+import zipfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from esea_gen.device import Device, load_device
+from esea_gen.devices.file import read_file, shipped_devices
+from esea_gen.emit.build import format_hash, render_device
+from esea_gen.emit.dialect import load_dialect, render_dialect
+from esea_gen.errors import UserError
+from esea_gen.targets import BOARDS
+from esea_link.session import Session
+from esea_link.transport import LinkError, Transport
+
+ANYBODY = "elbow_drive"  # its dialect has the messages that all devices share
+SIMULATED_BOARDS = ("sim",)
+PROBE_S = 3.0
+PACKAGES = ("esea-gen", "numpy", "casadi", "pymavlink", "mcap")
+
+
+@dataclass(frozen=True)
+class Identity:
+    """A board that we understand.
+
+    real: number format of its C.
+    board: its name; simulated boards say so.
+    """
+
+    device: Device
+    real: str
+    content_hash: str
+    board: str
+    tick_us: int
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no hardware is behind it."""
+        return self.board in SIMULATED_BOARDS
+
+    def facts(self) -> dict[str, Any]:
+        """For the record: what ran, on what, seen from where."""
+        return {
+            "device": self.device.name,
+            "content_hash": self.content_hash,
+            "real": self.real,
+            "board": self.board,
+            "simulated": self.simulated,
+            "tick_us": self.tick_us,
+            "versions": {p: _version(p) for p in PACKAGES},
+            "computer": {
+                "system": platform.system(),
+                "release": platform.release(),
+                "machine": platform.machine(),
+                "processors": os.cpu_count(),
+                "python": sys.version.split()[0],
+            },
+        }
+
+    def attachments(self) -> dict[str, bytes]:
+        """What a recording must carry to be understood, and computed again, on its own."""
+        device = self.device
+        text, _ = read_file(device.origin if Path(device.origin).is_file() else device.name)
+        dialect = render_dialect(device).files
+        name = next(n for n in dialect if n.endswith(".xml"))
+        return {
+            "facts.json": json.dumps(self.facts(), indent=1).encode(),
+            "device.toml": text.encode(),
+            "dialect.xml": dialect[name].encode(),
+            "sources.zip": _zipped(render_device(device, [self.real])[0].files),
+        }
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _zipped(files: Any) -> bytes:
+    # Same bytes every time: no clock in it.
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(files):
+            archive.writestr(zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0)), files[name])
+    return made.getvalue()
+
+
+@lru_cache(maxsize=4)
+def _loaded(name: str) -> Device:
+    return load_device(name)
+
+
+def identify(transport: Transport, expected: str | None = None) -> Identity:
+    """Ask a board who it is.
+
+    expected: name or file of the device that it should be; default: any shipped one.
+    """
+    device = _loaded(expected or ANYBODY)
+    session = Session(transport, load_dialect(device), PROBE_S)
+    try:
+        info = session.info()
+    except LinkError as error:
+        what = error.what + ": nothing at the other end speaks this tree's dialect"
+        raise LinkError(what, error.fix or _build(device), error.said) from None
+    name = _text(info.device)
+    if expected is not None and device.name != name:
+        raise UserError(
+            f"The board runs the device {name}, not {device.name}.",
+            f"Connect to it as {name}, or flash the other: {_build(device)}",
+        )
+    if expected is None:
+        if name not in shipped_devices():
+            raise UserError(
+                f"The board runs the device '{name}', which does not come with this version.",
+                "Say which file it is of: --device FILE.toml",
+            )
+        device = _loaded(name)
+    return check_hash(device, _text(info.content_hash), _text(info.board), int(info.tick_us))
+
+
+def passive(device: str | None) -> Identity:
+    """Bytes out of a file: nobody can be asked, so the device must be said, and is believed."""
+    if device is None:
+        raise UserError("Bytes in a file do not say whose they are.", "Add --device elbow_drive.")
+    loaded = _loaded(device)
+    tick_us = round(loaded.system.base_period_s * 1e6)
+    return Identity(loaded, "f32", "unknown", "file", tick_us)
+
+
+def check_hash(device: Device, told: str, board: str, tick_us: int) -> Identity:
+    """Refuse C that is not what this tree makes of the device."""
+    real = BOARDS[board].real if board in BOARDS else "f32"
+    ours = format_hash(device, real)
+    if told == ours:
+        return Identity(device, real, told, board, tick_us)
+    raise UserError(
+        f"The board '{board}' runs other C of {device.name}: content hash {told}, and this tree's "
+        f"device file gives {ours}. Units, bounds and limits may differ.",
+        f"Flash what belongs to this tree: {_build(device, board)}; or use the version that made "
+        "the board's.",
+    )
+
+
+def _build(device: Device, board: str = "BOARD") -> str:
+    return f"esea-gen firmware {device.origin.removesuffix('.toml')} --board {board}"
+
+
+def _text(field: Any) -> str:
+    text = field.decode("ascii", "replace") if isinstance(field, bytes) else str(field)
+    return text.rstrip("\0")
+
+
+def column_texts(device: Device) -> tuple[dict[str, dict[str, str]], dict[str, dict[str, str]]]:
+    """Units and meanings of all that a device's tasks take and give, by message and field."""
+    units: dict[str, dict[str, str]] = {}
+    texts: dict[str, dict[str, str]] = {}
+    system = device.system
+    for task in system.tasks:
+        sides = {"IN": system.task_inputs(task), "OUT": system.task_outputs(task)}
+        for side, ports in sides.items():
+            name = f"ESEA_{task.name}_{side}".upper()
+            units[name] = {x.name: x.port.unit for x in ports if not x.port.flags}
+            texts[name] = {x.name: x.port.meaning for x in ports}
+    return units, texts

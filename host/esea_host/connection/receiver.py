@@ -1,0 +1,390 @@
+"""Listening: one thread reads, decodes and hands out, and waits for nobody.
+
+Who wants rows has a queue of its own with a bound; a queue that is full loses what comes, and says
+so.  Whatever is missing becomes a :class:`Gap`, with the reason that the counters give.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from esea_host.connection.decoder import TICK, Decoded, LinkHealth, TelemetryDecoder
+from esea_host.recording.gaps import Gap
+from esea_host.recording.layout import Array, StreamLayout
+from esea_link.transport import LinkError, Transport
+
+MOST_ROWS = 60_000  # a minute at 1 kHz
+READ_S = 0.05
+KEY = "key"  # a stream whose rows are parts of a frame
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Rows of a stream that came together, and the holes before and between them.
+
+    board_ns: on the board's clock; it goes on where the board's ticks start again at 0.
+    arrived_ns: by the host's clock, since 1970.
+    """
+
+    layout: StreamLayout
+    rows: Array
+    board_ns: Array
+    arrived_ns: int
+    gaps: tuple[Gap, ...] = ()
+
+
+class Subscription:
+    """A queue of batches for one reader; filling it never waits.
+
+    dropped_rows: those for which there was no room.
+    """
+
+    def __init__(self, streams: Collection[str] | None = None, most_rows: int = MOST_ROWS) -> None:
+        self.streams = None if streams is None else frozenset(streams)
+        self.most_rows, self.dropped_rows = most_rows, 0
+        self._held, self._full = 0, False
+        self._batches: deque[Batch] = deque()
+        self._lost: dict[str, Gap] = {}
+        self._last: dict[str, tuple[int, int]] = {}
+        self._changed = threading.Condition()
+        self._error: Exception | None = None
+
+    def put(self, batch: Batch) -> None:
+        """Take a batch, or count it as dropped."""
+        name = batch.layout.name
+        if self.streams is not None and name not in self.streams:
+            return
+        with self._changed:
+            last = int(batch.rows[TICK][-1]), int(batch.board_ns[-1])
+            self._full = self._full or self._held + len(batch.rows) > self.most_rows
+            if self._full:
+                self.dropped_rows += len(batch.rows)
+                tick, ns = self._last.get(name, (-1, -1))
+                lost = self._lost.get(name) or Gap(name, tick, -1, 0, "host", ns)
+                self._lost[name] = replace(lost, missing=lost.missing + len(batch.rows))
+                return
+            if name in self._lost:
+                gap = replace(self._lost.pop(name), before_tick=int(batch.rows[TICK][0]))
+                batch = replace(batch, gaps=(gap, *batch.gaps))
+            self._last[name] = last
+            self._held += len(batch.rows)
+            self._batches.append(batch)
+            self._changed.notify()
+
+    def fail(self, error: Exception) -> None:
+        """Nothing more will come: the reader hears why."""
+        with self._changed:
+            self._error = error
+            self._changed.notify_all()
+
+    def take(self, timeout_s: float) -> list[Batch]:
+        """All that waits; empty when nothing comes in time."""
+        with self._changed:
+            if not self._batches and self._error is None and timeout_s > 0:
+                self._changed.wait(timeout_s)
+            if not self._batches and self._error is not None:
+                raise self._error
+            found = list(self._batches)
+            self._batches.clear()
+            self._held, self._full = 0, False
+            return found
+
+
+class SessionTransport:
+    """The session's side of a link: it reads what is no telemetry, and writes straight out."""
+
+    def __init__(self, receiver: Receiver) -> None:
+        self._receiver = receiver
+
+    def read(self, timeout_s: float) -> bytes:
+        """See :class:`esea_link.transport.Transport`."""
+        return self._receiver.other_bytes(timeout_s)
+
+    def write(self, data: bytes, timeout_s: float) -> None:
+        """See :class:`esea_link.transport.Transport`."""
+        self._receiver.write(data, timeout_s)
+
+    def close(self) -> None:
+        """See :class:`esea_link.transport.Transport`."""
+        self._receiver.close()
+
+    def said(self) -> str:
+        """See :class:`esea_link.transport.Transport`."""
+        return self._receiver.transport.said()
+
+
+class Receiver:
+    """Reads a link and hands out what comes.
+
+    Parameters
+    ----------
+    transport : Transport
+        Open.
+    decoder : TelemetryDecoder
+        Of the device's dialect.
+    tick_ns : int
+        The board's base tick.
+    reopen : callable, optional
+        Opens the link anew after it broke, or raises LinkError; without it a broken link ends it.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        decoder: TelemetryDecoder,
+        tick_ns: int,
+        reopen: Callable[[], Transport] | None = None,
+    ) -> None:
+        self.transport, self.decoder, self.tick_ns = transport, decoder, tick_ns
+        self._reopen = reopen
+        self.reconnects = 0
+        self.on_reconnect: Callable[[], None] | None = None
+        self.keep_alive: Callable[[], bytes] | None = None
+        self.keep_alive_s = 0.25
+        self.error: Exception | None = None
+        self.gap_count = 0
+        self._subscriptions: list[Subscription] = []
+        self._raw: list[Callable[[bytes], None]] = []
+        self._others = bytearray()
+        self._changed = threading.Condition()
+        self._writing = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._stopped = threading.Event()
+        self._clock = _StreamClocks(tick_ns)
+        self._told_s = 0.0
+
+    @property
+    def health(self) -> LinkHealth:
+        """What came."""
+        return self.decoder.health
+
+    def subscribe(
+        self, streams: Collection[str] | None = None, most_rows: int = MOST_ROWS
+    ) -> Subscription:
+        """A queue of its own; None: every stream."""
+        made = Subscription(streams, most_rows)
+        if self.error is not None:
+            made.fail(self.error)
+        self._subscriptions = [*self._subscriptions, made]
+        return made
+
+    def unsubscribe(self, subscription: Subscription) -> None:
+        """Give a queue back."""
+        self._subscriptions = [s for s in self._subscriptions if s is not subscription]
+
+    def start(self) -> None:
+        """Listen in a thread from now on."""
+        self._thread = threading.Thread(target=self._run, name="esea-receiver", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and the link."""
+        self._stopped.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(2.0)
+        self.transport.close()
+        self._fail(LinkError("the connection was closed"))
+
+    def write(self, data: bytes, timeout_s: float) -> None:
+        """Send bytes; whole frames do not mix."""
+        with self._writing:
+            self.transport.write(data, timeout_s)
+
+    def other_bytes(self, timeout_s: float) -> bytes:
+        """Frames that are no telemetry."""
+        if self._thread is None:
+            deadline_s = time.monotonic() + timeout_s
+            while not self._others:
+                self.pump(timeout_s)
+                if time.monotonic() >= deadline_s:
+                    break
+        with self._changed:
+            if not self._others and timeout_s > 0 and self._thread is not None:
+                self._changed.wait_for(lambda: self._others or self.error, timeout_s)
+            if not self._others and self.error is not None:
+                raise self.error
+            data = bytes(self._others)
+            self._others.clear()
+        return data
+
+    def pump(self, timeout_s: float) -> bool:
+        """Read once and hand out; whether anything came."""
+        data = self.transport.read(timeout_s)
+        if data:
+            self.take(data)
+        return bool(data)
+
+    def take(self, data: bytes) -> None:
+        """Hand out what these bytes complete."""
+        decoded, others = self.decoder.feed(data)
+        now = time.time_ns()
+        for found in decoded:
+            batch = self._clock.batch(found, now, self.health)
+            if batch is not None:
+                self.gap_count += len(batch.gaps)
+                for subscription in self._subscriptions:
+                    subscription.put(batch)
+        if others:
+            with self._changed:
+                self._others += others
+                self._changed.notify_all()
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            try:
+                self.pump(READ_S)
+                self._stay_alive()
+            except LinkError as error:
+                if self._stopped.is_set() or not self._open_again(error):
+                    return
+            except Exception as error:
+                self._fail(error)
+                return
+
+    def _stay_alive(self) -> None:
+        now_s = time.monotonic()
+        if self.keep_alive is not None and now_s - self._told_s >= self.keep_alive_s:
+            self._told_s = now_s
+            self.write(self.keep_alive(), 1.0)
+
+    def _open_again(self, error: LinkError) -> bool:
+        if self._reopen is None:
+            self._fail(error)
+            return False
+        self.transport.close()
+        try:
+            self.transport = self._reopen()
+        except Exception as final:
+            self._fail(final)
+            return False
+        self.reconnects += 1
+        self.decoder.forget()
+        self._clock.broken()
+        if self.on_reconnect is not None:
+            self.on_reconnect()
+        return True
+
+    def _fail(self, error: Exception) -> None:
+        if self.error is None:
+            self.error = error
+        with self._changed:
+            self._changed.notify_all()
+        for subscription in self._subscriptions:
+            subscription.fail(self.error)
+
+
+class _StreamClocks:
+    # Where each stream is: its last tick, its period, and how far the board's clock has been moved.
+
+    def __init__(self, tick_ns: int) -> None:
+        self.tick_ns = tick_ns
+        self._last: dict[str, int] = {}
+        self._every: dict[str, int] = {}
+        self._lost: dict[str, tuple[int, int]] = {}
+        # Of every start of the board's clock: ticks of all before it, and its last one so far.
+        self._moved, self._last_tick = [0], [-1]
+        self._epochs: dict[str, int] = {}
+        self._broken: set[str] = set()
+
+    def broken(self) -> None:
+        self._broken = set(self._last)
+
+    def batch(self, found: Decoded, arrived_ns: int, health: LinkHealth) -> Batch | None:
+        name = found.layout.name
+        ticks = found.rows[TICK].astype(np.int64)
+        last = self._last.get(name)
+        if name == KEY:
+            return self._parts(found, arrived_ns)
+        self._epochs.setdefault(name, len(self._moved) - 1)
+        steps = np.diff(ticks, prepend=ticks[0] - 1 if last is None else last)
+        every = self._every.get(name) or _period(steps if last is not None else steps[1:])
+        if every:
+            self._every[name] = every
+        if last is not None and every and not found.late.any() and (steps == every).all():
+            board = self._board_ns(name, ticks)
+            self._remember(name, found)
+            return Batch(found.layout, found.rows, board, arrived_ns)
+        return self._one_by_one(found, arrived_ns, health)
+
+    def _board_ns(self, name: str, ticks: Array) -> Array:
+        epoch = self._epochs[name]
+        self._last_tick[epoch] = max(self._last_tick[epoch], int(ticks[-1]))
+        return np.asarray((ticks + self._moved[epoch]) * self.tick_ns)
+
+    def _remember(self, name: str, found: Decoded) -> None:
+        self._last[name] = int(found.rows[TICK][-1])
+        self._lost[name] = int(found.lost[-1]), int(found.bad[-1])
+        self._broken.discard(name)
+
+    def _parts(self, found: Decoded, arrived_ns: int) -> Batch:
+        # Several rows of a tick, at no even distance.
+        self._epochs.setdefault(KEY, len(self._moved) - 1)
+        times = []
+        firsts = found.rows["first"].tolist()
+        for tick, first in zip(found.rows[TICK].tolist(), firsts, strict=True):
+            # A tick has one frame: another one is of a clock that started again.
+            if tick < self._last.get(KEY, tick) or (first == 0 and tick == self._last.get(KEY)):
+                self._start_again(KEY)
+            self._last[KEY] = tick
+            times.append(int(self._board_ns(KEY, np.array([tick]))[0]))
+        return Batch(found.layout, found.rows, np.array(times, np.int64), arrived_ns)
+
+    def _one_by_one(self, found: Decoded, arrived_ns: int, health: LinkHealth) -> Batch | None:
+        name = found.layout.name
+        kept: list[int] = []
+        times: list[int] = []
+        gaps: list[Gap] = []
+        for i, tick in enumerate(found.rows[TICK].tolist()):
+            last = self._last.get(name)
+            if last is not None and tick <= last:
+                if bool(found.late[i]) or tick == last:
+                    health.repeated_frames += 1
+                    continue
+                self._start_again(name)
+                last = None
+            lost, bad = int(found.lost[i]), int(found.bad[i])
+            every = self._every.get(name, 0)
+            if last is not None and every and tick - last != every:
+                before = self._lost.get(name, (0, 0))
+                gaps.append(self._gap(name, last, tick, lost - before[0], bad - before[1]))
+            self._last[name], self._lost[name] = tick, (lost, bad)
+            self._broken.discard(name)
+            kept.append(i)
+            times.append(int(self._board_ns(name, np.array([tick]))[0]))
+        if not kept:
+            return None
+        times_ns = np.array(times, np.int64)
+        return Batch(found.layout, found.rows[kept], times_ns, arrived_ns, tuple(gaps))
+
+    def _start_again(self, name: str) -> None:
+        # The first stream that shows it moves the clock; the others follow as they show it.
+        self._epochs[name] += 1
+        if self._epochs[name] == len(self._moved):
+            self._moved.append(self._moved[-1] + self._last_tick[-1] + 1)
+            self._last_tick.append(-1)
+
+    def _gap(self, name: str, last: int, tick: int, lost: int, bad: int) -> Gap:
+        reason = "disconnected" if name in self._broken else "board"
+        if reason == "board" and lost:
+            reason = "checksum" if bad else "link"
+        missing = (tick - last) // self._every[name] - 1
+        return Gap(
+            name,
+            last,
+            tick,
+            missing,
+            reason,
+            (last + self._moved[self._epochs[name]]) * self.tick_ns,
+        )
+
+
+def _period(steps: Array) -> int:
+    # Most frequent distance; a stream's rate may be any.
+    ahead = steps[steps > 0]
+    return int(np.bincount(ahead).argmax()) if len(ahead) > 1 and ahead.max() < 1 << 20 else 0

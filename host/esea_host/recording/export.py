@@ -1,0 +1,233 @@
+"""Recordings for other programs: CSV with units, Parquet, BIDS-Motion."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_host.recording.layout import Array
+from esea_host.recording.log import TICK, Log, Table
+
+if TYPE_CHECKING:
+    import pyarrow
+
+BIDS_VERSION = "1.10.0"
+_LABEL = re.compile(r"[0-9a-zA-Z]+")
+# What BIDS calls a channel's kind: https://bids-specification.readthedocs.io, Motion.
+_BIDS_TYPES = {"rad": "JNTANG", "rad/s": "VEL", "rad/s^2": "ANGACCEL"}
+
+
+def _new(path: Path) -> Path:
+    if path.exists():
+        raise UserError(f"{path} is there already.", "Give another name.")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def _columns(table: Table) -> list[tuple[str, str, Array]]:
+    # Name, unit and values; a vector's elements by themselves.
+    found: list[tuple[str, str, Array]] = [("time_s", "s", table.time_s)]
+    for c in table.layout.columns:
+        values = table[c.name]
+        if c.size == 1:
+            found.append((c.name, c.unit, values))
+        else:
+            found += [(f"{c.name}[{i}]", c.unit, values[:, i]) for i in range(c.size)]
+    return found
+
+
+def to_csv(log: Log, stream: str, path: Path) -> int:
+    """A stream as CSV.
+
+    Parameters
+    ----------
+    log : Log
+        The recording.
+    stream : str
+        Which.
+    path : Path
+        Must not exist.  Header ``name [unit]``; floats so that they read back to the same bits.
+
+    Returns
+    -------
+    int
+        Rows; a gap is a row with nothing but its time's place left empty, so that no line is drawn
+        across.
+    """
+    table = log[stream]
+    with _new(path).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        columns = _columns(table)
+        writer.writerow([f"{n} [{u}]" if u and u != "1" else n for n, u, _ in columns])
+        for i, part in enumerate(table.pieces()):
+            if i:
+                writer.writerow([""] * len(columns))
+            texts = [[_text(v) for v in values] for _, _, values in _columns(part)]
+            writer.writerows(zip(*texts, strict=True))
+    return len(table)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, np.float32):
+        return np.format_float_positional(value, unique=True, trim="-")
+    return repr(value.item()) if isinstance(value, np.generic) else str(value)
+
+
+def to_parquet(log: Log, stream: str, path: Path) -> int:
+    """A stream as Parquet.
+
+    Parameters
+    ----------
+    log : Log
+        The recording.
+    stream : str
+        Which.
+    path : Path
+        Must not exist; each column's metadata has ``unit`` and ``meaning``, the file's the facts
+        and the gaps.
+
+    Returns
+    -------
+    int
+        Rows.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = log[stream]
+    meanings = {c.name: c.meaning for c in table.layout.columns}
+    fields: list[pyarrow.Field] = []
+    arrays = []
+    for name, unit, values in _columns(table):
+        array = pa.array(np.ascontiguousarray(values))
+        about = {"unit": unit, "meaning": meanings.get(name.partition("[")[0], "")}
+        fields.append(pa.field(name, array.type, metadata=about))
+        arrays.append(array)
+    about = {
+        "esea.facts": json.dumps(log.facts),
+        "esea.gaps": json.dumps([g.to_dict() for g in table.gaps]),
+    }
+    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), _new(path))
+    return len(table)
+
+
+def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sense_out") -> Path:
+    """A stream as a BIDS data set with motion data.
+
+    Parameters
+    ----------
+    log : Log
+        The recording; without a gap in the stream, for BIDS has no place for one.
+    folder : Path
+        Of the data set; a new one, or one that has no such file yet.
+    subject, task : str
+        Labels: letters and digits.
+    stream : str
+        Which.
+
+    Returns
+    -------
+    Path
+        The file of the samples.
+
+    Raises
+    ------
+    UserError
+        For a label with other characters, or a file that is there already.
+    GapError
+        When a gap is in the stream.
+    """
+    for what, label in (("subject", subject), ("task", task)):
+        if not _LABEL.fullmatch(label):
+            raise UserError(f"The {what} '{label}' is no BIDS label.", "Use letters and digits.")
+    table = longest(log[stream])
+    track = "".join(_LABEL.findall(str(log.facts.get("device", "device"))))
+    stem = f"sub-{subject}_task-{task}_tracksys-{track}"
+    place = folder / f"sub-{subject}" / "motion"
+    samples = _new(place / f"{stem}_motion.tsv")
+    columns = [c for c in _columns(table) if c[0] not in ("time_s", TICK)]
+    rate_Hz = 1.0 / float(np.median(np.diff(table.time_s)))
+    rate_Hz = round(rate_Hz, 6)
+    with samples.open("w", encoding="utf-8") as file:
+        texts = [[_text(v) if np.isfinite(v) else "n/a" for v in c[2]] for c in columns]
+        file.writelines("\t".join(row) + "\n" for row in zip(*texts, strict=True))
+    channels = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency"]
+    for name, unit, _ in columns:
+        kind = _BIDS_TYPES.get(unit, "MISC")
+        row = [name, "n/a", kind, "n/a", unit if unit and unit != "1" else "n/a", f"{rate_Hz:g}"]
+        channels.append("\t".join(row))
+    (place / f"{stem}_channels.tsv").write_text("\n".join(channels) + "\n", encoding="utf-8")
+    kinds = [_BIDS_TYPES.get(unit, "MISC") for _, unit, _ in columns]
+    about = {
+        "TaskName": task,
+        "TaskDescription": "Recorded with esea-host"
+        + (" from a simulated board" if log.facts.get("simulated") else ""),
+        "SamplingFrequency": rate_Hz,
+        "SamplingFrequencyEffective": rate_Hz,
+        "TrackingSystemName": track,
+        "Manufacturer": "n/a",
+        "ManufacturersModelName": str(log.facts.get("device", "n/a")),
+        "SoftwareVersions": str(log.facts.get("content_hash", "n/a")),
+        "RecordingDuration": float(len(table) / rate_Hz),
+        "RecordingType": "continuous",
+        "MotionChannelCount": len(columns),
+        "MissingValues": "n/a",
+    } | {f"{k}ChannelCount": kinds.count(k) for k in sorted(set(kinds))}
+    side = place / f"{stem}_motion.json"
+    side.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    _data_set(folder, subject)
+    return samples
+
+
+def longest(table: Table) -> Table:
+    """The table, in one piece; refused when a gap is in it.
+
+    Parameters
+    ----------
+    table : Table
+        As recorded.
+
+    Returns
+    -------
+    Table
+        The same; where only the board's clock started again, the stretch behind the last start.
+    """
+    parts = list(table.pieces())
+    if not parts:
+        raise UserError(f"{table.layout.name} has no rows.", "Record for longer.")
+    last = parts[-1]
+    end_s = float(last.time_s[-1]) + 1e-9
+    starts = np.flatnonzero(np.diff(table.tick.astype(np.int64)) <= 0)
+    first = int(starts[-1]) + 1 if len(starts) else 0
+    return table.between(float(table.time_s[first]), end_s)
+
+
+def _data_set(folder: Path, subject: str) -> None:
+    about = folder / "dataset_description.json"
+    if not about.exists():
+        content = {
+            "Name": "Recordings of esea-host",
+            "BIDSVersion": BIDS_VERSION,
+            "DatasetType": "raw",
+            "License": "n/a",
+            "Authors": ["n/a"],
+            "GeneratedBy": [{"Name": "esea-host"}],
+        }
+        about.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    people = folder / "participants.tsv"
+    known = people.read_text(encoding="utf-8").splitlines() if people.exists() else []
+    known = known or ["participant_id"]
+    if f"sub-{subject}" not in (line.partition("\t")[0] for line in known):
+        empty = "\tn/a" * known[0].count("\t")
+        known.append(f"sub-{subject}{empty}")
+    people.write_text("\n".join(known) + "\n", encoding="utf-8")
+    readme = folder / "README"
+    if not readme.exists():
+        text = "Recordings of an elastomeric series elastic actuator, exported by esea-host.\n"
+        readme.write_text(text, encoding="utf-8")

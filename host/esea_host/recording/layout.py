@@ -1,0 +1,164 @@
+"""How a stream's rows lie in memory, on the wire and in a recording.
+
+A recorded row is a protobuf message whose every field has a fixed width and is always there, zeros
+too: any protobuf reader takes it, and numpy reads a million of them without looking at one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+PACKAGE = "esea"
+Array = npt.NDArray[Any]
+
+# numpy kind: protobuf's wire type, its field type, and the name in a schema's text.
+_KINDS = {"f4": (5, 2), "u4": (5, 7), "i4": (5, 15), "f8": (1, 1), "u8": (1, 6), "i8": (1, 16)}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a stream.
+
+    kind: ``f4``, ``u4``, ``i4``, ``f8``, ``u8`` or ``i8``.
+    size: elements; above 1 the column is a vector.
+    """
+
+    name: str
+    kind: str = "f4"
+    unit: str = ""
+    meaning: str = ""
+    size: int = 1
+
+
+@dataclass(frozen=True)
+class StreamLayout:
+    """A stream: its name, and its columns in the order of the wire."""
+
+    name: str
+    columns: tuple[Column, ...]
+
+    @cached_property
+    def dtype(self) -> np.dtype[Any]:
+        """A row, packed, as on the wire."""
+        return np.dtype([_field(c.name, c) for c in self.columns])
+
+    @cached_property
+    def record_dtype(self) -> np.dtype[Any]:
+        """A row as a protobuf message; the tags stand between the values."""
+        fields: list[Any] = []
+        for number, column in enumerate(self.columns, 1):
+            fields.append((f"tag {number}", "u1", (len(_tag(number, column)),)))
+            if column.size > 1:
+                fields.append((f"length {number}", "u1", (len(_length(column)),)))
+            fields.append(_field(column.name, column))
+        return np.dtype(fields)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every column that has one."""
+        return {c.name: c.unit for c in self.columns if c.unit}
+
+    def record(self, rows: Array) -> Array:
+        """Rows as protobuf messages."""
+        out = np.zeros(len(rows), self.record_dtype)
+        for number, column in enumerate(self.columns, 1):
+            out[f"tag {number}"] = list(_tag(number, column))
+            if column.size > 1:
+                out[f"length {number}"] = list(_length(column))
+            # By bits: a NaN keeps its payload.
+            bits = f"u{column.kind[1]}"
+            out[column.name].view(bits)[...] = np.ascontiguousarray(rows[column.name]).view(bits)
+        return out
+
+    def rows(self, data: bytes) -> Array:
+        """Rows of protobuf messages that stand one after another."""
+        records = np.frombuffer(data, self.record_dtype)
+        out = np.empty(len(records), self.dtype)
+        for column in self.columns:
+            bits = f"u{column.kind[1]}"
+            found = np.ascontiguousarray(records[column.name]).view(bits)
+            out[column.name].view(bits)[...] = found
+        return out
+
+    def descriptor(self) -> bytes:
+        """The protobuf ``FileDescriptorSet`` that says so to everybody else."""
+        fields = b""
+        for number, column in enumerate(self.columns, 1):
+            label = 3 if column.size > 1 else 1
+            kind = _KINDS[column.kind][1]
+            text = _text(1, column.name) + _number(3, number) + _number(4, label) + _number(5, kind)
+            fields += _text(2, text)
+        message = _text(4, _text(1, self.name) + fields)
+        file = _text(1, f"{PACKAGE}/{self.name}.proto") + _text(2, PACKAGE) + message
+        return _text(1, file + _text(12, "proto3"))
+
+    def to_json(self) -> str:
+        """Columns, units and meanings."""
+        return json.dumps([asdict(c) for c in self.columns])
+
+    @classmethod
+    def from_json(cls, name: str, text: str) -> Self:
+        """What :meth:`to_json` wrote."""
+        return cls(name, tuple(Column(**c) for c in json.loads(text)))
+
+
+def _field(name: str, column: Column) -> Any:
+    kind = f"<{column.kind}"
+    return (name, kind, (column.size,)) if column.size > 1 else (name, kind)
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def _tag(number: int, column: Column) -> bytes:
+    return _varint(number << 3 | (2 if column.size > 1 else _KINDS[column.kind][0]))
+
+
+def _length(column: Column) -> bytes:
+    return _varint(column.size * int(column.kind[1]))
+
+
+def _text(number: int, value: str | bytes) -> bytes:
+    data = value.encode() if isinstance(value, str) else value
+    return _varint(number << 3 | 2) + _varint(len(data)) + data
+
+
+def _number(number: int, value: int) -> bytes:
+    return _varint(number << 3) + _varint(value)
+
+
+def layout_of(
+    message: Any, name: str, units: dict[str, str], texts: dict[str, str]
+) -> StreamLayout:
+    """Layout of a message of a generated dialect.
+
+    message: its class in the dialect's module.
+    units, texts: by field.
+    """
+    letters = bytes(message.native_format).decode().lstrip("<")
+    kinds = {"f": "f4", "I": "u4", "i": "i4", "d": "f8", "Q": "u8", "q": "i8"}
+    columns = [
+        Column(field, kinds[letter], units.get(field, ""), texts.get(field, ""), max(1, size))
+        for field, letter, size in zip(
+            message.ordered_fieldnames, letters, message.array_lengths, strict=True
+        )
+    ]
+    return StreamLayout(name, tuple(columns))
+
+
+def fits(message: Any) -> bool:
+    """Whether all fields of a message are numbers of four or eight bytes."""
+    letters: Sequence[str] = bytes(message.native_format).decode().lstrip("<")
+    return all(letter in "fIidQq" for letter in letters)

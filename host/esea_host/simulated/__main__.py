@@ -1,0 +1,25 @@
+"""``python -m esea_host.simulated DEVICE``: the server alone, as ``sim:DEVICE`` starts it."""
+
+import argparse
+
+from esea_host.simulated.server import serve
+
+parser = argparse.ArgumentParser()
+parser.add_argument("device")
+parser.add_argument("--tcp", type=int, default=None)
+parser.add_argument("--pty", action="store_true")
+parser.add_argument("--once", action="store_true")
+parser.add_argument("--person", default="uncertain")
+parser.add_argument("--plant", default="real")
+parser.add_argument("--seed", type=int, default=0)
+parser.add_argument("--speed", type=float, default=1.0)
+given = parser.parse_args()
+serve(
+    given.device,
+    None if given.pty else given.tcp or 0,
+    person=given.person,
+    plant=given.plant,
+    seed=given.seed,
+    speed=given.speed,
+    once=given.once,
+)

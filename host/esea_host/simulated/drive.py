@@ -1,0 +1,126 @@
+"""The firmware's application, the virtual drive and a virtual person, tick by tick in lockstep.
+
+Everything that it gives is simulated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from esea_gen.device import Device, load_device
+from esea_gen.errors import UserError
+from esea_gen.twin.people import random_person
+from esea_gen.twin.published import PEOPLE, Person
+from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
+from esea_gen.twin.stepped import EMPTY, SteppedPlant
+from esea_gen.verify.sim import SimBoard
+
+NOBODY, CLAMPED = "nobody", "none"
+PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
+NOISE_TICKS = 1000
+MOVES_RAD, MOVES_HZ = 0.6, 0.4  # flexion and back, as in the published trials' slow movement
+
+
+class SimulatedDrive:
+    """A board whose drivers read the virtual exoskeleton, and whose motor turns it.
+
+    While the board is active the person moves to and fro; otherwise the person rests.
+
+    Parameters
+    ----------
+    device : Device or str
+        With a drive.
+    plant : str
+        ``ideal``, ``real`` or ``random``.
+    person : str
+        ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
+    seed : int
+        Of the plant, of the person, and of the person's noise.
+    """
+
+    def __init__(
+        self,
+        device: Device | str,
+        plant: str = "real",
+        person: str = "uncertain",
+        seed: int = 0,
+    ) -> None:
+        self.device = load_device(device) if isinstance(device, str) else device
+        if not self.device.laws:
+            raise UserError(
+                f"{self.device.name} has no drive: there is nothing to simulate.",
+                "Take one with a drive, such as elbow_drive.",
+            )
+        for what, given, known in (("plant", plant, PLANT_NAMES), ("person", person, PEOPLE_NAMES)):
+            if given not in known:
+                raise UserError(
+                    f"There is no {what} '{given}'.", f"Choose from {', '.join(known)}."
+                )
+        self.board = SimBoard(self.device)
+        self._transport = self.board.transport
+        self.clamped = person == CLAMPED
+        self.plant = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
+        self._person, self._seed = _person(person, seed), seed
+        self._values = self.board._ffi.new("float[]", len(self.board._inputs))
+        self._places = [self.board._inputs.index(f"count_{s}") for s in ("motor", "load", "gear")]
+        self._start()
+
+    def _start(self) -> None:
+        self._noise = np.random.default_rng([self._seed, 3])
+        self._white = self._noise.standard_normal(NOISE_TICKS)
+        self._show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
+        self.ticks, self._moved_ticks = 0, 0
+
+    def restart(self) -> None:
+        """Power off and on, everything as at first."""
+        self.board.restart()
+        self._start()
+
+    def _show(self, counts: tuple[int, int, int]) -> None:
+        for place, count in zip(self._places, counts, strict=True):
+            self._values[place] = count
+        self.board.lib.sim_measure(self._values)
+
+    def tick(self) -> None:
+        """One base tick of the board, and what the plant makes of its command."""
+        lib = self.board.lib
+        lib.sim_tick(1, True)
+        lib.sim_poll()
+        self.plant.intend(self._intended())
+        self._show(self.plant.step(float(lib.sim_motor_Nm())))
+        self.ticks += 1
+
+    def _intended(self) -> dict[str, float]:
+        at = self.ticks % NOISE_TICKS
+        if at == 0:
+            self._white = self._noise.standard_normal(NOISE_TICKS)
+        moves = self.board.state_now == "ACTIVE"
+        self._moved_ticks += moves
+        w = 2 * math.pi * MOVES_HZ
+        phase, half = w * self._moved_ticks * 1e-3, MOVES_RAD / 2
+        return {
+            "theta_p_rad": half * (1 - math.cos(phase)),
+            "omega_p_rad_s": half * w * math.sin(phase) if moves else 0.0,
+            "alpha_p_rad_s2": half * w * w * math.cos(phase) if moves else 0.0,
+            "noise": float(self._white[at]),
+        }
+
+    def write(self, data: bytes) -> None:
+        """Bytes from the host."""
+        self._transport.write(data, 0.0)
+
+    def read(self) -> bytes:
+        """Bytes for the host."""
+        return self._transport.read(0.0)
+
+    def close(self) -> None:
+        """Let go of the board."""
+        self.board.close()
+
+
+def _person(name: str, seed: int) -> Person:
+    if name in (NOBODY, CLAMPED):
+        return EMPTY
+    return random_person(seed) if name == "random" else PEOPLE[name]
