@@ -1,0 +1,152 @@
+"""The data base from simulated patients, calibrated on other simulated patients."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.cache import cache_folder
+from esea_host.assess import NOTICE
+from esea_host.assess.database import KNEE_GRID, ResponseDataBase
+from esea_host.assess.hypotheses import Evidence, normalised, summarised
+from esea_host.assess.patients import CATEGORIES, RELAXED, KneePatient, draw_category
+from esea_host.assess.probing import Comfort, next_movement, probing_movement, reachable
+from esea_host.assess.responses import Passage, Reading, nearest_reading
+from esea_host.assess.session import Assessment, assessed_hypotheses
+from esea_host.assess.simulated import probed, swept
+
+# Roots of the seeds.  Evaluation adds its own seed to EVALUATION: nobody is met twice.
+PEOPLE, CALIBRATION, NONE_CALIBRATION, EVALUATION = 11, 12, 13, 1000
+PER_CATEGORY, CALIBRATION_PER_CATEGORY = 60, 12
+CALIBRATION_MOVEMENTS = 12
+NONE_INSIDE = 0.02  # share of calibration patients that may be called "none of these"
+CHUNK = 220
+Say = Callable[[str], None]
+
+
+def draw_many(root: int, per_category: int, names: Sequence[str] = CATEGORIES) -> list[KneePatient]:
+    """So many patients of each category, category by category."""
+    return [
+        draw_category(c, np.random.default_rng([root, i, k]))
+        for i, c in enumerate(names)
+        for k in range(per_category)
+    ]
+
+
+def simulated_people(root: int, per_category: int, say: Say) -> list[tuple[str, Passage]]:
+    """Swept patients of every category, and of none."""
+    people = draw_many(root, per_category, (*CATEGORIES, RELAXED))
+    out: list[tuple[str, Passage]] = []
+    for first in range(0, len(people), CHUNK):
+        part = people[first : first + CHUNK]
+        say(f"simulated patients {first + len(part)} of {len(people)}")
+        seeds = [[root, 7, first + i] for i in range(len(part))]
+        out += zip([p.category for p in part], swept(part, seeds), strict=True)
+    return out
+
+
+def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseDataBase:
+    """The knee's data base, of simulated patients alone."""
+    tell = say or (lambda _: None)
+    provenance = {
+        "notice": NOTICE,
+        "source": "simulated knee patients, docs/assessment.md",
+        "excitation": "sine swept 0 to 0.3 Hz at 0.5 Hz/min, 130 deg peak to peak, pull of 10 kgf",
+        "sensor": "emitted C of the device knee",
+        "per_category": per_category,
+        "seed": PEOPLE,
+        "code": code_digest(),
+    }
+    data = ResponseDataBase.of(
+        simulated_people(PEOPLE, per_category, tell), KNEE_GRID, provenance, RELAXED
+    )
+    tell("calibration: noise of a movement")
+    data = dataclasses.replace(data, calibration=movement_noise(data))
+    tell("calibration: none of these")
+    return dataclasses.replace(
+        data, calibration={**(data.calibration or {}), "none_log_odds": none_offset(data)}
+    )
+
+
+def movement_noise(data: ResponseDataBase) -> dict[str, float]:
+    """Noise of one movement and size of the factors: best log score on calibration patients."""
+    people = draw_many(CALIBRATION, CALIBRATION_PER_CATEGORY, data.diagnoses)
+    comfort = Comfort()
+    base = summarised(data)
+    cells = np.flatnonzero(reachable(data.grid, base.known, comfort))
+    readings: list[list[Reading]] = [[] for _ in people]
+    rng = np.random.default_rng([CALIBRATION, 1])
+    for k in range(CALIBRATION_MOVEMENTS):
+        wanted = [data.grid.location(int(c)) for c in rng.choice(cells, len(people))]
+        moves = [probing_movement(w, comfort) for w in wanted]
+        seeds = [[CALIBRATION, 8, i, k] for i in range(len(people))]
+        passages = probed(people, [m for m in moves if m], seeds)
+        for i, (p, w) in enumerate(zip(passages, wanted, strict=True)):
+            found = nearest_reading(p, w)
+            if found:
+                readings[i].append(found)
+    truth = np.array([data.diagnoses.index(p.category) for p in people])
+    best, kept = -np.inf, {}
+    for own in (1.0, 1.5, 2.0, 2.5, 3.0):
+        for share in (0.0, 0.05, 0.1, 0.15):
+            for scale in (0.5, 0.75, 1.0, 1.5):
+                h = base.only(data.diagnoses).with_movement_noise(own, share, scale)
+                score = 0.0
+                for i, mine in enumerate(readings):
+                    evidence = Evidence(h)
+                    for n, r in enumerate(mine):
+                        evidence.add(r.location, r.response_Nm, r.spread_Nm)
+                        if n in (2, 5, len(mine) - 1):
+                            p = normalised(evidence.log_likelihood())
+                            score += float(np.log(max(p[truth[i]], 1e-12)))
+                if score > best:
+                    best = score
+                    kept = {"own_Nm": own, "share": share, "factor_scale": scale}
+    return kept
+
+
+def none_offset(data: ResponseDataBase) -> float:
+    """Log odds added to "none of these": calibrated on people of the categories alone.
+
+    Nobody of no category is used: what such people are like is not known beforehand.
+    """
+    people = draw_many(NONE_CALIBRATION, 2 * CALIBRATION_PER_CATEGORY, data.diagnoses)
+    hypotheses = assessed_hypotheses(data)
+    sessions = [Assessment(data, hypotheses=hypotheses) for _ in people]
+    for k in range(CALIBRATION_MOVEMENTS):
+        moves = [next_movement(s) for s in sessions]
+        seeds = [[NONE_CALIBRATION, 8, i, k] for i in range(len(people))]
+        for s, m, p in zip(sessions, moves, probed(people, moves, seeds), strict=True):
+            found = nearest_reading(p, m.location)
+            if found:
+                s.observe(found.location, found.response_Nm, found.spread_Nm)
+    p = np.array([s.probabilities for s in sessions])
+    odds = np.log(np.maximum(p[:, -1], 1e-300)) - np.log(np.maximum(p[:, :-1].sum(axis=1), 1e-300))
+    return float(-np.quantile(odds, 1 - NONE_INSIDE))
+
+
+def code_digest() -> str:
+    """Digest of what the data base is made with."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        if path.stem in ("__init__", "build", "database", "hypotheses", "kernel_map", "knee",
+                         "patients", "probing", "responses", "sensing", "session", "simulated"):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cached(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseDataBase:
+    """The data base, built once and kept."""
+    path = cache_folder() / f"assess-knee-{per_category}-{code_digest()}.npz"
+    if path.exists():
+        return ResponseDataBase.load(path)
+    data = build(per_category, say)
+    data.save(path)
+    return data
+
+
