@@ -6,7 +6,6 @@ import dataclasses
 import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from esea_host.assess.database import KNEE_GRID, ResponseDataBase
 from esea_host.assess.hypotheses import Evidence, normalised, summarised
 from esea_host.assess.patients import CATEGORIES, RELAXED, KneePatient, draw_category
 from esea_host.assess.probing import Comfort, next_movement, probing_movement, reachable
-from esea_host.assess.responses import Passage, Reading, nearest_reading
+from esea_host.assess.responses import Passage, nearest_reading
 from esea_host.assess.session import Assessment, assessed_hypotheses
 from esea_host.assess.simulated import probed, swept
 
@@ -24,6 +23,7 @@ from esea_host.assess.simulated import probed, swept
 PEOPLE, CALIBRATION, NONE_CALIBRATION, EVALUATION = 11, 12, 13, 1000
 PER_CATEGORY, CALIBRATION_PER_CATEGORY = 60, 12
 CALIBRATION_MOVEMENTS = 12
+LOOKS = (2, 5, 11)  # movements after which the noise is judged
 NONE_INSIDE = 0.02  # share of calibration patients that may be called "none of these"
 CHUNK = 220
 Say = Callable[[str], None]
@@ -79,31 +79,31 @@ def movement_noise(data: ResponseDataBase) -> dict[str, float]:
     comfort = Comfort()
     base = summarised(data)
     cells = np.flatnonzero(reachable(data.grid, base.known, comfort))
-    readings: list[list[Reading]] = [[] for _ in people]
+    readings = [Evidence(base) for _ in people]
+    looks: list[list[Evidence]] = [[] for _ in people]
     rng = np.random.default_rng([CALIBRATION, 1])
     for k in range(CALIBRATION_MOVEMENTS):
         wanted = [data.grid.location(int(c)) for c in rng.choice(cells, len(people))]
         moves = [probing_movement(w, comfort) for w in wanted]
         seeds = [[CALIBRATION, 8, i, k] for i in range(len(people))]
         passages = probed(people, [m for m in moves if m], seeds)
-        for i, (p, w) in enumerate(zip(passages, wanted, strict=True)):
-            found = nearest_reading(p, w)
+        for i, (passed, w) in enumerate(zip(passages, wanted, strict=True)):
+            found = nearest_reading(passed, w)
             if found:
-                readings[i].append(found)
+                readings[i].add(found.location, found.response_Nm, found.spread_Nm)
+            if k in LOOKS and len(readings[i]):
+                looks[i].append(readings[i].under(base))
     truth = np.array([data.diagnoses.index(p.category) for p in people])
     best, kept = -np.inf, {}
-    for own in (1.0, 1.5, 2.0, 2.5, 3.0):
-        for share in (0.0, 0.05, 0.1, 0.15):
-            for scale in (0.5, 0.75, 1.0, 1.5):
+    for own in (1.0, 1.5, 2.0, 2.5):
+        for share in (0.0, 0.05, 0.1):
+            for scale in (0.5, 0.75, 1.0):
                 h = base.only(data.diagnoses).with_movement_noise(own, share, scale)
                 score = 0.0
-                for i, mine in enumerate(readings):
-                    evidence = Evidence(h)
-                    for n, r in enumerate(mine):
-                        evidence.add(r.location, r.response_Nm, r.spread_Nm)
-                        if n in (2, 5, len(mine) - 1):
-                            p = normalised(evidence.log_likelihood())
-                            score += float(np.log(max(p[truth[i]], 1e-12)))
+                for i, mine in enumerate(looks):
+                    for evidence in mine:
+                        said = normalised(evidence.under(h).log_likelihood())
+                        score += float(np.log(max(said[truth[i]], 1e-12)))
                 if score > best:
                     best = score
                     kept = {"own_Nm": own, "share": share, "factor_scale": scale}
@@ -125,8 +125,10 @@ def none_offset(data: ResponseDataBase) -> float:
             found = nearest_reading(p, m.location)
             if found:
                 s.observe(found.location, found.response_Nm, found.spread_Nm)
-    p = np.array([s.probabilities for s in sessions])
-    odds = np.log(np.maximum(p[:, -1], 1e-300)) - np.log(np.maximum(p[:, :-1].sum(axis=1), 1e-300))
+    all_p = np.array([s.probabilities for s in sessions])
+    odds = np.log(np.maximum(all_p[:, -1], 1e-300)) - np.log(
+        np.maximum(all_p[:, :-1].sum(axis=1), 1e-300)
+    )
     return float(-np.quantile(odds, 1 - NONE_INSIDE))
 
 
@@ -134,8 +136,20 @@ def code_digest() -> str:
     """Digest of what the data base is made with."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
-        if path.stem in ("__init__", "build", "database", "hypotheses", "kernel_map", "knee",
-                         "patients", "probing", "responses", "sensing", "session", "simulated"):
+        if path.stem in (
+            "__init__",
+            "build",
+            "database",
+            "hypotheses",
+            "kernel_map",
+            "knee",
+            "patients",
+            "probing",
+            "responses",
+            "sensing",
+            "session",
+            "simulated",
+        ):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -148,5 +162,3 @@ def cached(per_category: int = PER_CATEGORY, say: Say | None = None) -> Response
     data = build(per_category, say)
     data.save(path)
     return data
-
-

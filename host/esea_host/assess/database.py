@@ -38,7 +38,9 @@ class LocationGrid:
         cls, angle_rad: tuple[float, float], rate_rad_s: tuple[float, float], shape: tuple[int, int]
     ) -> LocationGrid:
         """Equal cells between limits."""
-        edges = (np.linspace(*x, n + 1) for x, n in zip((angle_rad, rate_rad_s), shape, strict=True))
+        edges = (
+            np.linspace(*x, n + 1) for x, n in zip((angle_rad, rate_rad_s), shape, strict=True)
+        )
         a, r = (0.5 * (e[1:] + e[:-1]) for e in edges)
         return cls(a, r)
 
@@ -218,7 +220,9 @@ class ResponseDataBase:
                     file.writestr(zipfile.ZipInfo(f"{name}.npy"), buffer.getvalue())
             scratch.replace(path)
         except OSError as error:
-            raise UserError(f"{path}: cannot be written ({error.strerror}).", "Give another file.") from error
+            raise UserError(
+                f"{path}: cannot be written ({error.strerror}).", "Give another file."
+            ) from error
         return str(head["digest"])
 
     @classmethod
@@ -234,7 +238,9 @@ class ResponseDataBase:
                 f"{path}: no data base of responses ({error}).", "Make one: esea-host assess build."
             ) from error
         if head.get("format") != FORMAT:
-            raise UserError(f"{path}: format {head.get('format')}, not {FORMAT}.", "Build it again.")
+            raise UserError(
+                f"{path}: format {head.get('format')}, not {FORMAT}.", "Build it again."
+            )
         if _digest(head, arrays) != claimed:
             raise UserError(f"{path}: the content is not what was saved.", "Build it again.")
         return cls(

@@ -12,13 +12,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from joblib import Parallel, delayed
 
 from esea_gen.errors import UserError
 from esea_host.assess.build import EVALUATION
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.hypotheses import Hypotheses
-from esea_host.assess.patients import OUTSIDE_KINDS, Array, KneePatient, draw, draw_category, draw_outside
+from esea_host.assess.patients import (
+    OUTSIDE_KINDS,
+    Array,
+    KneePatient,
+    draw,
+    draw_category,
+    draw_outside,
+)
 from esea_host.assess.probing import (
     Comfort,
     ProbingMovement,
@@ -30,11 +38,12 @@ from esea_host.assess.responses import Location, nearest_reading
 from esea_host.assess.session import Assessment, assessed_hypotheses
 from esea_host.assess.simulated import probed
 
+Cells = npt.NDArray[np.intp]
 WAYS = ("expected", "thesis", "fixed", "random")
 CONFIDENT = 0.95
 MOVEMENTS = 12  # after which the answer is looked at
 MOST = 30  # movements until given up; counted as so many
-CHUNK = 40  # patients stepped together; part of the result's definition: the same for any number of workers
+CHUNK = 40  # patients stepped together, whatever the number of workers: the same numbers
 
 
 @dataclass(frozen=True)
@@ -55,17 +64,18 @@ class Met:
     asked_again: int
 
 
-def fixed_protocol(data: ResponseDataBase, cells: Array) -> list[Location]:
+def fixed_protocol(data: ResponseDataBase, cells: Cells) -> list[Location]:
     """A protocol as clinics have it: slow, middle and fast, bent and straightened, in turns."""
     wanted = [
-        (angle, way * rate)
-        for rate in (10, 50, 90)
-        for angle in (95, 35, 65)
-        for way in (1, -1)
+        (angle, way * rate) for rate in (10, 50, 90) for angle in (95, 35, 65) for way in (1, -1)
     ]
     centres = data.grid.centres[cells]
-    scale = np.array([data.grid.angle_rad[1] - data.grid.angle_rad[0],
-                      data.grid.rate_rad_s[1] - data.grid.rate_rad_s[0]])
+    scale = np.array(
+        [
+            data.grid.angle_rad[1] - data.grid.angle_rad[0],
+            data.grid.rate_rad_s[1] - data.grid.rate_rad_s[0],
+        ]
+    )
     found = []
     for a, r in wanted:
         off = (centres - np.radians([a, r])) / scale
@@ -114,7 +124,7 @@ class _Lane:
         )
         return made >= MOST or (made >= MOVEMENTS and sure)
 
-    def choose(self, cells: Array, protocol: list[Location]) -> ProbingMovement:
+    def choose(self, cells: Cells, protocol: list[Location]) -> ProbingMovement:
         grid = self.session.hypotheses.grid
         if self.way in ("expected", "thesis"):
             return next_movement(self.session, measure=self.way)
@@ -142,7 +152,14 @@ def meet(
     protocol = fixed_protocol(data, cells)
     root = EVALUATION + seed
     lanes = [
-        (i, _Lane(w, Assessment(data, hypotheses=hypotheses), np.random.default_rng([root, 5, first + i, j])))
+        (
+            i,
+            _Lane(
+                w,
+                Assessment(data, hypotheses=hypotheses),
+                np.random.default_rng([root, 5, first + i, j]),
+            ),
+        )
         for i in range(len(people))
         for j, w in enumerate(ways)
     ]

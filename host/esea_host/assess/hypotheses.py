@@ -158,7 +158,9 @@ def disorder_of(name: str) -> tuple[str, float] | None:
     return (head, float(tail)) if head and tail else None
 
 
-def between_severities(of: Hypotheses, step: float = 0.25) -> tuple[Hypotheses, list[tuple[str, float]]]:
+def between_severities(
+    of: Hypotheses, step: float = 0.25
+) -> tuple[Hypotheses, list[tuple[str, float]]]:
     """Hypotheses at severities between the categories, by interpolation along each disorder."""
     ladders: dict[str, dict[float, int]] = {}
     for i, name in enumerate(of.names):
@@ -234,6 +236,13 @@ class Evidence:
         self._values.append(float(response_Nm))
         self._extra.append(float(spread_Nm) ** 2)
         return True
+
+    def under(self, hypotheses: Hypotheses) -> Evidence:
+        """The same readings under other hypotheses over the same grid."""
+        other = Evidence(hypotheses)
+        other._weights, other._values = list(self._weights), list(self._values)
+        other._extra = list(self._extra)
+        return other
 
     def undo(self) -> None:
         """Forget the last reading."""

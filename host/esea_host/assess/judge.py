@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from esea_host.assess.evaluation import (
 from esea_host.assess.hypotheses import NONE, disorder_of
 from esea_host.assess.patients import OUTSIDE_KINDS, Array
 from esea_host.assess.scores import (
+    Index,
     calibration_curve,
     calibration_error,
     confusion,
@@ -47,20 +48,32 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
     inside = {w: [m for m in met if m.group == "inside" and m.way == w] for w in ways}
     out: dict[str, Any] = {
         "notice": NOTICE,
-        "patients": {g: sum(m.group == g and m.way == ways[0] for m in met)
-                     for g in ("inside", "outside", "between", "mixed")},
+        "patients": {
+            g: sum(m.group == g and m.way == ways[0] for m in met)
+            for g in ("inside", "outside", "between", "mixed")
+        },
         "categories": list(data.diagnoses),
+        "answers": list(names),
         "data_base": dict(data.provenance),
         "calibration": dict(data.calibration or {}),
         "looked_at_after": MOVEMENTS,
         "most_movements": MOST,
     }
     out |= _motions(inside)
-    out["ways"] = {w: _way(inside[w], names) for w in ways}
+    out["ways"] = {w: _way(inside[w], names, len(data.diagnoses)) for w in ways}
     main = out["ways"]["expected"]
-    out |= {k: main[k] for k in ("confusion", "calibration_error", "calibration_error_interval",
-                                 "calibration_curve", "accuracy", "log_score")}
-    out |= _none([m for m in met if m.way == "expected"])
+    out |= {
+        k: main[k]
+        for k in (
+            "confusion",
+            "calibration_error",
+            "calibration_error_interval",
+            "calibration_curve",
+            "accuracy",
+            "log_score",
+        )
+    }
+    out |= _none([m for m in met if m.way == "expected"], names, data.reference)
     out["between"] = _between([m for m in met if m.group == "between" and m.way == "expected"])
     out["severity"] = _severity(inside["expected"])
     alone = [m for m in met if m.group == "mixed" and m.way == "expected"]
@@ -69,13 +82,20 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
     return found
 
 
+def _ratio(a: Array, b: Array) -> Callable[[Index], float]:
+    return lambda i: float(a[i].mean() / b[i].mean())
+
+
 def _motions(inside: dict[str, list[Met]]) -> dict[str, Any]:
-    counts = {w: np.array([motions_to_confidence(m) for m in ms]) for w, ms in inside.items()}
+    counts = {
+        w: np.array([motions_to_confidence(m) for m in ms], dtype=np.float64)
+        for w, ms in inside.items()
+    }
     out: dict[str, Any] = {
         "motions": {
             w: {
                 "mean": float(c.mean()),
-                "interval": interval(lambda i, c=c: float(c[i].mean()), len(c)),  # type: ignore[misc]
+                "interval": interval(_ratio(c, np.ones(len(c))), len(c)),
                 "median": float(np.median(c)),
                 "never": float(np.mean(c >= MOST)),
             }
@@ -88,17 +108,16 @@ def _motions(inside: dict[str, list[Met]]) -> dict[str, Any]:
         ("motions_ratio_thesis", "thesis", "random"),
     ):
         if way in counts and against in counts:
-            a, b = counts[way], counts[against]
-            out[key] = float(a.mean() / b.mean())
-            out[f"{key}_interval"] = interval(lambda i, a=a, b=b: float(a[i].mean() / b[i].mean()), len(a))  # type: ignore[misc]
+            ratio = _ratio(counts[way], counts[against])
+            out[key] = ratio(np.arange(len(counts[way])))
+            out[f"{key}_interval"] = interval(ratio, len(counts[way]))
     return out
 
 
-def _way(met: list[Met], names: tuple[str, ...]) -> dict[str, Any]:
+def _way(met: list[Met], names: tuple[str, ...], rows: int) -> dict[str, Any]:
     truth = np.array([names.index(m.truth) for m in met])
     p = np.array([final(m) for m in met])
     said = p.argmax(axis=1)
-    size = len(names) - 1
     right = said == truth
     # Every answer shown on the way is judged, not only the last one.
     shown = [m.steps[1 : MOVEMENTS + 1] for m in met]
@@ -106,11 +125,19 @@ def _way(met: list[Met], names: tuple[str, ...]) -> dict[str, Any]:
     hit = np.array([s.argmax(axis=1) == t for s, t in zip(shown, truth, strict=True)]).astype(float)
     score = np.array([np.log(max(q[t], 1e-12)) for q, t in zip(p, truth, strict=True)])
     curve = calibration_curve(confidence.ravel(), hit.ravel())
-    same = [disorder_of(names[s]) and disorder_of(names[s])[0] == m.truth[0]  # type: ignore[index]
-            for s, m in zip(said, met, strict=True)]
-    near = [abs(int(s) - int(t)) <= 1 and names[s][0] == names[t][0] for s, t in zip(said, truth, strict=True)]
-    sure = [m.steps[motions_to_confidence(m)].argmax() == t for m, t in zip(met, truth, strict=True)
-            if motions_to_confidence(m) < min(MOST, len(m.steps))]
+    same = [
+        disorder_of(names[s]) and disorder_of(names[s])[0] == m.truth[0]  # type: ignore[index]
+        for s, m in zip(said, met, strict=True)
+    ]
+    near = [
+        abs(int(s) - int(t)) <= 1 and names[s][0] == names[t][0]
+        for s, t in zip(said, truth, strict=True)
+    ]
+    sure = [
+        m.steps[motions_to_confidence(m)].argmax() == t
+        for m, t in zip(met, truth, strict=True)
+        if motions_to_confidence(m) < min(MOST, len(m.steps))
+    ]
     return {
         "accuracy": float(right.mean()),
         "accuracy_interval": share_interval(int(right.sum()), len(right)),
@@ -119,7 +146,7 @@ def _way(met: list[Met], names: tuple[str, ...]) -> dict[str, Any]:
         "right_when_95": float(np.mean(sure)) if sure else None,
         "log_score": float(score.mean()),
         "log_score_interval": interval(lambda i: float(score[i].mean()), len(score)),
-        "confusion": confusion(truth, said, size),
+        "confusion": confusion(truth, said, rows, len(names)),
         "calibration_error": calibration_error(confidence.ravel(), hit.ravel()),
         "calibration_error_interval": interval(
             lambda i: calibration_error(confidence[i].ravel(), hit[i].ravel()), len(met)
@@ -130,9 +157,18 @@ def _way(met: list[Met], names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _none(met: list[Met]) -> dict[str, Any]:
+def _none(met: list[Met], names: tuple[str, ...], reference: str | None) -> dict[str, Any]:
+    at = names.index(reference) if reference else None
+
     def told(group: list[Met]) -> tuple[int, int]:
-        return sum(bool(final(m)[-1] > 0.5) for m in group), len(group)
+        # Of no category: "none of these".  "No disorder" counts where it is true, and where it is
+        # an error (on a patient); not as an answer for somebody who has something else.
+        hits = 0
+        for m in group:
+            p = final(m)
+            relaxed = at is not None and (m.group == "inside" or m.truth == names[at])
+            hits += bool(p[-1] + (p[at] if relaxed and at is not None else 0.0) > 0.5)
+        return hits, len(group)
 
     outside = [m for m in met if m.group == "outside"]
     rates = {"outside": told(outside), "inside": told([m for m in met if m.group == "inside"])}
@@ -198,10 +234,41 @@ def _mixed(
         "without_mixtures_none": float(np.mean([s == NONE for s in said])),
         "without_mixtures_spastic": float(np.mean([s[0] == "S" for s in said])),
         "with_mixtures_both": float(np.mean(["+" in f for f in found])),
-        "with_mixtures_exact": float(np.mean([
-            sorted(f.split("+")) == sorted(m.truth.split("+")) for f, m in zip(found, pairs, strict=True)
-        ])),
+        "with_mixtures_exact": float(
+            np.mean(
+                [
+                    sorted(f.split("+")) == sorted(m.truth.split("+"))
+                    for f, m in zip(found, pairs, strict=True)
+                ]
+            )
+        ),
         "with_mixtures_both_within_one": float(
             np.mean([near(f, m) for f, m in zip(found, pairs, strict=True)])
         ),
     }
+
+
+def table(result: dict[str, Any]) -> list[str]:
+    """As lines of text."""
+
+    def ends(key: str, form: str = "{:.2f}") -> str:
+        low, high = result[f"{key}_interval"]
+        return f"{form.format(result[key])} ({form.format(low)} to {form.format(high)})"
+
+    out = [
+        f"{result['patients']['inside']} simulated patients, after {MOVEMENTS} movements:",
+        f"  category right        {result['accuracy']:.2f}",
+        f"  log score             {result['log_score']:.2f}",
+        f"  calibration error     {ends('calibration_error', '{:.3f}')}, aim at most 0.05",
+        f"  none of these         {ends('none_rate_outside')} of others, aim at least 0.9",
+        f"                        {ends('none_rate_inside')} of patients, aim at most 0.05",
+        "movements to 95 %:",
+    ]
+    out += [
+        f"  {w:<10} {m['mean']:5.1f} ({m['interval'][0]:.1f} to {m['interval'][1]:.1f}), "
+        f"{m['never']:.0%} not within {MOST}"
+        for w, m in result["motions"].items()
+    ]
+    if "motions_ratio" in result:
+        out.append(f"  against random        {ends('motions_ratio')}, aim at most 0.5")
+    return out

@@ -89,16 +89,17 @@ class Knees:
         held = own + muscles - c["contracture_Nm_rad"] * short
         return np.asarray(self.size * held + self.weight * np.cos(angle))
 
-    def move(self, path: Array | None, rate: Array | None, seeds: Sequence[Sequence[int]]) -> KneeMotion:
+    def move(self, path: Array, rate: Array, seeds: Sequence[Sequence[int]]) -> KneeMotion:
         """Follow a path with the hands; without hands: see :meth:`release`.
 
         path, rate: what the hands want, shape (steps, patients).
         seeds: one per patient, for what wanders.
         """
-        assert path is not None and rate is not None
         return self._run(len(path), path[0], path, rate, seeds)
 
-    def release(self, start_rad: float, duration_s: float, seeds: Sequence[Sequence[int]]) -> KneeMotion:
+    def release(
+        self, start_rad: float, duration_s: float, seeds: Sequence[Sequence[int]]
+    ) -> KneeMotion:
         """Let the leg fall from an angle, as in the pendulum test."""
         start = np.full(len(self.patients), start_rad)
         return self._run(round(duration_s / STEP_S), start, None, None, seeds)
@@ -118,7 +119,9 @@ class Knees:
                 new = rng.normal(0, TONE_SPREAD * np.sqrt(1 - keep**2), steps)
                 tone[:, i] += lfilter([1.0], [1.0, -keep], new, zi=[keep * wander])[0]
             if self.patients[i].tremor_Nm > 0:
-                tremor[:, i] = self.patients[i].tremor_Nm * np.sin(2 * np.pi * TREMOR_Hz * t + phase)
+                tremor[:, i] = self.patients[i].tremor_Nm * np.sin(
+                    2 * np.pi * TREMOR_Hz * t + phase
+                )
         return tone, tremor
 
     def _run(
@@ -153,7 +156,7 @@ class Knees:
                 own = own + held
             v = v + h / self.inertia * own
             x = x + h * v
-        return KneeMotion(np.arange(steps) * h, angle, rate, torque)
+        return KneeMotion(np.asarray(np.arange(steps) * h, dtype=np.float64), angle, rate, torque)
 
 
 def sweep(duration_s: float = 36.0, top_Hz: float = 0.3) -> tuple[Array, Array]:

@@ -71,8 +71,8 @@ class KneePatient:
     threshold_rate_s: float = 0.03  # [McPherson2018] small; value assumed
     gain_Nms_rad2: float = 0.0
     reflex_max_Nm: tuple[float, float] = (25.0, 16.0)  # assumed: thrice the elbow's 7.2 Nm
-    delay_s: float = 0.04  # spinal, assumed
-    activation_s: float = 0.04  # each of two lags from drive to torque, assumed
+    delay_s: float = 0.03  # spinal, assumed
+    activation_s: float = 0.02  # each of two lags from drive to torque, assumed
     # Tone that depends on posture, hardly on speed.
     tone_Nm: float = 0.0
     posture_rad: float = 30 * DEG  # assumed: pulls towards extension
@@ -119,17 +119,20 @@ def passive_torque_Nm(angle_rad: Array | float) -> Array:
 
 
 def disorder(spastic: float, dystonic: float) -> dict[str, float | tuple[float, float]]:
-    """Parameters at two severities, 0 (none) to 5; values assumed, their direction [He1997]."""
+    """Parameters at two severities, 0 (none) to 5; values assumed, their direction [He1997].
+
+    Tone grows by the same factor from severity to severity.
+    """
     found: dict[str, float | tuple[float, float]] = {}
     if spastic > 0:
         threshold = (100 - 15 * spastic) * DEG
         found |= {
             "threshold_rad": (threshold, threshold),
-            "dynamic_threshold_rad_s": (60 - 11 * spastic) * DEG,
-            "gain_Nms_rad2": 10 + 2.5 * spastic,
+            "dynamic_threshold_rad_s": (65 - 6 * spastic) * DEG,
+            "gain_Nms_rad2": 25 + 5 * spastic,
         }
     if dystonic > 0:
-        found["tone_Nm"] = 2 + 3.4 * dystonic
+        found["tone_Nm"] = 3.0 * 1.6 ** (dystonic - 1)
     return found
 
 
@@ -151,13 +154,13 @@ def draw(
 ) -> KneePatient:
     """A patient of given severities, every parameter jittered; spread assumed.
 
-    10 % on strength, as in (8.4); thresholds by 3 deg and 3 deg/s; delay by 4 ms.
+    10 % on strength, as in (8.4); thresholds by 3 deg and 3 deg/s; delay by 3 ms.
     """
     p = KneePatient(
         category,
         spastic,
         dystonic,
-        **body(rng),
+        **body(rng),  # type: ignore[arg-type]
         **disorder(spastic, dystonic),  # type: ignore[arg-type]
     )
     gain, tone = np.exp(rng.normal(0, 0.1, 2))
@@ -169,7 +172,7 @@ def draw(
         threshold_rad=(extensors, flexors),
         dynamic_threshold_rad_s=max(2 * DEG, p.dynamic_threshold_rad_s + 3 * DEG * float(speed)),
         gain_Nms_rad2=p.gain_Nms_rad2 * float(gain),
-        delay_s=float(np.clip(0.04 + 0.004 * delay, 0.025, 0.055)),
+        delay_s=float(np.clip(p.delay_s + 0.003 * delay, 0.02, 0.045)),
         tone_Nm=p.tone_Nm * float(tone),
         posture_rad=p.posture_rad + 4 * DEG * float(posture),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ from esea_host.assess.session import Assessment
 
 MEASURES = ("expected", "thesis")
 K_MOST_PROBABLE = 5
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
 
@@ -25,7 +26,9 @@ def inherent_information(means_Nm: Array) -> Array:
     return np.asarray(np.std(means_Nm, axis=0))
 
 
-def contextual_information(means_Nm: Array, probabilities: Array, k: int = K_MOST_PROBABLE) -> Array:
+def contextual_information(
+    means_Nm: Array, probabilities: Array, k: int = K_MOST_PROBABLE
+) -> Array:
     """The same over the k most probable categories."""
     most = np.argsort(-probabilities, kind="stable")[:k]
     return np.asarray(np.std(means_Nm[most], axis=0))
@@ -38,7 +41,7 @@ def expected_information(mean_Nm: Array, spread_Nm: Array, probabilities: Array)
 
     I = sum_i p_i E_i[log N_i(y) - log sum_j p_j N_j(y)], each expectation by Gauss-Hermite.
     """
-    likely = probabilities > 1e-6
+    likely = probabilities > 1e-3
     p, m, s = probabilities[likely], mean_Nm[likely], spread_Nm[likely]
     y = m[:, None] + s[:, None] * _NODES[None, :, None]  # (i, node, cell)
     z = (y[:, :, None] - m[None, None]) / s[None, None]
@@ -71,7 +74,9 @@ class Comfort:
                 "Give two angles of flexion between 0 and 160 deg, the smaller first.",
             )
         if not 0 < self.rate_rad_s <= 300 * DEG:
-            raise UserError(f"comfortable speed: {self.rate_rad_s / DEG:.0f} deg/s.", "Give 1 to 300.")
+            raise UserError(
+                f"comfortable speed: {self.rate_rad_s / DEG:.0f} deg/s.", "Give 1 to 300."
+            )
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,7 @@ class ProbingMovement:
         return self.start_rad + a * shape, a / self.duration_s * 30 * (u * (1 - u)) ** 2
 
 
+@lru_cache(maxsize=100_000)
 def probing_movement(where: Location, comfort: Comfort) -> ProbingMovement | None:
     """Through a location at its midpoint, where the speed peaks at 1.875 A/T; None out of reach."""
     speed = abs(where.rate_rad_s)

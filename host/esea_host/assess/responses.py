@@ -77,9 +77,7 @@ def passage(recording: LegRecording) -> Passage:
         raise UserError(
             f"recording: {r.time_s[-1] - r.time_s[0]:.2f} s long.", f"Record at least {SMOOTH_S} s."
         )
-    angle, rate, acceleration = (
-        savgol_filter(raw, window, 3, deriv=k, delta=h) for k in range(3)
-    )
+    angle, rate, acceleration = (savgol_filter(raw, window, 3, deriv=k, delta=h) for k in range(3))
     torque = savgol_filter(np.interp(t, r.time_s, r.torque_Nm), window, 1)
     weight = leg_weight_Nm(r.height_m, r.mass_kg) * np.cos(angle) if r.level else 0.0
     carried = leg_inertia_kgm2(r.height_m, r.mass_kg) * acceleration - weight

@@ -14,14 +14,16 @@ DRAWS = 1000
 BINS = 10
 
 
-def confusion(truth: Index, said: Index, size: int) -> Array:
-    """Counts, truth in rows; said may reach one column further."""
-    out = np.zeros((size, size + 1))
+def confusion(truth: Index, said: Index, rows: int, columns: int) -> Array:
+    """Counts: truth in rows, what was said in columns."""
+    out = np.zeros((rows, columns))
     np.add.at(out, (truth, said), 1)
     return out
 
 
-def calibration_curve(confidence: Array, right: Array, bins: int = BINS) -> tuple[Array, Array, Array]:
+def calibration_curve(
+    confidence: Array, right: Array, bins: int = BINS
+) -> tuple[Array, Array, Array]:
     """Mean confidence, share right and count of each bin of confidence; equal widths."""
     at = np.minimum((confidence * bins).astype(int), bins - 1)
     count = np.bincount(at, minlength=bins).astype(float)

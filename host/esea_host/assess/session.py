@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -61,14 +62,15 @@ class AuditEntry:
 def assessed_hypotheses(
     data: ResponseDataBase, kind: str = "people", mixed: bool = False
 ) -> Hypotheses:
-    """Diagnoses of a data base, mixtures if asked for, and "none of these"."""
+    """Diagnoses of a data base, its reference, mixtures if asked for, and "none of these"."""
     fit = {**UNCALIBRATED, **(data.calibration or {})}
     everything = summarised(data, kind)
     if kind == "people":
         everything = everything.with_movement_noise(
             fit["own_Nm"], fit["share"], fit["factor_scale"]
         )
-    chosen = everything.only(data.diagnoses)
+    # Someone without a disorder is no mild case: the reference is a hypothesis of its own.
+    chosen = everything.only(data.diagnoses + ((data.reference,) if data.reference else ()))
     if mixed:
         if data.reference is None:
             raise UserError(
@@ -206,7 +208,9 @@ class Assessment:
         # A category at 0 may come back if the clinician says so: kept finite.
         self._log_prior = np.log(np.maximum(target, 1e-12)) - self.evidence.log_likelihood()
         self._settle()
-        self._note("clinician", {"why": why, "set": {k: float(v) for k, v in probabilities.items()}})
+        self._note(
+            "clinician", {"why": why, "set": {k: float(v) for k, v in probabilities.items()}}
+        )
 
     def undo(self) -> bool:
         """Take back the last step; it stays in the trail as taken back."""
@@ -226,9 +230,7 @@ class Assessment:
         if len(steps) <= SETTLED_STEPS:
             return False
         last = [np.array(list(e.probabilities.values())) for e in steps[-SETTLED_STEPS - 1 :]]
-        return all(
-            float(np.abs(b - a).max()) < SETTLED for a, b in zip(last[:-1], last[1:], strict=True)
-        )
+        return all(float(np.abs(b - a).max()) < SETTLED for a, b in pairwise(last))
 
     def severity(self) -> dict[str, dict[str, float]]:
         """Severity as a number, for each disorder: mean, middle 90 %, and its probability."""
@@ -236,21 +238,19 @@ class Assessment:
         if not singles:
             return {}
         fine, labels = between_severities(self.hypotheses.only(singles))
-        evidence = Evidence(fine)
-        evidence._weights, evidence._values = self.evidence._weights, self.evidence._values
-        evidence._extra = self.evidence._extra
-        log = evidence.log_likelihood()
+        log = self.evidence.under(fine).log_likelihood()
         out: dict[str, dict[str, float]] = {}
         for what in dict.fromkeys(n for n, _ in labels):
             at = [i for i, (n, _) in enumerate(labels) if n == what]
             s, p = np.array([labels[i][1] for i in at]), normalised(log[at])
-            total = np.cumsum(p)
-            low, high = (float(s[min(np.searchsorted(total, q), len(s) - 1)]) for q in (0.05, 0.95))
-            named = [i for i, n in enumerate(self.names) if n[: len(what)] == what and "+" not in n]
+            ends = np.searchsorted(np.cumsum(p), (0.05, 0.95))
+            low, high = s[np.minimum(ends, len(s) - 1)]
+            single = [n for n in singles if (disorder_of(n) or ("", 0.0))[0] == what]
+            named = [self.names.index(n) for n in single]
             out[what] = {
                 "mean": float(p @ s),
-                "low": low,
-                "high": high,
+                "low": float(low),
+                "high": float(high),
                 "probability": float(self.probabilities[named].sum()),
             }
         return out

@@ -60,7 +60,7 @@ def probed(
         movement = ProbingMovement(m.location, middle - half, middle + half, m.duration_s / speed)
         made.append(movement)
         ends.append(HOLD_S + movement.duration_s / 2 + AFTER_S)
-    t = np.arange(round(max(ends) / STEP_S)) * STEP_S
+    t = np.asarray(np.arange(round(max(ends) / STEP_S)) * STEP_S, dtype=np.float64)
     both = [m.at(t - HOLD_S) for m in made]
     knees = Knees(patients)
     motion = knees.move(

@@ -1,5 +1,6 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
+from esea_host.cli import assess
 from esea_host.cli.app import app, main
 
-__all__ = ["app", "main"]
+__all__ = ["app", "assess", "main"]
