@@ -89,7 +89,9 @@ def responses_at(p: Passage, grid: LocationGrid) -> tuple[Array, Array]:
         one pass count once).
     """
     every = max(1, round(0.02 / float(p.time_s[1] - p.time_s[0])))
-    a, r, y = (x[::every] for x in (p.angle_rad, p.rate_rad_s, p.response_Nm))
+    strained = p.strained[::every]
+    columns = p.angle_rad, p.rate_rad_s, p.response_Nm
+    a, r, y = (x[::every][~strained] for x in columns)
     h = every * float(p.time_s[1] - p.time_s[0])
     centres = grid.centres
     da = (a - centres[:, :1]) / KERNEL_RAD

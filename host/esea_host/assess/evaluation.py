@@ -175,7 +175,8 @@ def meet(
             if found is None or not lane.session.observe(
                 found.location, found.response_Nm, found.spread_Nm
             ):
-                lane.again += 1  # asked again: the try counts as a movement
+                lane.again += 1  # asked elsewhere: the try counts as a movement
+                lane.session.missed(move.location)
             lane.steps.append(lane.session.probabilities)
             if len(lane.steps) - 1 == MOVEMENTS:
                 lane.severity = lane.session.severity()

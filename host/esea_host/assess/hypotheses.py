@@ -148,7 +148,8 @@ def none_of_these(of: Hypotheses, noise_Nm: float) -> Hypotheses:
         of.known,
         middle[None],
         factors[None],
-        np.full((1, of.grid.cells), noise_Nm),
+        # Noisier than any: what is absurd under all is least absurd under this one.
+        np.hypot(noise_Nm, 1.5 * of.noise_Nm.max(axis=0, keepdims=True)),
     )
 
 

@@ -91,9 +91,9 @@ class KneePatient:
         return self.height_m * self.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
 
 
-def shank_length_m(height_m: float | Array) -> float | Array:
+def shank_length_m(height_m: float | Array) -> Array:
     """Knee to ankle [Winter2009]."""
-    return LEG_LENGTH * height_m
+    return np.asarray(LEG_LENGTH * height_m)
 
 
 def leg_inertia_kgm2(height_m: float, mass_kg: float) -> float:

@@ -145,7 +145,13 @@ def next_movement(
             "reach: no location of the map can be passed comfortably.",
             "Widen the reach or allow a faster movement.",
         )
+    grid = session.hypotheses.grid
+    for cell in np.flatnonzero(able) if session.avoided else ():
+        able[cell] = grid.location(int(cell)) not in session.avoided
+    if not able.any():
+        session.avoided.clear()
+        return next_movement(session, comfort, measure)
     value = np.where(able, informative(session, measure), -np.inf)
-    found = probing_movement(session.hypotheses.grid.location(int(np.argmax(value))), limits)
+    found = probing_movement(grid.location(int(np.argmax(value))), limits)
     assert found is not None
     return found

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.signal import savgol_filter
 
 from esea_gen.errors import UserError
@@ -16,12 +17,20 @@ from esea_host.assess.patients import (
     DEG,
     MEAN_HEIGHT_M,
     MEAN_MASS_KG,
+    PULL_N,
     Array,
     leg_inertia_kgm2,
     leg_weight_Nm,
+    shank_length_m,
 )
 
 SMOOTH_S = 0.16
+SENSOR_ERROR_NM = 0.0382 * 47.8  # rms over a minute of free motion, thesis chapter 8
+STRAINED = 0.95  # of the hands' pull: beyond it a leg goes its own way, and for some time after
+AFTER_STRAIN_S = 0.5
+# A reflex answers to where the leg was this long ago (delay, and lags of the muscle).  Without it
+# one location gives other torques while speeding up than while slowing down: 15 and 27 Nm at S5.
+LATENCY_S = 0.06
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,7 @@ class LegRecording:
     height_m: float = MEAN_HEIGHT_M
     mass_kg: float = MEAN_MASS_KG
     level: bool = True  # thigh level: weight acts; False: leg on its side
+    error_Nm: float = SENSOR_ERROR_NM  # how far a torque may be off throughout a movement
 
     def __post_init__(self) -> None:
         steps = np.diff(self.time_s)
@@ -56,14 +66,18 @@ class LegRecording:
 class Passage:
     """A recording seen as locations passed: arrays of shape (samples,).
 
-    response_Nm: what the hands must add, per body size, beyond carrying and accelerating a
-        standard leg; positive towards flexion.
+    response_Nm: what the hands must add 60 ms later, per body size, beyond carrying and
+        accelerating a standard leg; positive towards flexion.
+    strained: where the hands were, or have just been, at the limit of their pull: nothing counts.
+    error_Nm: how far all responses of the movement may be off together.
     """
 
     time_s: Array
     angle_rad: Array
     rate_rad_s: Array
     response_Nm: Array
+    strained: npt.NDArray[np.bool_]
+    error_Nm: float
 
 
 def passage(recording: LegRecording) -> Passage:
@@ -73,7 +87,7 @@ def passage(recording: LegRecording) -> Passage:
     t = np.arange(r.time_s[0], r.time_s[-1], h)
     raw = np.interp(t, r.time_s, r.angle_rad)
     window = max(5, 2 * round(SMOOTH_S / h / 2) + 1)
-    if window > len(t):
+    if window + round(LATENCY_S / h) >= len(t):
         raise UserError(
             f"recording: {r.time_s[-1] - r.time_s[0]:.2f} s long.", f"Record at least {SMOOTH_S} s."
         )
@@ -82,7 +96,14 @@ def passage(recording: LegRecording) -> Passage:
     weight = leg_weight_Nm(r.height_m, r.mass_kg) * np.cos(angle) if r.level else 0.0
     carried = leg_inertia_kgm2(r.height_m, r.mass_kg) * acceleration - weight
     size = r.height_m * r.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
-    return Passage(t, angle, rate, (torque - carried) / size)
+    limit = STRAINED * PULL_N * float(shank_length_m(r.height_m))
+    after = round(AFTER_STRAIN_S / h)
+    strains = np.cumsum(np.abs(torque) > limit)
+    strained = strains > np.concatenate([np.zeros(after), strains])[: len(strains)]
+    late = round(LATENCY_S / h)
+    response, strained = ((torque - carried) / size)[late:], strained[late:]
+    n = len(response)
+    return Passage(t[:n], angle[:n], rate[:n], response, strained, r.error_Nm / size)
 
 
 def effective_samples(x: Array) -> float:
@@ -128,7 +149,7 @@ class Reading:
 
     location: Location
     response_Nm: float
-    spread_Nm: float  # standard error of the mean over the short stretch around it
+    spread_Nm: float  # standard error: of the short stretch around it, and of the torque itself
     distance: float  # from what was asked, in tolerances
 
 
@@ -138,6 +159,7 @@ def nearest_reading(p: Passage, wanted: Location, tolerance: float = 1.0) -> Rea
         (p.angle_rad - wanted.angle_rad) / NEAR_RAD,
         (p.rate_rad_s - wanted.rate_rad_s) / NEAR_rad_s,
     )
+    off[p.strained] = np.inf
     k = int(np.argmin(off))
     if off[k] > tolerance:
         return None
@@ -147,4 +169,5 @@ def nearest_reading(p: Passage, wanted: Location, tolerance: float = 1.0) -> Rea
     where = Location(float(np.mean(p.angle_rad[around])), float(np.mean(p.rate_rad_s[around])))
     line = np.polyval(np.polyfit(np.arange(len(x)), x, 1), np.arange(len(x)))
     spread = float(np.std(x - line) / np.sqrt(effective_samples(x - line)))
-    return Reading(where, float(np.mean(x)), spread, float(off[k]))
+    total = float(np.hypot(spread, p.error_Nm))
+    return Reading(where, float(np.mean(x)), total, float(off[k]))

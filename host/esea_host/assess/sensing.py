@@ -16,8 +16,8 @@ from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_host.assess.patients import Array
+from esea_host.assess.responses import SENSOR_ERROR_NM
 
-MODEL_ERROR = 0.0382  # of full scale, rms; thesis chapter 8
 MODEL_ERROR_S = 1.0  # how long it stays, assumed
 
 
@@ -33,7 +33,7 @@ class KneeSensor:
         self._sense: CRunner = compile_device(device, "f32").task("sense")
         self.rate_Hz = 1.0 / device.period_s
         self.count_rad = 2 * np.pi / 2**device.file.encoder.resolution_bits.value
-        self.error_Nm = MODEL_ERROR * device.tau_full_scale_Nm
+        self.error_Nm = SENSOR_ERROR_NM
 
     def read(self, time_s: Array, torque_Nm: Array, angle_rad: Array, seed: list[int]) -> Array:
         """Torque as read, at the times given.

@@ -45,7 +45,7 @@ WORDS = {
     "strong": (15.0, 3.0),
     "very strong": (22.0, 4.0),
 }
-UNCALIBRATED = {"own_Nm": 1.8, "share": 0.08, "factor_scale": 1.0, "none_log_odds": 0.0}
+UNCALIBRATED = {"own_Nm": 0.5, "share": 0.08, "factor_scale": 1.0, "none_log_odds": 0.0}
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,7 @@ class Assessment:
         self._log_prior[-1] += fit["none_log_odds"]
         self._undo: list[tuple[Array, bool]] = []
         self.trail: list[AuditEntry] = []
+        self.avoided: set[Location] = set()
         self.probabilities = normalised(self._log_prior)
         self._note("begin", {"data": data.provenance.get("digest", ""), "summary": kind})
         if prior is not None:
@@ -176,6 +177,11 @@ class Assessment:
         self._settle()
         self._note("felt", {"location": where.text(), "word": word})
         return True
+
+    def missed(self, where: Location) -> None:
+        """A location that could not be passed: not asked for again."""
+        self.avoided.add(where)
+        self._note("missed", {"location": where.text()})
 
     def skip(self, why: str = "") -> None:
         """A movement without a result."""

@@ -12,7 +12,7 @@ from esea_host.assess.probing import ProbingMovement
 from esea_host.assess.responses import LegRecording, Passage, passage
 from esea_host.assess.sensing import knee_sensor
 
-HOLD_S, AFTER_S = 0.3, 0.15
+HOLD_S, AFTER_S = 0.3, 0.2
 # How hands differ from what they were shown: size and speed of the movement, and where; assumed.
 SIZE_SPREAD, SPEED_SPREAD, PLACE_RAD = 0.06, 0.08, 0.04
 

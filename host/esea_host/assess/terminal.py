@@ -13,7 +13,13 @@ from esea_host.assess.patients import (
     leg_weight_Nm,
 )
 from esea_host.assess.probing import Comfort, ProbingMovement, next_movement
-from esea_host.assess.responses import LegRecording, Location, nearest_reading, passage
+from esea_host.assess.responses import (
+    SENSOR_ERROR_NM,
+    LegRecording,
+    Location,
+    nearest_reading,
+    passage,
+)
 from esea_host.assess.session import WORDS, Assessment
 from esea_host.assess.words import conclusion, long_name
 
@@ -107,7 +113,9 @@ def _take(
             raise UserError(f"{typed!r} is no number and no word.", HELP[1]) from None
         if not abs(torque) <= 100:
             raise UserError(f"torque: {torque} Nm.", "Give -100 to 100 Nm.")
-        session.observe(where, extra_torque_Nm(torque, where, height_m, mass_kg))
+        size = height_m * mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
+        response = extra_torque_Nm(torque, where, height_m, mass_kg)
+        session.observe(where, response, SENSOR_ERROR_NM / size)
     best = max(session.by_name().items(), key=lambda x: x[1])
     say(f"Now: {long_name(best[0])} {best[1]:.0%}" + ("; settled" if session.settled else ""))
 
