@@ -1,4 +1,4 @@
-"""Assessment of the knee: inference, maps, movements, sessions; each against a second derivation."""
+"""Assessment of the knee: inference, maps, movements, sessions; each against a second way."""
 
 from __future__ import annotations
 

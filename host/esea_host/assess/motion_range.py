@@ -8,7 +8,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.responses import LegRecording, passage
+from esea_host.assess.responses import LATENCY_S, LegRecording, Passage, passage
 
 SLOW_rad_s = 30 * DEG  # above it a reflex may answer: the test is no passive one
 
@@ -55,6 +55,13 @@ class MotionRange:
 def motion_range(recording: LegRecording, bins: int = 40) -> MotionRange:
     """Range, stiffness and loop from a recording of slow cycles; leg's weight taken off."""
     p = passage(recording)
+    # Torque at its own time again: a passage pairs it with where the leg was 60 ms before.
+    late = round(LATENCY_S / float(p.time_s[1] - p.time_s[0]))
+    n = len(p.time_s) - late
+    response = p.response_Nm[:n]
+    p = Passage(
+        p.time_s[late:], p.angle_rad[late:], p.rate_rad_s[late:], response, p.strained[:n], 0.0
+    )
     low, high = (float(x) for x in np.quantile(p.angle_rad, [0.002, 0.998]))
     span = high - low
     if span < 5 * DEG:
