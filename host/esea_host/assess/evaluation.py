@@ -111,17 +111,18 @@ def draw_groups(patients: int, seed: int, names: Sequence[str]) -> list[tuple[st
 class _Lane:
     """One patient in one way."""
 
-    def __init__(self, way: str, session: Assessment, rng: np.random.Generator) -> None:
-        self.way, self.session, self.rng = way, session, rng
+    def __init__(
+        self, way: str, session: Assessment, rng: np.random.Generator, inside: bool
+    ) -> None:
+        self.way, self.session, self.rng, self.inside = way, session, rng, inside
         self.steps = [session.probabilities]
         self.severity: dict[str, dict[str, float]] = {}
         self.again = 0
 
     def done(self) -> bool:
         made = len(self.steps) - 1
-        sure = self.way in ("expected", "thesis", "fixed", "random") and any(
-            p[:-1].max() >= CONFIDENT for p in self.steps
-        )
+        # Movements to 95 % are counted of patients of the categories alone.
+        sure = not self.inside or any(p[:-1].max() >= CONFIDENT for p in self.steps)
         return made >= MOST or (made >= MOVEMENTS and sure)
 
     def choose(self, cells: Cells, protocol: list[Location]) -> ProbingMovement:
@@ -151,18 +152,13 @@ def meet(
     cells = np.flatnonzero(reachable(data.grid, hypotheses.known, Comfort()))
     protocol = fixed_protocol(data, cells)
     root = EVALUATION + seed
-    lanes = [
-        (
-            i,
-            _Lane(
-                w,
-                Assessment(data, hypotheses=hypotheses),
-                np.random.default_rng([root, 5, first + i, j]),
-            ),
-        )
-        for i in range(len(people))
-        for j, w in enumerate(ways)
-    ]
+    lanes = []
+    for i, (group, _) in enumerate(people):
+        # Ways are compared on patients of the categories.
+        for j, way in enumerate(ways if group == "inside" else ways[:1]):
+            session = Assessment(data, hypotheses=hypotheses)
+            rng = np.random.default_rng([root, 5, first + i, j])
+            lanes.append((i, _Lane(way, session, rng, group == "inside")))
     for k in range(MOST):
         active = [(i, lane) for i, lane in lanes if not lane.done()]
         if not active:

@@ -245,6 +245,10 @@ class Evidence:
         other._extra = list(self._extra)
         return other
 
+    def places(self) -> Array:
+        """Where readings were, shape (readings, 2): angle, rate."""
+        return np.array(self._weights).reshape(-1, self.h.grid.cells) @ self.h.grid.centres
+
     def undo(self) -> None:
         """Forget the last reading."""
         for x in (self._weights, self._values, self._extra):

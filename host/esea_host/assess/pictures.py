@@ -28,11 +28,11 @@ def session_page(session: Assessment, who: str = "") -> Figure:
         grid = figure.add_gridspec(
             3,
             2,
-            left=0.11,
+            left=0.16,
             right=0.95,
-            top=0.66,
+            top=0.715,
             bottom=0.07,
-            hspace=0.42,
+            hspace=0.62,
             wspace=0.5,
             height_ratios=(1, 1, 0.9),
         )
@@ -79,7 +79,7 @@ def _history(ax: Axes, session: Assessment) -> None:
     ax.set_xlabel("step")
     ax.set_ylabel("probability [%]")
     ax.set_title("How it came to that")
-    ax.legend(ncol=2, fontsize=7.5, loc="center right")
+    ax.legend(ncol=3, fontsize=7.5, loc="upper center", bbox_to_anchor=(0.42, -0.24))
 
 
 def _map(ax: Axes, session: Assessment) -> None:
@@ -97,9 +97,15 @@ def _map(ax: Axes, session: Assessment) -> None:
     )
     ax.figure.colorbar(drawn, ax=ax, label="expected information [nats]", pad=0.01)
     ax.grid(False)
+    been = session.evidence.places()
+    if len(been):
+        ax.plot(been[:, 0] / DEG, been[:, 1] / DEG, "o", mfc="none", mec=BOUND, label="measured")
+    best = grid.location(int(np.nanargmax(value)))
+    ax.plot(best.angle_rad / DEG, best.rate_rad_s / DEG, "*", ms=11, color=MEASURED, label="next")
+    ax.legend(ncol=2, loc="upper right", bbox_to_anchor=(1.0, -0.13))
     ax.set_xlabel("bending of the knee [°]")
     ax.set_ylabel("speed [°/s], + bending")
-    ax.set_title("Where the next movement would tell most (dark); white: nobody was recorded there")
+    ax.set_title("Where the next movement would tell most (dark); white: not in the data base")
 
 
 def _trail(ax: Axes, session: Assessment) -> None:
@@ -107,7 +113,11 @@ def _trail(ax: Axes, session: Assessment) -> None:
     ax.set_title("Steps (the last ones)")
     for i, entry in enumerate(session.trail[-11:]):
         best = max(entry.probabilities, key=lambda n: entry.probabilities[n])
-        details = "  ".join(f"{v}" for k, v in entry.details.items() if k != "data" and v != "")
+        details = "  ".join(
+            f"{v:.1f} Nm" if k == "response_Nm" else f"{v}"
+            for k, v in entry.details.items()
+            if k not in ("data", "summary") and v != ""
+        )
         text = f"{entry.number:>3}  {entry.what}: {details}"[:92]
         ax.text(0, 0.93 - 0.09 * i, text, fontsize=8, transform=ax.transAxes, color=INK)
         ax.text(
