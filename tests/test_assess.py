@@ -235,7 +235,7 @@ def test_two_disorders_add_beyond_the_relaxed(data):
 
 
 def test_none_is_wide_and_smooth(data):
-    h = none_of_these(summarised(data), 1.0)
+    h = none_of_these(summarised(data))
     variance = np.sum(h.factors[0] ** 2, axis=0)
     scatter = summarised(data)
     everybody = np.var(scatter.mean, axis=0) + np.mean(np.sum(scatter.factors**2, axis=1), axis=0)

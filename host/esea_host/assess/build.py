@@ -124,7 +124,7 @@ def movement_noise(data: ResponseDataBase) -> dict[str, float]:
 
 
 def none_offset(data: ResponseDataBase) -> float:
-    """Log odds added to "none of these": calibrated on people of the categories alone.
+    """Log odds added to "none of these", at most 0: from people of the categories alone.
 
     Nobody of no category is used: what such people are like is not known beforehand.
     """
@@ -142,7 +142,8 @@ def none_offset(data: ResponseDataBase) -> float:
     odds = np.log(np.maximum(all_p[:, -1], 1e-300)) - np.log(
         np.maximum(all_p[:, :-1].sum(axis=1), 1e-300)
     )
-    return float(-np.quantile(odds, 1 - NONE_INSIDE))
+    # Never in its favour: it would lead before the first movement.
+    return float(min(0.0, -np.quantile(odds, 1 - NONE_INSIDE)))
 
 
 def code_digest(files: Sequence[str]) -> str:

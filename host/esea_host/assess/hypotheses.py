@@ -26,6 +26,7 @@ FACTORS = 4
 # "None of these": how far a map of no category goes from the middle of all, and how smoothly.
 NONE_SCALE = 1.5  # of the spread of all categories' people
 NONE_RANK = 14
+NONE_NOISE_NM = 3.0  # and how unsteady it may be: tremor, a leg that is not relaxed; assumed
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def summarised(data: ResponseDataBase, kind: Summary | str = "people") -> Hypoth
     return found
 
 
-def none_of_these(of: Hypotheses, noise_Nm: float) -> Hypotheses:
+def none_of_these(of: Hypotheses) -> Hypotheses:
     """Any smooth map: around the middle of all categories, wider than they are."""
     middle = of.mean.mean(axis=0)
     everybody = np.var(of.mean, axis=0) + np.mean(np.sum(of.factors**2, axis=1), axis=0)
@@ -149,7 +150,7 @@ def none_of_these(of: Hypotheses, noise_Nm: float) -> Hypotheses:
         middle[None],
         factors[None],
         # Noisier than any: what is absurd under all is least absurd under this one.
-        np.hypot(noise_Nm, 1.5 * of.noise_Nm.max(axis=0, keepdims=True)),
+        np.hypot(NONE_NOISE_NM, 1.5 * of.noise_Nm.max(axis=0, keepdims=True)),
     )
 
 

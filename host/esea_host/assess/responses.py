@@ -25,6 +25,7 @@ from esea_host.assess.patients import (
 )
 
 SMOOTH_S = 0.16
+TORQUE_SMOOTH_S = 0.04  # longer, and a tremor of 5 Hz would be smoothed away and not be seen
 SENSOR_ERROR_NM = 0.0382 * 47.8  # rms over a minute of free motion, thesis chapter 8
 STRAINED = 0.95  # of the hands' pull: beyond it a leg goes its own way, and for some time after
 AFTER_STRAIN_S = 0.5
@@ -92,7 +93,8 @@ def passage(recording: LegRecording) -> Passage:
             f"recording: {r.time_s[-1] - r.time_s[0]:.2f} s long.", f"Record at least {SMOOTH_S} s."
         )
     angle, rate, acceleration = (savgol_filter(raw, window, 3, deriv=k, delta=h) for k in range(3))
-    torque = savgol_filter(np.interp(t, r.time_s, r.torque_Nm), window, 1)
+    short = max(3, 2 * round(TORQUE_SMOOTH_S / h / 2) + 1)
+    torque = savgol_filter(np.interp(t, r.time_s, r.torque_Nm), short, 1)
     weight = leg_weight_Nm(r.height_m, r.mass_kg) * np.cos(angle) if r.level else 0.0
     carried = leg_inertia_kgm2(r.height_m, r.mass_kg) * acceleration - weight
     size = r.height_m * r.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)

@@ -79,7 +79,7 @@ def assessed_hypotheses(
         pairs = mixtures(everything, data.reference)
         if pairs.names:
             chosen = chosen.joined(pairs)
-    return chosen.joined(none_of_these(everything.only(data.diagnoses), fit["own_Nm"]))
+    return chosen.joined(none_of_these(everything.only(data.diagnoses)))
 
 
 class Assessment:
