@@ -11,3 +11,7 @@ from esea_host.cli import analyse, study, wrist
 from esea_host.cli.app import app, main
 
 __all__ = ["analyse", "app", "main", "study", "wrist"]
+from esea_host.cli import assess
+from esea_host.cli.app import app, main
+
+__all__ = ["app", "assess", "main"]

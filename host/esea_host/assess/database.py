@@ -1,0 +1,273 @@
+"""The data base of responses: who answered how, where; one file with its provenance.
+
+Categories come from the data: any number, of any joint.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.errors import UserError
+from esea_host.assess.patients import DEG, Array
+from esea_host.assess.responses import Location, Passage
+
+FORMAT = 1
+KERNEL_RAD, KERNEL_rad_s = 6 * DEG, 10 * DEG
+LEAST_WEIGHT_S = 0.1  # of a recording near a location, to say anything of it
+
+
+@dataclass(frozen=True)
+class LocationGrid:
+    """Locations of the map: centres of a grid of angle x rate, flattened angle by angle."""
+
+    angle_rad: Array
+    rate_rad_s: Array
+
+    @classmethod
+    def spanning(
+        cls, angle_rad: tuple[float, float], rate_rad_s: tuple[float, float], shape: tuple[int, int]
+    ) -> LocationGrid:
+        """Equal cells between limits."""
+        edges = (
+            np.linspace(*x, n + 1) for x, n in zip((angle_rad, rate_rad_s), shape, strict=True)
+        )
+        a, r = (0.5 * (e[1:] + e[:-1]) for e in edges)
+        return cls(a, r)
+
+    @property
+    def cells(self) -> int:
+        return len(self.angle_rad) * len(self.rate_rad_s)
+
+    @property
+    def centres(self) -> Array:
+        """Shape (cells, 2): angle, rate."""
+        a, r = np.meshgrid(self.angle_rad, self.rate_rad_s, indexing="ij")
+        return np.stack([a.ravel(), r.ravel()], axis=1)
+
+    def location(self, cell: int) -> Location:
+        a, r = self.centres[cell]
+        return Location(float(a), float(r))
+
+    def weights(self, where: Location, known: npt.NDArray[np.bool_]) -> Array | None:
+        """Bilinear weights of the cells, shape (cells,), of known ones alone; None outside."""
+        out = np.zeros(self.cells)
+        parts = []
+        for grid, x in ((self.angle_rad, where.angle_rad), (self.rate_rad_s, where.rate_rad_s)):
+            step = float(grid[1] - grid[0])
+            if not grid[0] - step / 2 <= x <= grid[-1] + step / 2:
+                return None
+            place = float(np.clip((x - grid[0]) / step, 0, len(grid) - 1))
+            low = min(int(place), len(grid) - 2)
+            parts.append(((low, low + 1), (1 - (place - low), place - low)))
+        for i, wi in zip(*parts[0], strict=True):
+            for j, wj in zip(*parts[1], strict=True):
+                out[i * len(self.rate_rad_s) + j] = wi * wj
+        out[~known] = 0
+        total = float(out.sum())
+        # More than half of what it would lean on is unknown: say so.
+        return out / total if total >= 0.5 else None
+
+
+# 130 deg peak to peak, about 120 deg/s (thesis chapter 8).
+KNEE_GRID = LocationGrid.spanning((0, 130 * DEG), (-120 * DEG, 120 * DEG), (13, 12))
+
+
+def responses_at(p: Passage, grid: LocationGrid) -> tuple[Array, Array]:
+    """Responses of one person at the grid's locations, and how often each was passed.
+
+    return: local linear estimate, NaN where the person has not been; separate passes (samples of
+        one pass count once).
+    """
+    every = max(1, round(0.02 / float(p.time_s[1] - p.time_s[0])))
+    strained = p.strained[::every]
+    columns = p.angle_rad, p.rate_rad_s, p.response_Nm
+    a, r, y = (x[::every][~strained] for x in columns)
+    h = every * float(p.time_s[1] - p.time_s[0])
+    centres = grid.centres
+    da = (a - centres[:, :1]) / KERNEL_RAD
+    dr = (r - centres[:, 1:]) / KERNEL_rad_s
+    w = np.exp(-0.5 * (da**2 + dr**2))
+    seen = h * w.sum(axis=1) >= LEAST_WEIGHT_S
+    basis = np.stack([np.ones_like(da), da, dr], axis=2)
+    normal = np.einsum("cs,csi,csj->cij", w, basis, basis)
+    # A little ridge on the slopes: where all lies on one line, the slope across it stays near 0.
+    normal += w.sum(axis=1)[:, None, None] * np.diag([0, 0.02, 0.02])
+    right = np.einsum("cs,csi,s->ci", w, basis, y)
+    out = np.full(grid.cells, np.nan)
+    out[seen] = np.linalg.solve(normal[seen], right[seen][..., None])[:, 0, 0]
+    near = da**2 + dr**2 < 1.5**2
+    begins = near & ~np.concatenate([np.zeros((len(near), 1), bool), near[:, :-1]], axis=1)
+    return out, begins.sum(axis=1).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class ResponseDataBase:
+    """Responses of many people of known categories.
+
+    categories: in the order of the numbers in ``category``; ``reference`` names the one (if any)
+        that stands for no disorder: it is no diagnosis, but mixtures are measured from it.
+    category: number of each person's category, shape (people,).
+    responses: shape (people, cells), NaN where a person has not been; passes likewise.
+    provenance: where all this comes from; calibration: numbers fitted on other people.
+    """
+
+    grid: LocationGrid
+    categories: tuple[str, ...]
+    category: npt.NDArray[np.int64]
+    responses: Array
+    passes: Array
+    provenance: Mapping[str, Any]
+    reference: str | None = None
+    calibration: Mapping[str, float] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        people: Iterable[tuple[str, Passage]],
+        grid: LocationGrid,
+        provenance: Mapping[str, Any],
+        reference: str | None = None,
+    ) -> ResponseDataBase:
+        """Built from passages, of recordings or of the simulated knee."""
+        names: dict[str, int] = {}
+        category, rows, counts = [], [], []
+        for name, p in people:
+            category.append(names.setdefault(name, len(names)))
+            row, count = responses_at(p, grid)
+            rows.append(row)
+            counts.append(count)
+        if len(names) < 2:
+            raise UserError(
+                f"data base: {len(names)} categories.", "Give recordings of at least 2."
+            )
+        return cls(
+            grid,
+            tuple(names),
+            np.array(category),
+            np.array(rows),
+            np.array(counts),
+            dict(provenance),
+            reference,
+        )
+
+    @property
+    def diagnoses(self) -> tuple[str, ...]:
+        """Categories that a person may be said to have."""
+        return tuple(c for c in self.categories if c != self.reference)
+
+    def rows(self, category: str) -> Array:
+        """Responses of the people of one category, shape (people, cells)."""
+        if category not in self.categories:
+            raise UserError(
+                f"data base: no category {category!r}.", f"One of {', '.join(self.categories)}."
+            )
+        return np.asarray(self.responses[self.category == self.categories.index(category)])
+
+    def mean(self, category: str) -> Array:
+        """Mean response, shape (cells,); NaN where nobody has been."""
+        return _per_cell(np.nanmean, self.rows(category))
+
+    def spread(self, category: str) -> Array:
+        """Standard deviation over people; NaN where fewer than two have been."""
+        rows = self.rows(category)
+        out = _per_cell(lambda r, axis: np.nanstd(r, axis=axis, ddof=1), rows)
+        out[np.isfinite(rows).sum(axis=0) < 2] = np.nan
+        return out
+
+    def people(self, category: str) -> npt.NDArray[np.int64]:
+        """How many people have been at each location."""
+        return np.asarray(np.isfinite(self.rows(category)).sum(axis=0))
+
+    @property
+    def common(self) -> npt.NDArray[np.bool_]:
+        """Locations where nearly all people of every category have been: what the map covers."""
+        shares = [np.isfinite(self.rows(c)).mean(axis=0) for c in self.categories]
+        return np.asarray(np.min(shares, axis=0) >= 0.8)
+
+    def save(self, path: Path) -> str:
+        """Write as one file, the same bytes for the same content; return its digest."""
+        head = {
+            "format": FORMAT,
+            "categories": list(self.categories),
+            "reference": self.reference,
+            "provenance": dict(self.provenance),
+            "calibration": None if self.calibration is None else dict(self.calibration),
+        }
+        arrays = {
+            "angle_rad": self.grid.angle_rad,
+            "rate_rad_s": self.grid.rate_rad_s,
+            "category": self.category,
+            "responses_Nm": self.responses,
+            "passes": self.passes,
+        }
+        head["digest"] = _digest(head, arrays)
+        arrays["head"] = np.frombuffer(json.dumps(head, sort_keys=True).encode(), np.uint8)
+        scratch = path.with_name(f".{path.name}.part")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as file:
+                for name, array in arrays.items():
+                    buffer = io.BytesIO()
+                    np.save(buffer, array, allow_pickle=False)
+                    file.writestr(zipfile.ZipInfo(f"{name}.npy"), buffer.getvalue())
+            scratch.replace(path)
+        except OSError as error:
+            raise UserError(
+                f"{path}: cannot be written ({error.strerror}).", "Give another file."
+            ) from error
+        return str(head["digest"])
+
+    @classmethod
+    def load(cls, path: Path) -> ResponseDataBase:
+        """Read one file; refuse one that was changed or cut."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {n: file[n] for n in file.files}
+            head = json.loads(arrays.pop("head").tobytes())
+            claimed = head.pop("digest")
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+            raise UserError(
+                f"{path}: no data base of responses ({error}).", "Make one: esea-host assess build."
+            ) from error
+        if head.get("format") != FORMAT:
+            raise UserError(
+                f"{path}: format {head.get('format')}, not {FORMAT}.", "Build it again."
+            )
+        if _digest(head, arrays) != claimed:
+            raise UserError(f"{path}: the content is not what was saved.", "Build it again.")
+        return cls(
+            LocationGrid(arrays["angle_rad"], arrays["rate_rad_s"]),
+            tuple(head["categories"]),
+            arrays["category"],
+            arrays["responses_Nm"],
+            arrays["passes"],
+            head["provenance"],
+            head["reference"],
+            head["calibration"],
+        )
+
+
+def _per_cell(function: Any, rows: Array) -> Array:
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a cell where nobody has been is NaN
+        return np.asarray(function(rows, axis=0))
+
+
+def _digest(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
+    found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for name in sorted(arrays):
+        found.update(f"{name}{arrays[name].shape}{arrays[name].dtype}".encode())
+        found.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return found.hexdigest()

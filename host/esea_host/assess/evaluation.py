@@ -1,0 +1,242 @@
+"""Judged as a classifier, on simulated patients drawn anew.
+
+Every patient is met by four ways of choosing movements, in lockstep: by expected information, by
+the thesis' measure, by a fixed protocol, at random.  Parameters are jittered, legs of other sizes,
+other noise; nobody was in the data base or in a calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from joblib import Parallel, delayed
+
+from esea_gen.errors import UserError
+from esea_host.assess.build import EVALUATION
+from esea_host.assess.database import ResponseDataBase
+from esea_host.assess.hypotheses import Hypotheses
+from esea_host.assess.patients import (
+    OUTSIDE_KINDS,
+    Array,
+    KneePatient,
+    draw,
+    draw_category,
+    draw_outside,
+)
+from esea_host.assess.probing import (
+    Comfort,
+    ProbingMovement,
+    next_movement,
+    probing_movement,
+    reachable,
+)
+from esea_host.assess.responses import Location, nearest_reading
+from esea_host.assess.session import Assessment, assessed_hypotheses
+from esea_host.assess.simulated import probed
+
+Cells = npt.NDArray[np.intp]
+WAYS = ("expected", "thesis", "fixed", "random")
+CONFIDENT = 0.95
+MOVEMENTS = 12  # after which the answer is looked at
+MOST = 30  # movements until given up; counted as so many
+CHUNK = 40  # patients stepped together, whatever the number of workers: the same numbers
+
+
+@dataclass(frozen=True)
+class Met:
+    """One patient met in one way.
+
+    steps: probabilities after each movement, shape (movements + 1, hypotheses).
+    severity: of each disorder, at the last movement looked at.
+    """
+
+    group: str
+    truth: str
+    spastic: float
+    dystonic: float
+    way: str
+    steps: Array
+    severity: dict[str, dict[str, float]]
+    asked_again: int
+
+
+def fixed_protocol(data: ResponseDataBase, cells: Cells) -> list[Location]:
+    """A protocol as clinics have it: slow, middle and fast, bent and straightened, in turns."""
+    wanted = [
+        (angle, way * rate) for rate in (10, 50, 90) for angle in (95, 35, 65) for way in (1, -1)
+    ]
+    centres = data.grid.centres[cells]
+    scale = np.array(
+        [
+            data.grid.angle_rad[1] - data.grid.angle_rad[0],
+            data.grid.rate_rad_s[1] - data.grid.rate_rad_s[0],
+        ]
+    )
+    found = []
+    for a, r in wanted:
+        off = (centres - np.radians([a, r])) / scale
+        found.append(data.grid.location(int(cells[np.argmin(np.sum(off**2, axis=1))])))
+    return found
+
+
+def draw_groups(patients: int, seed: int, names: Sequence[str]) -> list[tuple[str, KneePatient]]:
+    """Patients of the categories, of none, between two, and of two disorders."""
+    root = EVALUATION + seed
+    other = max(len(OUTSIDE_KINDS), patients // 4)
+    out = []
+    for i in range(patients):
+        rng = np.random.default_rng([root, 0, i])
+        out.append(("inside", draw_category(names[i % len(names)], rng)))
+    for i in range(other):
+        rng = np.random.default_rng([root, 1, i])
+        out.append(("outside", draw_outside(OUTSIDE_KINDS[i % len(OUTSIDE_KINDS)], rng)))
+    for i in range(max(4, patients // 10)):
+        rng = np.random.default_rng([root, 2, i])
+        level = 1.5 + i // 2 % 4
+        spastic = i % 2 == 0
+        name = f"{'S' if spastic else 'D'}{level:g}"
+        who = draw(level if spastic else 0, 0 if spastic else level, rng, name)
+        out.append(("between", who))
+    for i in range(max(4, patients // 10)):
+        rng = np.random.default_rng([root, 3, i])
+        s, d = (float(x) for x in rng.integers(2, 5, 2))
+        out.append(("mixed", draw(s, d, rng, f"S{s:g}+D{d:g}")))
+    return out
+
+
+class _Lane:
+    """One patient in one way."""
+
+    def __init__(
+        self, way: str, session: Assessment, rng: np.random.Generator, inside: bool
+    ) -> None:
+        self.way, self.session, self.rng, self.inside = way, session, rng, inside
+        self.steps = [session.probabilities]
+        self.severity: dict[str, dict[str, float]] = {}
+        self.again = 0
+
+    def done(self) -> bool:
+        made = len(self.steps) - 1
+        # Movements to 95 % are counted of patients of the categories alone.
+        sure = not self.inside or any(p[:-1].max() >= CONFIDENT for p in self.steps)
+        return made >= MOST or (made >= MOVEMENTS and sure)
+
+    def choose(self, cells: Cells, protocol: list[Location]) -> ProbingMovement:
+        grid = self.session.hypotheses.grid
+        if self.way in ("expected", "thesis"):
+            return next_movement(self.session, measure=self.way)
+        made = len(self.steps) - 1
+        where = (
+            protocol[made % len(protocol)]
+            if self.way == "fixed"
+            else grid.location(int(self.rng.choice(cells)))
+        )
+        found = probing_movement(where, Comfort())
+        assert found is not None
+        return found
+
+
+def meet(
+    data: ResponseDataBase,
+    hypotheses: Hypotheses,
+    people: Sequence[tuple[str, KneePatient]],
+    first: int,
+    seed: int,
+    ways: Sequence[str] = WAYS,
+) -> list[Met]:
+    """A chunk of patients, each met in every way."""
+    cells = np.flatnonzero(reachable(data.grid, hypotheses.known, Comfort()))
+    protocol = fixed_protocol(data, cells)
+    root = EVALUATION + seed
+    lanes = []
+    for i, (group, _) in enumerate(people):
+        # Ways are compared on patients of the categories.
+        for j, way in enumerate(ways if group == "inside" else ways[:1]):
+            session = Assessment(data, hypotheses=hypotheses)
+            rng = np.random.default_rng([root, 5, first + i, j])
+            lanes.append((i, _Lane(way, session, rng, group == "inside")))
+    for k in range(MOST):
+        active = [(i, lane) for i, lane in lanes if not lane.done()]
+        if not active:
+            break
+        moves = [lane.choose(cells, protocol) for _, lane in active]
+        seeds = [[root, 6, first + i, WAYS.index(lane.way), k] for i, lane in active]
+        passages = probed([people[i][1] for i, _ in active], moves, seeds)
+        for (_, lane), move, p in zip(active, moves, passages, strict=True):
+            found = nearest_reading(p, move.location)
+            if found is None or not lane.session.observe(
+                found.location, found.response_Nm, found.spread_Nm
+            ):
+                lane.again += 1  # asked elsewhere: the try counts as a movement
+                lane.session.missed(move.location)
+            lane.steps.append(lane.session.probabilities)
+            if len(lane.steps) - 1 == MOVEMENTS:
+                lane.severity = lane.session.severity()
+    return [
+        Met(
+            people[i][0],
+            people[i][1].category,
+            people[i][1].spastic,
+            people[i][1].dystonic,
+            lane.way,
+            np.array(lane.steps),
+            lane.severity,
+            lane.again,
+        )
+        for i, lane in lanes
+    ]
+
+
+def evaluate(
+    data: ResponseDataBase,
+    patients: int = 200,
+    seed: int = 1,
+    jobs: int = 1,
+    ways: Sequence[str] = WAYS,
+    say: Callable[[str], None] | None = None,
+) -> tuple[list[Met], list[Met]]:
+    """Meet patients drawn anew; the same for any number of workers.
+
+    return: all met with the data base's categories; those with two disorders once more, with
+        mixtures as categories.
+    """
+    if patients < len(data.diagnoses):
+        raise UserError(f"patients: {patients}.", f"Give at least {len(data.diagnoses)}.")
+    if jobs < 1 and jobs != -1:
+        raise UserError(f"workers: {jobs}.", "Give 1 or more, or -1 for all cores.")
+    people = draw_groups(patients, seed, data.diagnoses)
+    plain, pairs = assessed_hypotheses(data), assessed_hypotheses(data, mixed=True)
+    work: list[tuple[Hypotheses, list[tuple[str, KneePatient]], int, Sequence[str]]] = [
+        (plain, people[k : k + CHUNK], k, ways) for k in range(0, len(people), CHUNK)
+    ]
+    at = next(i for i, (g, _) in enumerate(people) if g == "mixed")
+    work.append((pairs, people[at:], at, ("expected",)))
+    results: list[list[Met]] = []
+    chunks = Parallel(n_jobs=jobs, return_as="generator")(
+        delayed(meet)(data, h, part, first, seed, w) for h, part, first, w in work
+    )
+    for found in chunks:
+        results.append(found)
+        if say:
+            say(f"{len(results)} of {len(work)} groups of patients")
+    return [m for part in results[:-1] for m in part], results[-1]
+
+
+def hypothesis_names(data: ResponseDataBase) -> tuple[str, ...]:
+    """Names of the columns of ``Met.steps`` without mixtures."""
+    return assessed_hypotheses(data).names
+
+
+def as_result(value: Any) -> Any:
+    """JSON's own numbers."""
+    if isinstance(value, dict):
+        return {str(k): as_result(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_result(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return as_result(value.tolist())
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,274 @@
+"""From sessions to the numbers of the evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from esea_host.assess import NOTICE
+from esea_host.assess.database import ResponseDataBase
+from esea_host.assess.evaluation import (
+    CONFIDENT,
+    MOST,
+    MOVEMENTS,
+    WAYS,
+    Met,
+    as_result,
+    hypothesis_names,
+)
+from esea_host.assess.hypotheses import NONE, disorder_of
+from esea_host.assess.patients import OUTSIDE_KINDS, Array
+from esea_host.assess.scores import (
+    Index,
+    calibration_curve,
+    calibration_error,
+    confusion,
+    interval,
+    share_interval,
+)
+
+
+def motions_to_confidence(m: Met) -> int:
+    """Movements until a category has 95 %; the most allowed where none gets there."""
+    sure = np.flatnonzero(m.steps[:, :-1].max(axis=1) >= CONFIDENT)
+    return int(min(sure[0], MOST)) if len(sure) else MOST
+
+
+def final(m: Met) -> Array:
+    """Probabilities after the movements at which the answer is looked at."""
+    return np.asarray(m.steps[min(MOVEMENTS, len(m.steps) - 1)])
+
+
+def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> dict[str, Any]:
+    """All numbers of the evaluation, with intervals."""
+    names = hypothesis_names(data)
+    ways = [w for w in WAYS if any(m.way == w for m in met)]
+    inside = {w: [m for m in met if m.group == "inside" and m.way == w] for w in ways}
+    out: dict[str, Any] = {
+        "notice": NOTICE,
+        "patients": {
+            g: sum(m.group == g and m.way == ways[0] for m in met)
+            for g in ("inside", "outside", "between", "mixed")
+        },
+        "categories": list(data.diagnoses),
+        "answers": list(names),
+        "data_base": dict(data.provenance),
+        "calibration": dict(data.calibration or {}),
+        "looked_at_after": MOVEMENTS,
+        "most_movements": MOST,
+    }
+    out |= _motions(inside)
+    out["ways"] = {w: _way(inside[w], names, len(data.diagnoses)) for w in ways}
+    main = out["ways"]["expected"]
+    out |= {
+        k: main[k]
+        for k in (
+            "confusion",
+            "calibration_error",
+            "calibration_error_interval",
+            "calibration_curve",
+            "accuracy",
+            "log_score",
+        )
+    }
+    out |= _none([m for m in met if m.way == "expected"], names, data.reference)
+    out["between"] = _between([m for m in met if m.group == "between" and m.way == "expected"])
+    out["severity"] = _severity(inside["expected"])
+    alone = [m for m in met if m.group == "mixed" and m.way == "expected"]
+    out["mixed"] = _mixed(alone, [m for m in mixed if m.group == "mixed"], names, data)
+    found: dict[str, Any] = as_result(out)
+    return found
+
+
+def _ratio(a: Array, b: Array) -> Callable[[Index], float]:
+    return lambda i: float(a[i].mean() / b[i].mean())
+
+
+def _motions(inside: dict[str, list[Met]]) -> dict[str, Any]:
+    counts = {
+        w: np.array([motions_to_confidence(m) for m in ms], dtype=np.float64)
+        for w, ms in inside.items()
+    }
+    out: dict[str, Any] = {
+        "motions": {
+            w: {
+                "mean": float(c.mean()),
+                "interval": interval(_ratio(c, np.ones(len(c))), len(c)),
+                "median": float(np.median(c)),
+                "never": float(np.mean(c >= MOST)),
+            }
+            for w, c in counts.items()
+        }
+    }
+    for key, way, against in (
+        ("motions_ratio", "expected", "random"),
+        ("motions_ratio_fixed", "expected", "fixed"),
+        ("motions_ratio_thesis", "thesis", "random"),
+    ):
+        if way in counts and against in counts:
+            ratio = _ratio(counts[way], counts[against])
+            out[key] = ratio(np.arange(len(counts[way])))
+            out[f"{key}_interval"] = interval(ratio, len(counts[way]))
+    return out
+
+
+def _way(met: list[Met], names: tuple[str, ...], rows: int) -> dict[str, Any]:
+    truth = np.array([names.index(m.truth) for m in met])
+    p = np.array([final(m) for m in met])
+    said = p.argmax(axis=1)
+    right = said == truth
+    # Every answer shown on the way is judged, not only the last one.
+    shown = [m.steps[1 : MOVEMENTS + 1] for m in met]
+    confidence = np.array([s.max(axis=1) for s in shown])
+    hit = np.array([s.argmax(axis=1) == t for s, t in zip(shown, truth, strict=True)]).astype(float)
+    score = np.array([np.log(max(q[t], 1e-12)) for q, t in zip(p, truth, strict=True)])
+    curve = calibration_curve(confidence.ravel(), hit.ravel())
+    same = [
+        disorder_of(names[s]) and disorder_of(names[s])[0] == m.truth[0]  # type: ignore[index]
+        for s, m in zip(said, met, strict=True)
+    ]
+    near = [
+        abs(int(s) - int(t)) <= 1 and names[s][0] == names[t][0]
+        for s, t in zip(said, truth, strict=True)
+    ]
+    sure = [
+        m.steps[motions_to_confidence(m)].argmax() == t
+        for m, t in zip(met, truth, strict=True)
+        if motions_to_confidence(m) < min(MOST, len(m.steps))
+    ]
+    return {
+        "accuracy": float(right.mean()),
+        "accuracy_interval": share_interval(int(right.sum()), len(right)),
+        "right_disorder": float(np.mean([bool(x) for x in same])),
+        "within_one_severity": float(np.mean(near)),
+        "right_when_95": float(np.mean(sure)) if sure else None,
+        "log_score": float(score.mean()),
+        "log_score_interval": interval(lambda i: float(score[i].mean()), len(score)),
+        "confusion": confusion(truth, said, rows, len(names)),
+        "calibration_error": calibration_error(confidence.ravel(), hit.ravel()),
+        "calibration_error_interval": interval(
+            lambda i: calibration_error(confidence[i].ravel(), hit[i].ravel()), len(met)
+        ),
+        "calibration_error_final": calibration_error(confidence[:, -1], hit[:, -1]),
+        "calibration_curve": dict(zip(("confidence", "right", "count"), curve, strict=True)),
+        "asked_again": float(np.mean([m.asked_again / (len(m.steps) - 1) for m in met])),
+    }
+
+
+def _none(met: list[Met], names: tuple[str, ...], reference: str | None) -> dict[str, Any]:
+    at = names.index(reference) if reference else None
+
+    def told(group: list[Met]) -> tuple[int, int]:
+        # Of no category: "none of these".  "No disorder" counts where it is true, and where it is
+        # an error (on a patient); not as an answer for somebody who has something else.
+        hits = 0
+        for m in group:
+            p = final(m)
+            relaxed = at is not None and (m.group == "inside" or m.truth == names[at])
+            hits += bool(p[-1] + (p[at] if relaxed and at is not None else 0.0) > 0.5)
+        return hits, len(group)
+
+    outside = [m for m in met if m.group == "outside"]
+    rates = {"outside": told(outside), "inside": told([m for m in met if m.group == "inside"])}
+    out: dict[str, Any] = {}
+    for name, (hits, of) in rates.items():
+        out[f"none_rate_{name}"] = hits / max(1, of)
+        out[f"none_rate_{name}_interval"] = share_interval(hits, of)
+    out["none_rate_by_kind"] = {
+        k: {"rate": h / max(1, n), "interval": share_interval(h, n), "patients": n}
+        for k in OUTSIDE_KINDS
+        for h, n in [told([m for m in outside if m.truth == k])]
+    }
+    return out
+
+
+def _severity(met: list[Met]) -> dict[str, Any]:
+    rows = [(m.spastic or m.dystonic, m.severity["S" if m.spastic else "D"]) for m in met]
+    errors = np.array([s["mean"] - t for t, s in rows])
+    inside = [s["low"] - 1e-9 <= t <= s["high"] + 1e-9 for t, s in rows]
+    return {
+        "rms_error": float(np.sqrt(np.mean(errors**2))),
+        "bias": float(errors.mean()),
+        "in_90_interval": float(np.mean(inside)),
+        "patients": len(rows),
+    }
+
+
+def _between(met: list[Met]) -> dict[str, Any]:
+    out = _severity(met)
+    neighbours = []
+    for m in met:
+        level = m.spastic or m.dystonic
+        what, p = ("S" if m.spastic else "D"), final(m)
+        # Categories stand in the order of their severities: S1 to S5, D1 to D5.
+        base = 0 if what == "S" else 5
+        low = base + int(level) - 1
+        neighbours.append((float(p[low] + p[low + 1]), float(p.max()), float(p[-1])))
+    n = np.array(neighbours)
+    return out | {
+        "on_both_neighbours": float(n[:, 0].mean()),
+        "highest": float(n[:, 1].mean()),
+        "none": float(n[:, 2].mean()),
+    }
+
+
+def _mixed(
+    alone: list[Met], pairs: list[Met], names: tuple[str, ...], data: ResponseDataBase
+) -> dict[str, Any]:
+    from esea_host.assess.session import assessed_hypotheses
+
+    with_pairs = assessed_hypotheses(data, mixed=True).names
+    said = [names[int(final(m).argmax())] for m in alone]
+    found = [with_pairs[int(final(m).argmax())] for m in pairs]
+
+    def near(name: str, m: Met) -> bool:
+        if "+" not in name:
+            return False
+        s, d = sorted(name.split("+"), reverse=True)
+        return abs(float(s[1:]) - m.spastic) <= 1 and abs(float(d[1:]) - m.dystonic) <= 1
+
+    return {
+        "patients": len(alone),
+        "without_mixtures_none": float(np.mean([s == NONE for s in said])),
+        "without_mixtures_spastic": float(np.mean([s[0] == "S" for s in said])),
+        "with_mixtures_both": float(np.mean(["+" in f for f in found])),
+        "with_mixtures_exact": float(
+            np.mean(
+                [
+                    sorted(f.split("+")) == sorted(m.truth.split("+"))
+                    for f, m in zip(found, pairs, strict=True)
+                ]
+            )
+        ),
+        "with_mixtures_both_within_one": float(
+            np.mean([near(f, m) for f, m in zip(found, pairs, strict=True)])
+        ),
+    }
+
+
+def table(result: dict[str, Any]) -> list[str]:
+    """As lines of text."""
+
+    def ends(key: str, form: str = "{:.2f}") -> str:
+        low, high = result[f"{key}_interval"]
+        return f"{form.format(result[key])} ({form.format(low)} to {form.format(high)})"
+
+    out = [
+        f"{result['patients']['inside']} simulated patients, after {MOVEMENTS} movements:",
+        f"  category right        {result['accuracy']:.2f}",
+        f"  log score             {result['log_score']:.2f}",
+        f"  calibration error     {ends('calibration_error', '{:.3f}')}, aim at most 0.05",
+        f"  none of these         {ends('none_rate_outside')} of others, aim at least 0.9",
+        f"                        {ends('none_rate_inside')} of patients, aim at most 0.05",
+        "movements to 95 %:",
+    ]
+    out += [
+        f"  {w:<10} {m['mean']:5.1f} ({m['interval'][0]:.1f} to {m['interval'][1]:.1f}), "
+        f"{m['never']:.0%} not within {MOST}"
+        for w, m in result["motions"].items()
+    ]
+    if "motions_ratio" in result:
+        out.append(f"  against random        {ends('motions_ratio')}, aim at most 0.5")
+    return out

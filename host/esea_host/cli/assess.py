@@ -1,0 +1,235 @@
+"""``assess``: what is known of a movement disorder of the knee, and which movement tells most."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from esea_gen.errors import UserError
+from esea_host.assess import NOTICE
+from esea_host.cli.app import app, out
+
+assess = typer.Typer(
+    help=f"Knee: movement disorders, and which movement would tell most. {NOTICE}",
+    no_args_is_help=True,
+)
+app.add_typer(assess, name="assess")
+
+JsonOption = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Write the result.")
+]
+DataOption = Annotated[
+    Path | None,
+    typer.Option("--database", metavar="FILE", help="Data base; default: the simulated knee's."),
+]
+PageOption = Annotated[
+    Path | None, typer.Option("--page", metavar="FILE", help="Write a page (.html, .png, .pdf).")
+]
+HeightOption = Annotated[float, typer.Option("--height-m", help="Body height.")]
+MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass.")]
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _data(path: Path | None) -> Any:
+    from esea_host.assess.build import cached
+    from esea_host.assess.database import ResponseDataBase
+
+    return ResponseDataBase.load(path) if path else cached(say=_say)
+
+
+def _write_json(path: Path | None, content: Any) -> None:
+    from esea_host.assess.files import write_whole
+
+    if path is not None:
+        write_whole(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+@assess.command()
+def build(
+    file: Annotated[Path, typer.Argument(help="Where the data base goes (.npz).")],
+    patients: Annotated[
+        int, typer.Option("--patients", min=8, help="Simulated patients of each category.")
+    ] = 60,
+    recordings: Annotated[
+        Path | None,
+        typer.Option(
+            "--recordings",
+            metavar="FOLDER",
+            help="Build from recordings instead: a folder for each category, CSV files in it.",
+        ),
+    ] = None,
+) -> None:
+    """Build a data base of responses: one file, with where it comes from."""
+    from esea_host.assess.build import build as simulate
+    from esea_host.assess.files import from_recordings
+
+    data = from_recordings(recordings) if recordings else simulate(patients, _say)
+    digest = data.save(file)
+    out.print(NOTICE if not recordings else "Not a medical device.")
+    out.print(
+        f"{file}: {len(data.category)} people, {len(data.categories)} categories, "
+        f"{int(data.common.sum())} of {data.grid.cells} locations reached by all, {digest[:16]}"
+    )
+
+
+@assess.command()
+def evaluate(
+    patients: Annotated[int, typer.Option("--patients", help="Patients of the categories.")] = 200,
+    seed: Annotated[int, typer.Option("--seed", help="Who is drawn.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1: all cores.")] = -1,
+    json_file: JsonOption = None,
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="FILE", help="Write the page (.html).")
+    ] = None,
+    database: DataOption = None,
+) -> None:
+    """Judge the assessment on simulated patients drawn anew."""
+    from esea_host.assess.evaluation import evaluate as meet_all
+    from esea_host.assess.files import write_whole
+    from esea_host.assess.judge import judge, table
+    from esea_host.assess.page import evaluation_page
+
+    data = _data(database)
+    met, mixed = meet_all(data, patients, seed, jobs, say=_say)
+    result = {"seed": seed} | judge(met, mixed, data)
+    out.print(NOTICE)
+    for line in table(result):
+        out.print(line)
+    _write_json(json_file, result)
+    if page is not None:
+        write_whole(page, evaluation_page(result))
+
+
+@assess.command()
+def run(
+    recording: Annotated[
+        list[Path] | None,
+        typer.Option("--recording", metavar="CSV", help="Read a recorded movement; repeatable."),
+    ] = None,
+    height_m: HeightOption = 1.70,
+    mass_kg: MassOption = 70.0,
+    low_deg: Annotated[float, typer.Option("--from-deg", help="Reach: least bending.")] = 0.0,
+    high_deg: Annotated[float, typer.Option("--to-deg", help="Reach: most bending.")] = 130.0,
+    fastest: Annotated[
+        float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")
+    ] = 120.0,
+    mixed: Annotated[bool, typer.Option("--mixed", help="Two disorders at once, too.")] = False,
+    who: Annotated[str, typer.Option("--who", help="Printed on the page.")] = "",
+    json_file: JsonOption = None,
+    page: PageOption = None,
+    database: DataOption = None,
+) -> None:
+    """Assess one leg: a movement is proposed; type what it gave, or read recordings.
+
+    Works without a sensor: say in a word how the leg resists, or skip.
+    """
+    from esea_host.assess.files import read_recording
+    from esea_host.assess.patients import DEG
+    from esea_host.assess.probing import Comfort
+    from esea_host.assess.session import Assessment
+    from esea_host.assess.terminal import add_recording, converse
+
+    comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest * DEG)
+    recordings = [read_recording(p, height_m, mass_kg) for p in recording or []]
+    session = Assessment(_data(database), mixed=mixed)
+    out.print(NOTICE)
+    for path, r in zip(recording or [], recordings, strict=True):
+        out.print(add_recording(session, r, path.name))
+    converse(
+        session,
+        comfort,
+        height_m,
+        mass_kg,
+        sys.stdin if not recording else io.StringIO(),
+        out.print,
+    )
+    _write_json(json_file, session.to_dict())
+    if page is not None:
+        _write_page(page, session, who)
+
+
+def _write_page(path: Path, session: Any, who: str) -> None:
+    from esea_host.assess.files import write_whole
+    from esea_host.assess.page import session_html
+    from esea_host.assess.pictures import session_page
+
+    if path.suffix == ".html":
+        write_whole(path, session_html(session, who))
+        return
+    if path.suffix not in (".png", ".pdf"):
+        raise UserError(f"{path}: a page ends in .html, .png or .pdf.", "Give another name.")
+    buffer = io.BytesIO()
+    kind = path.suffix[1:]
+    session_page(session, who).savefig(buffer, format=kind, dpi=150)
+    write_whole(path, buffer.getvalue())
+
+
+@assess.command()
+def pendulum(
+    recording: Annotated[Path, typer.Argument(help="CSV: time_s and angle_deg or angle_rad.")],
+    json_file: JsonOption = None,
+) -> None:
+    """Wartenberg's pendulum test: relaxation index, damping, first swing."""
+    from esea_host.assess.files import angle_columns
+    from esea_host.assess.pendulum import pendulum_test
+
+    time_s, angle, _ = angle_columns(recording)
+    found = pendulum_test(time_s, angle)
+    out.print("Not a medical device.")
+    for line in found.sentences():
+        out.print(line)
+    _write_json(json_file, {"notice": "Not a medical device."} | vars(found))
+
+
+@assess.command("range")
+def range_(
+    recording: Annotated[Path, typer.Argument(help="CSV: time_s, angle_deg, torque_Nm.")],
+    height_m: HeightOption = 1.70,
+    mass_kg: MassOption = 70.0,
+    json_file: JsonOption = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", metavar="FILE", help="Torque over angle.")
+    ] = None,
+) -> None:
+    """Passive range of motion: how far, how stiff, and what the loop of torque loses."""
+    from esea_host.assess.files import read_recording, write_whole
+    from esea_host.assess.motion_range import motion_range
+    from esea_host.assess.pictures import loop_picture
+
+    found = motion_range(read_recording(recording, height_m, mass_kg))
+    out.print("Not a medical device.")
+    for line in found.sentences():
+        out.print(line)
+    numbers = {k: v for k, v in vars(found).items() if isinstance(v, int | float)}
+    _write_json(json_file, {"notice": "Not a medical device."} | numbers)
+    if figure is not None:
+        buffer = io.BytesIO()
+        loop_picture(found).savefig(buffer, format=figure.suffix[1:] or "png", dpi=150)
+        write_whole(figure, buffer.getvalue())
+
+
+@assess.command()
+def validate(
+    folder: Annotated[
+        Path | None, typer.Option("--elbow", help="Folder with the published elbow recordings.")
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Hold the simulated knee against published numbers."""
+    from esea_host.assess.validation import against_elbow, pendulum_table, table
+
+    found: dict[str, Any] = {"notice": NOTICE, "pendulum": pendulum_table()}
+    if folder is not None:
+        found["elbow"] = against_elbow(folder)
+    out.print(NOTICE)
+    for line in table(found):
+        out.print(line)
+    _write_json(json_file, found)

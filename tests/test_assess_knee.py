@@ -1,0 +1,485 @@
+"""Simulated knee patients, the sensor that reads them, pendulum and range tests, the commands."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from esea_gen.errors import UserError
+from esea_host.assess import NOTICE
+from esea_host.assess.evaluation import evaluate, meet
+from esea_host.assess.files import from_recordings, read_recording
+from esea_host.assess.judge import judge
+from esea_host.assess.knee import STEP_S, Knees, sweep
+from esea_host.assess.motion_range import motion_range
+from esea_host.assess.patients import (
+    CATEGORIES,
+    OUTSIDE_KINDS,
+    KneePatient,
+    disorder,
+    draw_category,
+    draw_outside,
+    leg_inertia_kgm2,
+    leg_weight_Nm,
+    passive_torque_Nm,
+)
+from esea_host.assess.pendulum import pendulum_test
+from esea_host.assess.responses import LegRecording
+from esea_host.assess.sensing import knee_sensor
+from esea_host.assess.session import assessed_hypotheses
+from esea_host.assess.terminal import converse, extra_torque_Nm
+from esea_host.assess.validation import against_elbow, nominal, pendulum_table, ramp_torque
+from esea_host.cli.app import app
+
+from .conftest import ROOT, require_tool
+from .test_assess import made_up
+
+DEG = math.pi / 180
+
+
+# -- patients ---------------------------------------------------------------------------------
+
+
+def test_leg_of_a_mean_body_by_hand():
+    """Winter: 70 kg, 1.7 m; shank and foot 4.27 kg, 0.418 m long."""
+    assert leg_weight_Nm(1.7, 70) == pytest.approx(4.27 * 9.81 * 0.606 * 0.4182, rel=1e-3)
+    assert leg_inertia_kgm2(1.7, 70) == pytest.approx(4.27 * (0.735 * 0.4182) ** 2, rel=1e-3)
+
+
+def test_passive_torque_as_published():
+    """Riener and Edrich's three exponentials at 30 deg, ankle -15, hip 60, by hand."""
+    by_hand = math.exp(1.8 - 0.69 - 1.056 + 1.302) - math.exp(-3.971 + 0.006 + 1.485 - 0.768)
+    by_hand += -4.82 + math.exp(2.22 - 4.5)
+    assert float(passive_torque_Nm(30 * DEG)) == pytest.approx(by_hand)
+
+
+def test_reflex_grows_with_speed_beyond_its_thresholds_and_tone_does_not():
+    knees = Knees([nominal("S3"), nominal("D3")])
+    at = np.full(2, 100 * DEG)
+    reflex = [knees.reflex_Nm(at, np.full(2, v * DEG))[0] for v in (20, 60, 90, 120)]
+    assert reflex[0][0] == pytest.approx(0, abs=1e-3)  # below 47 deg/s
+    assert reflex[1][0] < reflex[2][0] < reflex[3][0]
+    assert np.all(knees.reflex_Nm(np.full(2, 40 * DEG), np.full(2, 1.0))[0] == 0)  # below 55 deg
+    assert all(r[1] == 0 for r in reflex)
+    relaxed = Knees([nominal("relaxed")])
+    tones = []
+    for v in (10, 120):
+        rate = np.full(2, v * DEG)
+        tones.append(knees.still_Nm(at, rate)[1] - relaxed.still_Nm(at[:1], rate[:1])[0])
+    assert tones[0] < -5
+    assert tones[1] == pytest.approx(tones[0], rel=0.06)
+
+
+def test_severities_rise_and_passive_properties_are_everybodys():
+    falling = [disorder(s, 0)["threshold_rad"][0] for s in range(1, 6)]
+    assert falling == sorted(falling, reverse=True)
+    tone = [disorder(0, s)["tone_Nm"] for s in range(1, 6)]
+    assert tone == sorted(tone)
+    a, b = (draw_category(c, np.random.default_rng(3)) for c in ("S5", "D1"))
+    assert (a.height_m, a.passive_scale) == (b.height_m, b.passive_scale)
+
+
+def test_reflex_comes_after_its_delay():
+    """Held, then stretched at once: nothing of the reflex before the delay."""
+    p = dataclasses.replace(nominal("S5"), tone_Nm=0.0)
+    silent = dataclasses.replace(p, gain_Nms_rad2=0.0)
+    t = np.arange(300) * STEP_S
+    path = 60 * DEG + np.maximum(t - 0.1, 0) * 100 * DEG
+    rate = np.where(t > 0.1, 100 * DEG, 0.0)
+    m = Knees([p, silent]).move(np.stack([path] * 2, 1), np.stack([rate] * 2, 1), [[0], [0]])
+    torque = m.torque_Nm[:, 0] - m.torque_Nm[:, 1]
+    first = t[np.flatnonzero(np.abs(torque) > 1e-9)[0]]
+    over = t[np.flatnonzero(m.rate_rad_s[:, 0] > p.dynamic_threshold_rad_s)[0]]
+    assert first >= 0.1 + p.delay_s - 1e-9
+    assert over + p.delay_s - 0.02 < first < over + p.delay_s + 0.02
+    assert torque.max() > 5
+
+
+def test_free_leg_without_passive_torque_is_a_pendulum():
+    """Period 2 pi sqrt(J / W) about hanging, small swings."""
+    p = KneePatient("", passive_scale=0.0, damping_Nms_rad=0.0)
+    knees = Knees([p])
+    m = knees.release(85 * DEG, 4.0, [[0]])
+    x = m.angle_rad[:, 0] - 90 * DEG
+    crossings = m.time_s[np.flatnonzero(np.diff(np.sign(x)))]
+    period = 2 * float(np.mean(np.diff(crossings)))
+    exact = 2 * math.pi * math.sqrt(knees.inertia[0] / knees.weight[0])
+    assert period == pytest.approx(exact, rel=2e-3)
+
+
+def test_the_excitation_is_the_thesis():
+    path, rate = sweep()
+    assert np.ptp(path) == pytest.approx(130 * DEG, rel=1e-4)
+    assert np.abs(rate).max() / DEG == pytest.approx(120, abs=3)
+    assert np.gradient(path, STEP_S)[1:-1] == pytest.approx(rate[1:-1], abs=1e-4)
+    assert len(path) * STEP_S == pytest.approx(0.3 / 0.5 * 60)
+
+
+def test_hands_never_pull_more_than_10_kgf():
+    p = dataclasses.replace(nominal("D5"), tone_Nm=60.0)
+    path, rate = (x[:4000] for x in sweep())
+    knees = Knees([p])
+    m = knees.move(path[:, None], rate[:, None], [[0]])
+    assert np.abs(m.torque_Nm).max() == pytest.approx(10 * 9.81 * 0.246 * 1.7)
+
+
+def test_pendulum_behaviour_as_published():
+    """Relaxed legs 1.6 or more (Bajd and Vodovnik), less and less with spasticity."""
+    rows = {r["category"]: r for r in pendulum_table()}
+    assert 1.6 <= rows["relaxed"]["relaxation_index"] <= 2.0
+    index = [rows[c]["relaxation_index"] for c in ("relaxed", *CATEGORIES[:5])]
+    swing = [rows[c]["first_swing_deg"] for c in ("relaxed", *CATEGORIES[:5])]
+    assert index == sorted(index, reverse=True)
+    assert swing == sorted(swing, reverse=True)
+    assert index[-1] < 1.0
+
+
+# -- the sensor -------------------------------------------------------------------------------
+
+
+def test_the_sensors_c_reads_a_torque_back_through_its_dead_zone():
+    require_tool("gcc")
+    sensor = knee_sensor()
+    t = np.arange(0, 6, 0.002)
+    torque = 12 * np.sin(2 * math.pi * 0.3 * t)
+    angle = 1 + 0.8 * np.sin(2 * math.pi * 0.3 * t)
+    error, sensor.error_Nm = sensor.error_Nm, 0.0
+    try:
+        exact = sensor.read(t, torque, angle, [1])
+    finally:
+        sensor.error_Nm = error
+    # One count of the encoder is 1.5 mrad; 83 Nm/rad and more make 0.13 Nm of it.
+    assert np.std(exact - torque) < 0.25
+    assert np.std(np.diff(exact)) > 0  # quantised, not copied
+    many = np.array([sensor.read(t, torque, angle, [k]) for k in range(12)])
+    assert np.sqrt(np.mean((many - torque) ** 2)) == pytest.approx(1.83, rel=0.35)
+    assert np.array_equal(sensor.read(t, torque, angle, [4]), many[4])
+
+
+# -- pendulum and range tests -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("zeta", "hertz"), [(0.05, 1.0), (0.15, 0.8), (0.3, 1.2)])
+def test_damped_pendulum_in_closed_form(zeta, hertz):
+    """x = rest - drop e^(-zeta w t) (cos wd t + ...): index 1 + e^(-pi zeta / sqrt(1 - zeta^2))."""
+    w, root = 2 * math.pi * hertz / math.sqrt(1 - zeta**2), math.sqrt(1 - zeta**2)
+    t = np.arange(0, 14, 0.005)
+    u = np.maximum(t - 0.5, 0)
+    shape = np.exp(-zeta * w * u) * (np.cos(w * root * u) + zeta / root * np.sin(w * root * u))
+    r = pendulum_test(t, (5 + 65 * (1 - shape)) * DEG)
+    over = math.exp(-math.pi * zeta / root)
+    assert r.relaxation_index == pytest.approx(1 + over, abs=0.01)
+    assert r.first_swing_rad / DEG == pytest.approx(65 * (1 + over), abs=0.3)
+    assert r.damping_ratio == pytest.approx(zeta, rel=0.05)
+    assert r.frequency_Hz == pytest.approx(hertz, rel=0.02)
+    assert r.reached_rest
+    # Fastest fall: at wd t = atan(root / zeta).
+    at = math.atan2(root, zeta)
+    fastest = 65 * w * math.exp(-zeta / root * at) * math.sin(at) / root
+    assert r.peak_rate_rad_s / DEG == pytest.approx(fastest, rel=0.02)
+    assert "Relaxation index" in r.sentences()[1]
+
+
+def test_a_leg_that_creeps_down_has_no_swing():
+    t = np.arange(0, 8, 0.005)
+    r = pendulum_test(t, 60 * DEG * (1 - np.exp(-t / 0.7)))
+    assert r.relaxation_index == pytest.approx(1.0, abs=0.02)
+    assert r.swings == 0
+    assert r.damping_ratio is None
+
+
+def test_a_pendulum_test_that_is_none_is_refused():
+    t = np.arange(0, 8, 0.005)
+    with pytest.raises(UserError, match="straight knee"):
+        pendulum_test(t, np.zeros(len(t)))
+    with pytest.raises(UserError, match="gaps"):
+        pendulum_test(t, np.full(len(t), np.nan))
+    moving = pendulum_test(t, 40 * DEG * (1 - np.cos(6 * t)) + 0.05 * t)
+    assert not moving.reached_rest
+    assert "still moving" in moving.sentences()[-1]
+
+
+@pytest.mark.parametrize(("viscous", "dry"), [(4.0, 0.0), (0.0, 1.5)])
+def test_loop_in_closed_form(viscous, dry):
+    """Ellipse pi b w A^2 and parallelogram 4 F A, on a spring of 5 Nm/rad."""
+    amplitude, w = 0.6, 2 * math.pi * 0.1
+    t = np.arange(0, 40, 0.01)
+    angle = 1.1 - amplitude * np.cos(w * t)
+    rate = amplitude * w * np.sin(w * t)
+    torque = 5 * (angle - 1.1) + viscous * rate + dry * np.sign(rate)
+    weight = leg_weight_Nm(1.7, 70) * np.cos(angle)
+    r = motion_range(LegRecording(t, angle, torque - weight))
+    exact = math.pi * viscous * w * amplitude**2 + 4 * dry * amplitude
+    assert r.loop_J == pytest.approx(exact, rel=0.02)
+    assert r.stiffness_Nm_rad == pytest.approx(5, rel=0.03)
+    assert (r.low_rad, r.high_rad) == pytest.approx((0.5, 1.7), abs=0.01)
+    assert r.fastest_rad_s == pytest.approx(amplitude * w, rel=0.02)
+    assert r.slow
+    assert r.cycles in (3, 4)
+
+
+def test_a_range_test_too_fast_or_too_small_is_told():
+    t = np.arange(0, 10, 0.005)
+    r = motion_range(LegRecording(t, 1 - 0.6 * np.cos(4 * t), np.zeros(len(t))))
+    assert not r.slow
+    assert "too fast" in r.sentences()[-1]
+    with pytest.raises(UserError, match="at least 5 deg"):
+        motion_range(LegRecording(t, 1 + 0.01 * np.sin(t), np.zeros(len(t))))
+    with pytest.raises(UserError, match="no whole cycle"):
+        motion_range(LegRecording(t, 0.2 + 0.1 * t, np.zeros(len(t))))
+
+
+# -- validation -------------------------------------------------------------------------------
+
+
+def test_elbow_fit_finds_what_was_put_in(tmp_path):
+    angle = np.linspace(67, 148, 27) * DEG
+    torque = ramp_torque(angle, 90 * DEG, 92 * DEG, 25.0, 8.0)
+    np.savetxt(tmp_path / "ref_data_1.csv", np.stack([angle / DEG, torque], 1), delimiter=",")
+    np.savetxt(
+        tmp_path / "derived_healthy_v10.csv", np.array([[0, 80, 0.3], [1, 90, -0.2]]),
+        delimiter=",", header="time_s,angle,torque",
+    )  # fmt: skip
+    found = against_elbow(tmp_path)
+    assert found["threshold_deg"] == pytest.approx(92, abs=0.5)
+    assert found["stiffness_Nm_deg"] / DEG == pytest.approx(25, rel=0.03)
+    assert found["most_Nm"] == pytest.approx(8, rel=0.02)
+    assert found["healthy_largest_Nm"] == 0.3
+    with pytest.raises(UserError, match="folder"):
+        against_elbow(tmp_path / "none")
+
+
+# -- meeting patients -------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_evaluation_is_the_same_for_any_number_of_workers():
+    require_tool("gcc")
+    data = made_up()
+    one = evaluate(data, 7, 3, 1, ways=("expected", "random"))
+    two = evaluate(data, 7, 3, 2, ways=("expected", "random"))
+    assert len(one[0]) == len(two[0])
+    for a, b in zip(one[0] + one[1], two[0] + two[1], strict=True):
+        assert np.array_equal(a.steps, b.steps)
+
+
+def test_a_meeting_goes_to_its_end_and_draws_again_the_same(monkeypatch):
+    require_tool("gcc")
+    monkeypatch.setattr("esea_host.assess.evaluation.MOST", 3)
+    monkeypatch.setattr("esea_host.assess.evaluation.MOVEMENTS", 2)
+    data = made_up()
+    rng = np.random.default_rng(0)
+    people = [("inside", draw_category("S2", rng)), ("outside", draw_outside("rigid", rng))]
+    h = assessed_hypotheses(data)
+    met = meet(data, h, people, 0, 9, ("expected", "random"))
+    assert [m.way for m in met] == ["expected", "random", "expected"]
+    assert all(2 <= len(m.steps) - 1 <= 3 for m in met)
+    again = meet(data, h, people, 0, 9, ("expected", "random"))
+    assert all(np.array_equal(a.steps, b.steps) for a, b in zip(met, again, strict=True))
+    other = meet(data, h, people, 0, 10, ("expected", "random"))
+    assert not np.array_equal(met[0].steps, other[0].steps)
+
+
+def test_everybody_of_no_category_is_somebody():
+    rng = np.random.default_rng(0)
+    plain = KneePatient("")
+    for kind in OUTSIDE_KINDS[:-1]:
+        p = draw_outside(kind, rng)
+        assert p.gain_Nms_rad2 == 0
+        assert p.tone_Nm == 0
+        differs = [
+            f.name
+            for f in dataclasses.fields(p)
+            if getattr(p, f.name) != getattr(plain, f.name) and f.name.endswith(("_Nm", "_Nm_rad"))
+        ]
+        assert differs, kind
+
+
+def test_the_judge_counts(tmp_path):
+    """Made-up meetings: all right, all sure at the second movement, one outsider missed."""
+    from esea_host.assess.evaluation import Met, hypothesis_names
+    from esea_host.assess.page import evaluation_page
+
+    data = made_up()
+    names = hypothesis_names(data)
+
+    def met(group: str, truth: str, said: str, way: str, sure: int) -> Met:
+        steps = np.full((13, len(names)), 0.01 / (len(names) - 1))
+        steps[:, names.index(said)] = 0.99
+        steps[:sure] = 1 / len(names)
+        level = 0.0 if truth in ("rigid", "relaxed") else float(truth[1:2])
+        s, d = (level, 0.0) if truth[0] == "S" else (0.0, level)
+        severity = {x: {"mean": level, "low": level, "high": level} for x in "SD"}
+        return Met(group, truth, s, d, way, steps, severity, 0)
+
+    rows = [
+        met("inside", c, c, w, 2 if w == "expected" else 6)
+        for c in data.diagnoses
+        for w in ("expected", "random")
+    ]
+    rows += [met("outside", "rigid", "none of these", "expected", 2)]
+    rows += [met("outside", "rigid", "relaxed", "expected", 2)]
+    rows += [met("outside", "relaxed", "relaxed", "expected", 2)]
+    between = [met("between", "S1.5", "S1", "expected", 2)]
+    mixed = [met("mixed", "S2+D1", "none of these", "expected", 2)]
+    r = judge(rows + between + mixed, mixed, data)
+    assert r["motions_ratio"] == pytest.approx(2 / 6)
+    assert r["accuracy"] == 1
+    assert r["none_rate_outside"] == pytest.approx(2 / 3)
+    assert r["none_rate_inside"] == 0
+    assert np.trace(np.array(r["confusion"])[:, :6]) == 6
+    # Of 12 answers one is uniform (1/8, and by chance the first name), the others 0.99 and right.
+    assert r["ways"]["expected"]["calibration_error"] < 0.2
+    json.dumps(r, allow_nan=False)
+    with pytest.raises(KeyError):
+        evaluation_page(r)  # a page needs the fixed protocol too
+
+
+# -- commands ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def base(tmp_path):
+    path = tmp_path / "base.npz"
+    made_up().save(path)
+    return path
+
+
+def csv_of(path, **columns):
+    head = ",".join(columns)
+    rows = "\n".join(
+        ",".join(f"{v:.6g}" for v in row) for row in zip(*columns.values(), strict=True)
+    )
+    path.write_text(f"{head}\n{rows}\n")
+    return path
+
+
+def test_a_conversation_without_a_sensor_and_with_one(base, tmp_path):
+    page, file = tmp_path / "page.html", tmp_path / "out.json"
+    typed = "very strong\n-3,5\nwhat\nset S3=0.5\nset Q=1\nskip pain\nundo\nshow\ndone\n"
+    done = CliRunner().invoke(
+        app,
+        ["assess", "run", "--database", str(base), "--json", str(file), "--page", str(page)],
+        input=typed,
+    )
+    assert done.exit_code == 0, done.output
+    assert NOTICE in done.output
+    assert "is no number and no word" in done.output
+    assert "category: 'Q'" in done.output
+    steps = [e["what"] for e in json.loads(file.read_text())["trail"]]
+    assert steps == ["begin", "felt", "measured", "clinician", "skipped", "undone"]
+    text = page.read_text()
+    assert text.count(NOTICE) >= 2
+    assert "<svg" in text
+    assert "http" not in text.replace("http://www.w3.org", "")
+
+
+def test_a_typed_torque_is_what_a_sensor_at_the_midpoint_reads():
+    """A leg held level weighs; of a mean body nothing else is taken off."""
+    from esea_host.assess.responses import Location
+
+    carried = -leg_weight_Nm(1.7, 70) * math.cos(60 * DEG)
+    assert extra_torque_Nm(carried, Location(60 * DEG, 1.0), 1.7, 70) == pytest.approx(0)
+    # Twice the mass: twice the weight is taken off, and the rest halved.
+    twice = extra_torque_Nm(2 * carried + 8, Location(60 * DEG, 1.0), 1.7, 140)
+    assert twice == pytest.approx(4)
+
+
+def test_recordings_are_read_and_a_wrong_one_is_one_paragraph(base, tmp_path):
+    t = np.arange(0, 6, 0.01)
+    angle = 60 + 45 * np.sin(1.2 * t)
+    path = csv_of(tmp_path / "r.csv", time_s=t, angle_deg=angle, torque_Nm=0 * t + 2)
+    run = ["assess", "run", "--database", str(base), "--recording"]
+    done = CliRunner().invoke(app, [*run, str(path)])
+    assert done.exit_code == 0, done.output
+    assert "r.csv:" in done.output
+    bad = csv_of(tmp_path / "b.csv", time_s=t, angle_deg=angle)
+    call = [sys.executable, "-m", "esea_host.cli", *run, str(bad)]
+    said = subprocess.run(call, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert said.returncode == 2
+    assert "Needs torque_Nm" in said.stderr
+    assert "Traceback" not in said.stderr
+    for text in ("", "time_s\nx\n", "time_s,angle_deg\n1\n"):
+        bad.write_text(text)
+        with pytest.raises(UserError):
+            read_recording(bad)
+
+
+def test_pendulum_and_range_from_files(tmp_path):
+    t = np.arange(0, 12, 0.01)
+    w = 5.8
+    angle = 65 * (1 - np.exp(-0.4 * t) * np.cos(w * t))
+    fall = csv_of(tmp_path / "p.csv", time_s=t, angle_deg=angle)
+    out = tmp_path / "p.json"
+    done = CliRunner().invoke(app, ["assess", "pendulum", str(fall), "--json", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "Not a medical device" in done.output
+    found = json.loads(out.read_text())
+    assert found["relaxation_index"] == pytest.approx(1 + math.exp(-0.4 * math.pi / w), abs=0.02)
+    slow = csv_of(
+        tmp_path / "l.csv", time_s=t * 3, angle_deg=65 - 30 * np.cos(0.5 * 3 * t),
+        torque_Nm=np.sin(1.5 * t),
+    )  # fmt: skip
+    figure = tmp_path / "l.png"
+    call = ["assess", "range", str(slow), "--figure", str(figure)]
+    done = CliRunner().invoke(app, call)
+    assert done.exit_code == 0, done.output
+    assert figure.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_data_base_from_recordings_of_any_categories(tmp_path):
+    rng = np.random.default_rng(0)
+    t = np.arange(0, 30, 0.01)
+    for name, stiff in (("stiff", 6.0), ("soft", 1.0)):
+        (tmp_path / name).mkdir()
+        for k in range(4):
+            w = 0.15 * t
+            angle = 1 + 0.5 * np.sin(w * t)
+            torque = stiff * np.exp(rng.normal(0, 0.05)) * (angle - 1)
+            path = csv_of(tmp_path / name / f"{k}.csv", time_s=t, angle_rad=angle, torque_Nm=torque)
+            path.write_text("# height_m=1.6 mass_kg=60\n" + path.read_text())
+    data = from_recordings(tmp_path)
+    assert set(data.categories) == {"stiff", "soft"}
+    assert data.reference is None
+    assert data.common.sum() > 5
+    done = CliRunner().invoke(
+        app, ["assess", "build", str(tmp_path / "d.npz"), "--recordings", str(tmp_path)]
+    )
+    assert done.exit_code == 0, done.output
+    assert "8 people, 2 categories" in done.output
+    with pytest.raises(UserError, match="no recordings"):
+        from_recordings(tmp_path / "none")
+
+
+def test_the_conversation_ends_with_its_lines(base):
+    from esea_host.assess.database import ResponseDataBase
+    from esea_host.assess.probing import Comfort
+    from esea_host.assess.session import Assessment
+
+    said: list[str] = []
+    session = Assessment(ResponseDataBase.load(base))
+    converse(session, Comfort(), 1.7, 70, io.StringIO("strong\n"), said.append)
+    assert sum("knee from" in s for s in said) == 2
+    assert any("still changing" in s for s in said)
+
+
+def test_every_page_says_what_it_is_not(base, tmp_path):
+    for name in ("a.png", "a.pdf", "a.html"):
+        page = tmp_path / name
+        done = CliRunner().invoke(
+            app, ["assess", "run", "--database", str(base), "--page", str(page)], input="slight\n"
+        )
+        assert done.exit_code == 0, done.output
+        assert page.stat().st_size > 10_000
+    done = CliRunner().invoke(
+        app, ["assess", "run", "--database", str(base), "--page", "x.doc"], input=""
+    )
+    assert isinstance(done.exception, UserError)
