@@ -206,8 +206,12 @@ class _Cable:
             pulls, kept_high, ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
         )
         give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
-        wound = wound - middle + carried
-        gap = ca.fmin(kept_high - kept_low, self.most)  # to rounding
+        # With its ends the limb's observer, whose torque trembles by 0.3 Nm at 12 bits, would lead
+        # into one now and then: the mean command would hold the gear in the gap.
+        closed = label("closed", u.mode > 1.5, "the gap counts as closed")
+        wound = ca.if_else(closed, 0.0, wound - middle) + carried
+        # To rounding.
+        gap = ca.if_else(closed, 0.0, ca.fmin(kept_high - kept_low, self.most))
         next_state = {
             "primed": ok,
             "high_rad": ca.if_else(ok, kept_high, s.high_rad),
@@ -219,7 +223,9 @@ class _Cable:
         outputs = {
             "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 2]"),
             "give_rad_Nm": give["give_rad_Nm"],
-            "gap_rad": label("gap_rad", ca.if_else(ok, gap, self.usual), "[cable 3]"),
+            "gap_rad": label(
+                "gap_rad", ca.if_else(ok, gap, ca.if_else(closed, 0.0, self.usual)), "[cable 3]"
+            ),
             "status": flag_word(
                 [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), ca.logic_not(ok)]
             ),
@@ -278,6 +284,7 @@ class _Cable:
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
             Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
+            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
         )
 
     def outputs(self) -> tuple[Port, ...]:
