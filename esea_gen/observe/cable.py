@@ -209,9 +209,9 @@ class _Cable:
             pulls, kept_high, ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
         )
         give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
-        # The person's torque as observed trembles by 0.3 Nm with the joint encoders' steps, and what
-        # is predicted with it meets the ends of the gap: in the mean the command then holds the
-        # gear inside, and a limp hand on a rendered spring drifts without any torque.
+        # The person's torque as observed trembles by 0.3 Nm with the joint encoders' steps, and
+        # what is predicted with it meets the ends of the gap: in the mean the command then holds
+        # the gear inside, and a limp hand on a rendered spring drifts without any torque.
         closed = label("closed", u.mode > CLOSED_ABOVE, "the gap counts as closed")
         wound = ca.if_else(closed, 0.0, wound - middle) + carried
         # To rounding.
