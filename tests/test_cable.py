@@ -72,6 +72,7 @@ def cable(k: float, gap: float, zero: float, seconds: float = 7.0, torque=1.7):
         "theta_motor_rad": motor,
         "motor_usable": np.ones(len(t)),
         "tau_Nm": carried,
+        "mode": np.ones(len(t)),
     }
     return given, wound
 
@@ -123,6 +124,7 @@ def test_without_torque_the_usual_gap_moves_with_what_is_seen(drive):
                 "theta_motor_rad": 0 * ones,
                 "motor_usable": ones,
                 "tau_Nm": 0 * ones,
+                "mode": ones,
             }
         )
     )
@@ -143,6 +145,21 @@ def test_an_encoder_that_cannot_be_used_leaves_a_cable_in_its_middle(drive):
     assert abs(after - before) < 0.011
     assert y["gap_rad"][5001] == pytest.approx(0.006, abs=1e-3)
     assert y["gap_rad"][-1] == pytest.approx(0.02, abs=5e-4)
+
+
+def test_a_rendered_impedance_closes_the_gap_and_learns_it_all_the_same(drive):
+    """Mode 2: the cable alone, tau/k; what is known of the gap is there again in torque mode."""
+    given, wound = cable(150, 0.01, 0.2)
+    given["mode"][:-1700] = 2.0
+    given["gear_usable"][3000] = 0.0
+    y, _ = cable_observer(drive).simulator().run(given)
+    closed = slice(0, -1700)
+    assert np.all(y["gap_rad"][closed] == 0)
+    by_torque = given["tau_Nm"] * y["give_rad_Nm"]
+    assert y["wound_rad"][closed] == pytest.approx(by_torque[closed], abs=1e-4)
+    late = slice(-1700, None)
+    assert y["gap_rad"][late] == pytest.approx(0.01, abs=4e-4)
+    assert y["wound_rad"][late] == pytest.approx(wound[late], abs=5e-4)
 
 
 # -- the prediction --------------------------------------------------------------------------------

@@ -63,6 +63,48 @@ def test_the_push_gives_a_heavy_hand_its_speed():
     assert speed[1105] == pytest.approx(0.5, rel=0.01)
 
 
+def test_a_wall_throws_a_heavy_hand_back():
+    """A mass on a spring by hand: it goes in by v sqrt(J/k), comes out as fast, loses nothing."""
+    hand, wall = Hand("heavy", 50.0), 1e4
+    run = pushed(hand, 0.0, 0.0, wall_Nm_rad=wall)
+    moved = run.plant["theta_l_rad"] - run.plant["theta_l_rad"][0]
+    assert moved.max() == pytest.approx(0.02 + 0.5 * math.sqrt(50 / wall), rel=0.03)
+    # The drive is dragged along after that.
+    out = round((1.1 + math.pi * math.sqrt(50 / wall)) * 1000)
+    assert run.plant["omega_l_rad_s"][out] == pytest.approx(-0.5, rel=0.05)
+    # Held in the wall: all of the push, 50 * 0.5**2 / 2.
+    deep = int(np.argmax(moved))
+    held = 0.5 * wall * (moved[deep] - 0.02) ** 2
+    assert held == pytest.approx(6.25, rel=0.03)
+    assert not judge_push(run, hand, 0.0, U_MAX_NM, wall).stopped
+
+
+def test_the_energy_of_a_wall_counts_as_held():
+    """A hand that is held in it, at rest, from the push on."""
+    run = pushed(Hand("light", 0.1), 0.0, 0.0)
+    leant = np.where(np.arange(len(run.plant["theta_l_rad"])) < 1000, 0.0, 0.05) + 1.0
+    still = dict.fromkeys(("omega_l_rad_s", "tau_e_Nm"), 0 * leant) | {"theta_l_rad": leant}
+    run = dataclasses.replace(run, plant=run.plant | still)
+    found = judge_push(run, Hand("light", 0.1), 2.0, U_MAX_NM, 100.0)
+    assert found.held_end_J == pytest.approx(0.5 * (2 * 0.05**2 + 100 * 0.03**2))
+
+
+@pytest.mark.parametrize("controller", ["smc", "mpc"])
+def test_limp_hands_get_nothing_from_a_wall(controller):
+    require_tool("gcc")
+    for hand in (Hand("a", 0.05), Hand("b", 0.4, 0.0, 30.0)):
+        for kp, wall in ((0.0, 100.0), (3.0, 1000.0)):
+            found = PushRun(
+                **run_push(
+                    kp, 0.0, dataclasses.asdict(hand), controller, "real", 0.5, 0, wall_Nm_rad=wall
+                )
+            )
+            push_J = 0.5 * hand.inertia_kgm2 * 0.25
+            assert not (found.stopped or found.swings_up(push_J))
+            # The torque is late at an impact.
+            assert found.generated_J < 0.05 * push_J
+
+
 def test_a_drive_that_is_off_is_passive_with_every_hand():
     """Friction, masses and elastomer only: whatever the hand, nothing can come out."""
     for hand in HANDS:
@@ -245,6 +287,8 @@ def test_a_layer_that_was_never_left_says_so():
         (["--points", 900], ["900 points", "2 to 41"]),
         (["--push", 0], ["push of 0 rad/s", "more than 0 and at most 0.6"]),
         (["--push", "nan"], ["push of nan"]),
+        (["--wall", -1], ["wall of -1 Nm/rad", "0, for none, to 10000"]),
+        (["--wall", "nan"], ["wall of nan"]),
         (["--push", 5], ["push of 5 rad/s", "range of motion"]),
         (["--figure", "a.txt"], [".png, .svg or .pdf"]),
         (["--jobs", 0, "--no-sliding", "--points", 2], ["--jobs 0", "-1"]),

@@ -344,6 +344,10 @@ def test_names_and_groups():
     assert chosen_families("rubber") == ["rubber-20", "rubber-10", "rubber+10", "rubber+20"]
     assert chosen_families("lag-x2, lag") == ["lag-x2", "lag-x0.5"]
     assert chosen_families("all") == [n for n in EVERY if not n.startswith("random")]
+    without = [n for n in chosen_families("all") if n != "backlash-30mrad"]
+    assert chosen_families("all", rigid=True) == without
+    # By name it stays, to be refused with its reason.
+    assert chosen_families("backlash", rigid=True) == ["backlash-30mrad"]
     assert chosen_families("random") == ["random"]
     for name in EVERY:
         assert chosen_families(name) == [name]
@@ -359,7 +363,8 @@ def test_names_and_groups():
     ("arguments", "said"),
     [
         (["--off", "ruber"], "unknown family 'ruber'. Did you mean rubber?"),
-        (["--off", ""], "unknown family ''."),
+        (["--off", ""], "--off names no family: it is empty. Leave --off out for none"),
+        (["--off", " "], "--off names no family"),
         (["--off", "none,missd"], "Did you mean missed?"),
         (
             ["--off", "backlash", "--plant", "ideal"],

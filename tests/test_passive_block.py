@@ -1,4 +1,4 @@
-"""The Block that keeps every law passive: damping, bound and its proof, limp hands."""
+"""The Block that keeps every law passive: damping, bound and its proof; what is refused."""
 
 from __future__ import annotations
 
@@ -11,21 +11,19 @@ import pytest
 import sympy as sp
 
 import esea_gen
-from esea_gen.analysis.passivity import Hand
 from esea_gen.control.limits import limits
 from esea_gen.control.passivity import passivity
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.studies.passivity.push import judge_push, push_case
-from esea_gen.twin.case import IMPEDANCE, TORQUE, Setting
+from esea_gen.observe.rates import filter_delay_s
 from esea_gen.twin.controllers import controller_device
-from esea_gen.twin.run import run_case
 from esea_gen.verify.tools import tool
 
-from .conftest import require_tool, without
+from .conftest import require_tool
 
+# Typed again from the published drive and the file; held against the device below.
 H, J, RATIO, LAG_S, U_MAX, U_STEP = 1e-3, 0.663, 74.0, 0.03488, 0.221, 0.05
-ENERGY_J = 4.0
+ENERGY_J, DAMPING = 4.0, 0.35
 OMEGA = math.sqrt(2 * ENERGY_J / J)  # of a drive that has all of it
 LATE_S = (
     0.0144  # of the speed: 13.9 ms by its filter of 30 Hz, half a millisecond by the difference
@@ -91,7 +89,7 @@ def swing(drive: Device, active: float, size_rad: float, seconds: float, **more:
 def test_the_damping_settles_where_the_hand_feels_the_least(drive, size_rad):
     """It pushes with 0.1 Nms/rad and is to take 0.01: 0.11, at any size of the swing."""
     added = swing(drive, 0.1, size_rad, 8.0)
-    assert added[0] == pytest.approx(0.3, rel=1e-2)
+    assert added[0] == pytest.approx(DAMPING, rel=1e-2)
     assert np.mean(added[-1000:]) == pytest.approx(0.11, abs=0.01)
 
 
@@ -100,7 +98,7 @@ def test_a_law_that_damps_by_itself_gets_none(drive):
 
 
 def test_what_the_law_is_more_active_than_all_damping_leaves_all_of_it(drive):
-    assert np.min(swing(drive, 0.5, 0.2, 3.0)[100:]) == pytest.approx(0.3, rel=1e-2)
+    assert np.min(swing(drive, 0.5, 0.2, 3.0)[100:]) == pytest.approx(DAMPING, rel=1e-2)
 
 
 def test_a_spring_asks_for_its_own_lag(drive):
@@ -110,11 +108,11 @@ def test_a_spring_asks_for_its_own_lag(drive):
 
 
 def test_a_wanted_damping_counts_as_felt(drive):
-    """Kd 0.2 leaves 0.1 to be added, and what it should take counts: the set torque has it."""
+    """Kd 0.2 leaves 0.15 to be added, and what it should take counts: the set torque has it."""
     block = passivity(drive).simulator()
     y = block.step(**sample(mode=2.0, Kd_Nms_rad=0.2, omega_load_rad_s=1.0, tau_set_Nm=-0.2))
-    assert y["damping_Nms_rad"] == pytest.approx(0.1, rel=1e-6)
-    assert y["tau_set_Nm"] == pytest.approx(-0.3, rel=1e-6)
+    assert y["damping_Nms_rad"] == pytest.approx(0.15, rel=1e-6)
+    assert y["tau_set_Nm"] == pytest.approx(-DAMPING, rel=1e-6)
     off = passivity(drive).simulator().step(**sample(mode=0.0, omega_load_rad_s=1.0))
     assert off["damping_Nms_rad"] == 0
     assert off["tau_set_Nm"] == 0
@@ -146,18 +144,26 @@ def test_given_is_the_work_of_the_torque_less_that_of_the_wanted_one(drive):
 
 
 def runaway(
-    device: Device, command, seconds: float = 1.5, gate: bool = True, rate: float = 1.0
+    device: Device,
+    command,
+    seconds: float = 1.5,
+    gate: bool = True,
+    rate: float = 1.0,
+    blind=lambda _k: False,
 ) -> np.ndarray:
     """Energy of the drive alone, without friction, with commands as they come; shape (n,).
 
-    The worst there is: all that the motor gives stays.  The speed is seen at once.
+    The worst there is: all that the motor gives stays.  The speed is seen at once, or, where
+    ``blind`` says so, as 0 in a sample that is marked as bad.
     """
     block = passivity(device).simulator()
     v = last = speed = 0.0
     found = []
     for k in range(round(seconds / H)):
         asked = float(np.clip(command(k, speed), -U_MAX, U_MAX))
-        y = block.step(**sample(omega_motor_rad_s=speed, u_command_Nm=asked))
+        bad = blind(k)
+        measured = {"omega_motor_rad_s": 0.0 if bad else speed, "sensing_ok": float(not bad)}
+        y = block.step(**sample(**measured, u_command_Nm=asked))
         let = float(y["u_command_Nm"]) if gate else asked
         last += float(np.clip(let - last, -rate * U_STEP, rate * U_STEP))
         # (5.1) exactly, and J omega' = n v by its mean over the tick.
@@ -188,6 +194,39 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 def test_no_law_brings_the_drive_beyond_its_energy(drive, name):
     assert np.max(runaway(drive, LAWS[name])) <= ENERGY_J * (1 + 1e-6)
+
+
+BLIND = {
+    "for good": lambda k: k > 0,
+    "every other sample": lambda k: k % 2 == 1,
+    "in bursts": lambda k: k % 97 > 40,
+    "but for one sample in 50": lambda k: k % 50 > 0,
+}
+
+
+@pytest.mark.parametrize("name", BLIND)
+def test_what_is_not_seen_counts_as_the_most_that_it_can_be(drive, name):
+    """Else a drive whose samples are bad would go on for good."""
+    for law in ("all there is", "always along", "random 1"):
+        found = runaway(drive, LAWS[law], blind=BLIND[name])
+        assert np.max(found) <= ENERGY_J * (1 + 1e-6)
+
+
+def test_motion_that_is_lost_unseen_may_be_the_limbs(drive):
+    """0.663 kgm2 at 2 rad/s are 1.326 J; at rest after a bad sample, the limb may have them."""
+    block = passivity(drive).simulator()
+    block.step(**sample(omega_motor_rad_s=2.0))
+    y = block.step(**sample(sensing_ok=0.0))
+    assert y["given_J"] == 0
+    assert y["held_J"] == pytest.approx(1.326, rel=1e-6)
+    assert block.step(**sample())["given_J"] == pytest.approx(1.326, rel=1e-6)
+    # An input that is no number is a bad sample too; a person who pushes the drive gives nothing.
+    block = passivity(drive).simulator()
+    block.step(**sample(omega_motor_rad_s=2.0))
+    block.step(**sample(tau_Nm=math.nan))
+    assert block.step(**sample(omega_motor_rad_s=1.0))["given_J"] == pytest.approx(0.75 * 1.326)
+    block.step(**sample(theta_motor_rad=math.nan))
+    assert block.step(**sample(omega_motor_rad_s=2.0))["given_J"] == pytest.approx(0.75 * 1.326)
 
 
 def test_a_slower_rate_is_allowed_as_far_as_the_bound_holds(drive):
@@ -222,7 +261,7 @@ def test_a_link_can_only_lower_it(drive):
     narrowed = passivity(drive)
     bounds = {t.name: (t.low, t.high) for t in narrowed.tunables}
     assert bounds["energy_J"] == pytest.approx((0.4, 4.0))
-    assert bounds["least_Nms_rad"] == pytest.approx((0.01, 0.3))
+    assert bounds["least_Nms_rad"] == pytest.approx((0.01, DAMPING))
     assert "damping_Nms_rad" not in bounds
     y = narrowed.simulator({"energy_J": 1.0}).step(
         **sample(omega_motor_rad_s=1.8, u_command_Nm=0.2)
@@ -246,6 +285,23 @@ def test_what_a_tick_gives_and_what_the_lag_still_holds_make_the_command():
     assert sp.simplify(work + tau * (after - v) - h * m) == 0
     rest = late * (after - v)
     assert sp.simplify(rest - late * (1 - a) * (m - v)) == 0
+
+
+def test_the_numbers_of_the_proof_are_the_devices(drive):
+    """Typed by hand above: another drive in the file, and the proof would be of no drive at all."""
+    f = drive.file
+    a, safety, own = f.actuator, f.safety, f.passivity
+    assert (drive.period_s, a.J_kgm2.value, a.gear_ratio.value) == (H, J, RATIO)
+    assert (a.tau_c_s.value, safety.u_max_Nm.value) == (LAG_S, U_MAX)
+    assert safety.u_rate_Nm_s.value * drive.period_s == pytest.approx(U_STEP)
+    assert (own.energy_J.value, own.damping_Nms_rad.value) == (ENERGY_J, DAMPING)
+    # Second order, and half a difference.
+    cutoff = f.joint.motor_velocity_Hz.value
+    assert pytest.approx(LATE_S, rel=1e-2) == filter_delay_s(cutoff) + 0.5 * H
+    # The shipped predictive controller stands on the same drive.
+    assert controller_device("mpc").file.passivity == own
+    assert controller_device("mpc").file.actuator == a
+    assert controller_device("mpc").file.safety == safety
 
 
 def proof(least_ticks: float) -> str:
@@ -309,134 +365,18 @@ def test_the_proof_is_of_the_blocks_own_constants(drive):
     assert found["open_Nm_J"] == pytest.approx(1 / opened, rel=1e-3)
 
 
-# -- on the twin -----------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def bare(tmp_path_factory) -> str:
-    """The same device without the section, and so without the Block."""
-    text = SHIPPED.read_text(encoding="utf-8")
-    path = tmp_path_factory.mktemp("bare") / "bare.toml"
-    text = without(text, "passivity").replace('name = "elbow_drive"', 'name = "bare"')
-    path.write_text(text, encoding="utf-8")
-    return str(path)
-
-
-LIMP = ((0.05, 10.0), (0.1, 20.0), (0.1, 30.0), (0.2, 30.0), (0.4, 100.0), (0.05, 1000.0))
-
-
-def verdicts(controller: str, mode: int) -> list[bool]:
-    """Whether each limp hand gets more than a hundredth of the push, at 0 Nm or gains of 0."""
-    require_tool("gcc")
-    device = controller_device(controller)
-    found = []
-    for inertia, stiffness in LIMP:
-        hand = Hand("limp", inertia, 0.0, stiffness)
-        case = push_case(device, hand, 0.0, 0.0, 0.5, mode)
-        run = run_case(case, Setting(controller, "real", "ideal"), 0)
-        figures, push_J = judge_push(run, hand, 0.0, U_MAX), 0.5 * inertia * 0.25
-        bad = figures.swings_up(push_J) or figures.stopped or figures.generated_J > 0.01 * push_J
-        found.append(bad)
-    return found
-
-
-@pytest.mark.parametrize("mode", [TORQUE, IMPEDANCE])
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
-def test_limp_hands_get_nothing_at_gains_of_zero(controller, mode):
-    assert not any(verdicts(controller, mode))
-
-
-@pytest.mark.parametrize("mode", [TORQUE, IMPEDANCE])
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
-def test_without_the_block_they_swing_up(controller, bare, mode):
-    assert sum(verdicts(f"{controller}@{bare}", mode)) >= 4
-
-
-STUCK = """
-from esea_gen.control.law import Law, Parts
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, around
-import casadi as ca
-
-
-def parts(base):
-    def step(c, s, u, guard, label):
-        return {"runs": s.runs}, {"u_command_Nm": ca.if_else(u.mode > 0.5, 0.221, 0.0)}
-
-    block = Block.define(
-        "stuck",
-        "All torque, whatever is measured",
-        period_s=base.control_period_s,
-        state=(Port("runs", 0, 1, "nothing"),),
-        inputs=(Port("mode", 0, 2, "mode"),),
-        outputs=(around("u_command_Nm", 0.221, "command"),),
-        step=step,
-    )
-    return Parts(control={"stuck": block}, command="stuck.u_command_Nm")
-
-
-LAW = Law("stuck", "All torque, whatever is measured", parts)
-"""
-
-
-def runaway_on_the_twin(controller: str, hand: Hand) -> tuple[float, float]:
-    """True energy given to the limb, and to coupling and limb with the drive's own; largest."""
-    require_tool("gcc")
-    device = esea_gen.load_device("elbow_drive")
-    run = run_case(
-        push_case(device, hand, 0.0, 0.0, 0.5, TORQUE), Setting(controller, "real", "ideal"), 0
-    )
-    tau = run.plant["tau_e_Nm"]
-    limb = np.cumsum(tau * run.plant["omega_l_rad_s"]) * H
-    both = np.cumsum(tau * run.plant["omega_m_rad_s"]) * H
-    return float(np.max(limb)), float(np.max(both + 0.5 * J * run.plant["omega_g_rad_s"] ** 2))
-
-
-def test_a_law_that_runs_away_gives_no_more_than_the_energy(tmp_path, bare):
-    """True values, cable and all; what is measured late and wrong has 10 % here."""
-    path = tmp_path / "stuck.py"
-    path.write_text(STUCK, encoding="utf-8")
-    for hand in (Hand("light", 0.1), Hand("arm", 0.4), Hand("held", 0.22, 1.0, 20.0)):
-        limb, both = runaway_on_the_twin(f"{path}:LAW", hand)
-        assert limb <= ENERGY_J
-        assert both <= 1.1 * ENERGY_J
-        without, _ = runaway_on_the_twin(f"{path}:LAW@{bare}", hand)
-        assert without > 1.02 * ENERGY_J
-
-
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
-@pytest.mark.parametrize("plant", ["real", "ideal"])
-def test_the_drive_does_as_the_proof_assumes(controller, plant):
-    """The motor's torque stays below the model's, and given and held grow by its work at most."""
-    require_tool("gcc")
-    device = esea_gen.load_device("elbow_drive")
-    hand = Hand("limp", 0.1, 0.0, 30.0)
-    run = run_case(push_case(device, hand, 0.0, 0.0), Setting(controller, plant, "ideal"), 0)
-    sent, given = run.controller["u_Nm"], run.plant["u_a_Nm"]
-    keep, v = math.exp(-H / LAG_S), 0.0
-    most = []
-    for u in sent:
-        most.append(v)
-        v = abs(u) + (v - abs(u)) * keep
-    assert np.all(np.abs(given) <= np.array(most) + 0.02 * U_MAX)
-    tau, speed = run.plant["tau_e_Nm"], run.plant["omega_g_rad_s"]
-    held = np.cumsum(tau * run.plant["omega_m_rad_s"]) * H + 0.5 * J * speed**2
-    work = np.cumsum(RATIO * given * speed) * H
-    # Down from any earlier tick: friction only takes.  The gear's disturbance and the cable give
-    # back what they hold.
-    grown = held - work
-    assert np.max(grown - np.minimum.accumulate(grown)) < 0.02
-
-
 # -- refused ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (f"[impedance]\nKp_Nm_rad = {q(6.0)}\n", ["impedance.Kp_Nm_rad = 6", "Kp_max_Nm_rad = 5"]),
+        (
+            f"[impedance]\nKp_Nm_rad = {q(3.1)}\n",
+            ["impedance.Kp_Nm_rad = 3.1", "Kp_max_Nm_rad = 3"],
+        ),
         (f"[impedance]\nKd_Nms_rad = {q(0.6)}\n", ["Kd_max_Nms_rad = 0.35", "esea-gen passivity"]),
-        (f"[passivity]\nleast_Nms_rad = {q(0.5)}\n", ["passivity.damping_Nms_rad = 0.3"]),
+        (f"[passivity]\nleast_Nms_rad = {q(0.5)}\n", ["passivity.damping_Nms_rad = 0.35"]),
         (f"[passivity]\nenergy_J = {q(0.01)}\n", ["energy_J", "0.1"]),
     ],
 )
@@ -449,4 +389,4 @@ def test_gains_that_are_not_passive_are_refused(text, words):
 
 def test_no_link_sets_gains_beyond_the_passive_ones(drive):
     highs = {t.name: t.high for t in drive.system.blocks["reference"].tunables}
-    assert (highs["Kp_Nm_rad"], highs["Kd_Nms_rad"]) == pytest.approx((5.0, 0.35))
+    assert (highs["Kp_Nm_rad"], highs["Kd_Nms_rad"]) == pytest.approx((3.0, 0.35))

@@ -153,6 +153,7 @@ PREDICTIVE = """
     cable.theta_motor_rad         encoder_motor.theta_rad
     cable.motor_usable            encoder_motor.usable
     cable.tau_Nm                  sensor.tau_Nm
+    cable.mode                    reference.mode
     predictive.delta_rad          joint.theta_rad
     predictive.theta_l_rad        encoder_load.theta_rad
     # The motor's torque behind its lag, and the command that it holds until the new one comes.
@@ -195,7 +196,7 @@ NOT_PUBLISHED = (
     *("drive_by_gear.omega_gear_rad_s", "drive_by_gear.tau_Nm"),
     *(f"predictive.{n}" for n in ("omega_gear_rad_s", "wound_rad", "gap_rad", "give_rad_Nm")),
     *("cable.theta_gear_rad", "cable.gear_usable", "cable.theta_motor_rad", "cable.motor_usable"),
-    "cable.tau_Nm",
+    *("cable.tau_Nm", "cable.mode"),
 )
 
 # -- from outside and to the outside ---------------------------------------------------------------

@@ -133,7 +133,7 @@ def simulate(
     (real,) = chosen_formats([real], FORMATS)
     who = person or default_person(study, plant)
     laws = list(dict.fromkeys(controller or ["smc"]))
-    families = chosen_families(off)
+    families = chosen_families(off, rigid=plant == "ideal")
     with counted(f"{study}, {', '.join(laws)}") as tell:
         result = simulate_off(
             study,
@@ -166,6 +166,14 @@ def passivity(
         typer.Option("--push", metavar="RAD_S", help="Speed that the push gives a free hand."),
     ] = 0.5,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
+    wall: Annotated[
+        float,
+        typer.Option(
+            "--wall",
+            metavar="NM_RAD",
+            help="Stiffness of a wall 0.02 rad ahead of the hand: contact and release. 0: none.",
+        ),
+    ] = 0.0,
     sliding: Annotated[
         bool, typer.Option("--sliding/--no-sliding", help="Also check the sliding condition.")
     ] = True,
@@ -184,6 +192,7 @@ def passivity(
             points=points,
             push_rad_s=push,
             seed=seed,
+            wall_Nm_rad=wall,
             sliding=sliding,
             workers=Workers(jobs, cluster),
             progress=tell,

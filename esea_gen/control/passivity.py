@@ -110,7 +110,9 @@ def passivity(device: DeviceData) -> Block:
     Given is :math:`E = \max(0, E + \tau \Delta\theta_m - \max(0, \tau_w \Delta\theta_m))`, held
     :math:`V = E + J \omega_m^2/2 + \Omega n (T v + h \kappa m)` with the most that the motor
     may give behind its lag, v, and the most that the rate limit may have left of a command, m; T is
-    the lag and the delay of the speed's filter.  The command is at most
+    the lag and the delay of the speed's filter.  In a sample that is not good, E grows by the most
+    that the motor can have worked, and by what the drive's motion has lost since it was seen.  The
+    command is at most
     :math:`(E_m - V + \Omega n h \kappa m)/(\Omega n h (1 + \epsilon + \kappa))`: then V never
     passes :math:`E_m` by what a law commands, proven in ``docs/stability.md``.
     """
@@ -170,13 +172,18 @@ class _Passivity:
         # Energy that one Nm of motor torque may still bring: by its lag, by the rate limit.
         a_tick = self.omega_most * self.h * self.ratio
         self.by_lag_J_Nm = self.omega_most * (self.lag_s + self.late_s) * self.ratio
+        # Work of a tick, from the torque at its end: exactly the lag's, backward.
+        grown_s = self.lag_s * (1 / self.lag_keep - 1)
+        self.by_v_J_Nm = self.omega_most * self.ratio * grown_s
+        self.by_most_J_Nm = self.omega_most * self.ratio * (grown_s - self.h)
         self.by_rate_J_Nm = a_tick * self.ticks
         self.open_Nm_J = 1 / (a_tick * (1 + self.extra + self.ticks))
+        self.moving_lim = threshold(0.51 * self.J * self.omega_lim**2)
         self.held_lim = threshold(
             1.01
             * (
                 self.given_lim
-                + 0.5 * self.J * self.omega_lim**2
+                + self.moving_lim
                 + (self.by_lag_J_Nm + self.by_rate_J_Nm) * self.u_max
             )
         )
@@ -207,7 +214,7 @@ class _Passivity:
         kd = label("wanted_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
         now = SimpleNamespace(going=going, on=on, kp=kp, kd=kd)
         damped, told = self._damping(c, s, u, now, label)
-        held, gated = self._gate(c, s, u, going, label)
+        held, gated = self._gate(c, s, u, SimpleNamespace(going=going, seen=seen), label)
         passed = label("passed_Nm", ca.if_else(guard.inputs_ok, gated.u_Nm, 0.0))
         m = label(
             "most_Nm",
@@ -287,18 +294,27 @@ class _Passivity:
         return next_state, told
 
     def _gate(
-        self, c: Any, s: Any, u: Any, going: Any, label: Labels
+        self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels
     ) -> tuple[dict[str, Any], SimpleNamespace]:
         reach = self.omega_lim * self.h
         moved = clip(u.theta_motor_rad - s.theta_motor_last_rad, -reach, reach)
         mean = 0.5 * (u.tau_Nm + s.tau_last_Nm)
         wanted = ca.fmax(u.tau_set_Nm * moved, 0.0)
+        moving = 0.5 * self.J * u.omega_motor_rad_s * u.omega_motor_rad_s
+        moving = label("moving_J", ca.if_else(now.seen, moving, s.moving_J), "the drive's own")
+        # Unseen, the most counts: the motor's work by the torque that there can have been since the
+        # last sample, and what the drive's own motion has lost.
+        worked = self.by_v_J_Nm * s.v_Nm - self.by_most_J_Nm * s.most_Nm
+        unseen = label("unseen_J", worked + ca.fmax(s.moving_J - moving, 0.0), "at most")
         given = label(
             "given_J",
-            clip(s.given_J + ca.if_else(going, mean * moved - wanted, 0.0), 0.0, self.given_lim),
+            clip(
+                s.given_J + ca.if_else(now.going, mean * moved - wanted, unseen),
+                0.0,
+                self.given_lim,
+            ),
             "[pas 4] beyond what the wanted torque gives",
         )
-        moving = 0.5 * self.J * u.omega_motor_rad_s * u.omega_motor_rad_s
         base = given + moving + self.by_lag_J_Nm * s.v_Nm
         held = label("held_J", base + self.by_rate_J_Nm * s.most_Nm, "[pas 5]")
         most = label(
@@ -307,10 +323,12 @@ class _Passivity:
         most = ca.fmin(most, self.u_lim)
         next_state = {
             "given_J": given,
+            "moving_J": moving,
             "theta_motor_last_rad": u.theta_motor_rad,
             "tau_last_Nm": u.tau_Nm,
         }
-        return next_state, SimpleNamespace(u_Nm=clip(u.u_command_Nm, -most, most), held_J=held)
+        let = clip(u.u_command_Nm, -most, most)
+        return next_state, SimpleNamespace(u_Nm=let, held_J=held)
 
     def tunables(self) -> tuple[Tunable, ...]:
         least, energy = self.own.least_Nms_rad, self.own.energy_J
@@ -349,6 +367,9 @@ class _Passivity:
             Port("theta_motor_last_rad", self.low, self.high, "motor side's angle a step ago"),
             around("tau_last_Nm", self.tau_lim, "interaction torque a step ago"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy that the drive has given"),
+            Port(
+                "moving_J", 0.0, self.moving_lim, "energy of the drive's own motion when last seen"
+            ),
             Port(
                 "v_Nm",
                 0.0,

@@ -35,6 +35,8 @@ USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
 # The give is learnt at this share of the rate of the ends, for a torque that changes by 1 Nm; from
 # what changes faster than this share of that rate.
 LEARN_1_Nm2, MEAN_SHARE = 0.2, 0.25
+# Above this mode an impedance is rendered.
+CLOSED_ABOVE = 1.5
 
 
 def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
@@ -112,8 +114,9 @@ def cable_observer(device: DeviceData) -> Block:
     -------
     Block
         Inputs: angle that the drive has turned, motor-side angle, whether both encoders are usable,
-        the interaction torque.  Outputs: ``wound_rad``, the gear's angle less the motor side's,
-        from the middle of the gap; ``gap_rad``, the whole backlash; a status word.
+        the interaction torque, the mode.  Outputs: ``wound_rad``, the gear's angle less the motor
+        side's, from the middle of the gap; ``gap_rad``, the whole backlash; a status word.  While
+        an impedance is rendered (mode 2) the gap counts as closed: 0, and wound by the torque only.
 
     Raises
     ------
@@ -206,8 +209,13 @@ class _Cable:
             pulls, kept_high, ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
         )
         give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
-        wound = wound - middle + carried
-        gap = ca.fmin(kept_high - kept_low, self.most)  # to rounding
+        # The person's torque as observed trembles by 0.3 Nm with the joint encoders' steps, and
+        # what is predicted with it meets the ends of the gap: in the mean the command then holds
+        # the gear inside, and a limp hand on a rendered spring drifts without any torque.
+        closed = label("closed", u.mode > CLOSED_ABOVE, "the gap counts as closed")
+        wound = ca.if_else(closed, 0.0, wound - middle) + carried
+        # To rounding.
+        gap = ca.if_else(closed, 0.0, ca.fmin(kept_high - kept_low, self.most))
         next_state = {
             "primed": ok,
             "high_rad": ca.if_else(ok, kept_high, s.high_rad),
@@ -219,7 +227,9 @@ class _Cable:
         outputs = {
             "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 2]"),
             "give_rad_Nm": give["give_rad_Nm"],
-            "gap_rad": label("gap_rad", ca.if_else(ok, gap, self.usual), "[cable 3]"),
+            "gap_rad": label(
+                "gap_rad", ca.if_else(ok, gap, ca.if_else(closed, 0.0, self.usual)), "[cable 3]"
+            ),
             "status": flag_word(
                 [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), ca.logic_not(ok)]
             ),
@@ -278,6 +288,7 @@ class _Cable:
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
             Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
+            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
         )
 
     def outputs(self) -> tuple[Port, ...]:

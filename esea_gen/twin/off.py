@@ -22,7 +22,7 @@ from esea_gen.twin.encoders import SIDES
 from esea_gen.twin.published import PLANTS
 from esea_gen.twin.trajectories import RATE_HZ
 
-NOTHING, ALL = "none", "all"
+NOTHING, ALL, BACKLASH = "none", "all", "backlash"
 _DRAWS, _MISSES = 4, 5  # streams of random numbers, beside those of plant, person and noise
 _TURN = 2 * math.pi
 
@@ -163,7 +163,7 @@ def off_families() -> dict[str, OffFamily]:
         add(f"delay+{ms}ms", "delay", f"command {ms} ms later at the motor", _late(ms))
     wide = 1000 * o.backlash_rad
     text = f"backlash of the cable {wide:g} mrad"
-    add(f"backlash-{wide:g}mrad", "backlash", text, _set(cable_backlash_rad=o.backlash_rad))
+    add(f"backlash-{wide:g}mrad", BACKLASH, text, _set(cable_backlash_rad=o.backlash_rad))
     for x in o.missed_share:
         name, text = f"missed-{100 * x:g}%", f"{100 * x:g} % of the control runs left out, any"
         add(name, "missed", text, _missing(x))
@@ -175,16 +175,26 @@ def off_families() -> dict[str, OffFamily]:
     return {row.name: row for row in rows}
 
 
-def _groups() -> dict[str, list[str]]:
+def _groups(rigid: bool) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for row in off_families().values():
         groups.setdefault(row.group, []).append(row.name)
-    return groups | {ALL: [n for n in off_families() if not n.startswith("random")]}
+    every = [n for n in off_families() if not n.startswith("random")]
+    # Asked for by its own name it is refused: a rigid cable has no backlash.
+    return groups | {ALL: [n for n in every if not (rigid and n in groups[BACKLASH])]}
 
 
-def chosen_families(given: str) -> list[str]:
-    """Names of families from a list with commas: names, names of groups, or ``all``."""
-    groups, names = _groups(), list(off_families())
+def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
+    """Names of families from a list with commas: names, names of groups, or ``all``.
+
+    rigid: whether the plant's cable is, as the ideal one's: ``all`` goes without backlash.
+    """
+    if not given.strip():
+        raise UserError(
+            "--off names no family: it is empty.",
+            f"Leave --off out for {NOTHING} (nothing off), or give {ALL} or a family's name.",
+        )
+    groups, names = _groups(rigid), list(off_families())
     found: list[str] = []
     for part in (p.strip() for p in given.split(",")):
         if part in groups:

@@ -19,6 +19,7 @@ from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 GAIN_TUNABLES = ("Kp_Nm_rad", "Kd_Nms_rad")
 PUSH_RAD_S = 0.5
 PUSH_AT_S, PUSH_S, DURATION_S = 1.0, 0.1, 4.0
+WALL_RAD = 0.02  # how far a wall is ahead of the hand
 # A motion counts from this share of the push's energy on (a fifth of its speed): encoder counts and
 # backlash make smaller ones.  It grows when it gains a tenth in size, a fifth in energy.
 NOTICE, GROWTH = 0.04, 1.21
@@ -29,8 +30,9 @@ class PushRun:
     """What a push came to.
 
     generated_J: energy that the driving point gave out beyond what was ever put in.
-    held_J, held_end_J: energy of the hand, its spring and the rendered one: mean over the second
-        and over the last third after the push. With a passive driving point it never rises.
+    held_J, held_end_J: energy of the hand, its spring, the rendered one and a wall that it leans
+        on: mean over the second and over the last third after the push. With a passive driving
+        point it never rises.
     limited_share: share of the samples with the command at the motor's limit.
     fault: first reason of the limits' latch, 0 for none.
     ran_away: 1 when the plant left its ranges; the other figures are 0 then.
@@ -64,18 +66,28 @@ def push_case(
     kd_Nms_rad: float,
     push_rad_s: float = PUSH_RAD_S,
     mode: int = IMPEDANCE,
+    wall_Nm_rad: float = 0.0,
 ) -> Case:
     """A hand that is pushed once while the controller renders a spring and damper.
 
     push_rad_s: speed that the push would give the hand alone: the push is its inertia times that.
+    wall_Nm_rad: stiffness of a wall without any loss, :data:`WALL_RAD` ahead; 0 for none.
     """
     safety = device.file.safety
     assert safety is not None
     n = round(DURATION_S * RATE_HZ)
     t, rest = np.arange(n) / RATE_HZ, np.zeros(n)
-    # A quarter up the range of motion: what the push moves stays clear of both ends.
+    # A quarter up the range of motion, or down it where a wall throws the hand back: what the push
+    # moves stays clear of both ends.
     low, high = safety.rom_min_rad.value, safety.rom_max_rad.value
-    theta = np.full(n, low + (high - low) / 4)
+    place = low + (high - low) * (0.75 if wall_Nm_rad else 0.25)
+    theta = np.full(n, place)
+    # The plant's end of travel, moved to the hand.
+    wall = {
+        "joint_max_rad": place + WALL_RAD,
+        "joint_stop_Nm_rad": wall_Nm_rad,
+        "joint_stop_Nms_rad": 0.0,
+    }
     phase = np.pi * (t - PUSH_AT_S) / PUSH_S
     inside = (phase >= 0) & (phase < np.pi)
     # Half a sine; its sum over the samples is exactly what it is to give.
@@ -97,16 +109,24 @@ def push_case(
             "feedforward": 1.0,
             "gravity_Nm": 0.0,
             "torque_noise_Nm": 0.0,
-        },
+        }
+        | (wall if wall_Nm_rad else {}),
     )
 
 
-def judge_push(run: ClosedLoopRun, hand: Hand, kp_Nm_rad: float, u_max_Nm: float) -> PushRun:
+def judge_push(
+    run: ClosedLoopRun,
+    hand: Hand,
+    kp_Nm_rad: float,
+    u_max_Nm: float,
+    wall_Nm_rad: float = 0.0,
+) -> PushRun:
     """The figures of a run."""
     theta, omega = run.plant["theta_l_rad"], run.plant["omega_l_rad_s"]
     balance = energy_balance(theta, run.plant["tau_e_Nm"])
     spring = hand.stiffness_Nm_rad + kp_Nm_rad
     held = 0.5 * (hand.inertia_kgm2 * omega**2 + spring * (theta - theta[0]) ** 2)
+    held += 0.5 * wall_Nm_rad * np.maximum(theta - theta[0] - WALL_RAD, 0) ** 2
     after = held[round((PUSH_AT_S + PUSH_S) * RATE_HZ) :]
     third = len(after) // 3
     on = slice(round(ON_S * RATE_HZ), None)
@@ -132,13 +152,14 @@ def run_push(
     plant: str,
     push_rad_s: float,
     seed: int,
+    wall_Nm_rad: float = 0.0,
 ) -> dict[str, float]:
     """Run and judge one push: what a worker does."""
     device = controller_device(controller)
     who = Hand(**hand)
-    case = push_case(device, who, kp_Nm_rad, kd_Nms_rad, push_rad_s)
+    case = push_case(device, who, kp_Nm_rad, kd_Nms_rad, push_rad_s, wall_Nm_rad=wall_Nm_rad)
     try:
         run = run_case(case, Setting(controller, plant, "ideal"), seed)
     except RanAwayError:
         return asdict(PushRun(ran_away=1.0))
-    return asdict(judge_push(run, who, kp_Nm_rad, largest_torque_Nm(device)))
+    return asdict(judge_push(run, who, kp_Nm_rad, largest_torque_Nm(device), wall_Nm_rad))

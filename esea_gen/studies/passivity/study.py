@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 # and by more, and leaning on something firm.
 HANDS = hand_family((0.05, 0.1, 0.2, 0.4), (0.0, 0.5), (0.0, 10.0, 30.0, 100.0, 1000.0))
 MOST_PUSH_RAD_S = 0.6
+MOST_WALL_NM_RAD = 1e4  # a light hand is thrown back within 7 ms; a plant's step is 0.2 ms
 POINTS, FEWEST_POINTS, MOST_POINTS = 9, 2, 41
 
 
@@ -45,6 +46,7 @@ POINTS, FEWEST_POINTS, MOST_POINTS = 9, 2, 41
 class InteractionStudy:
     """Passivity over the gains, and the sliding condition.
 
+    wall_Nm_rad: stiffness of a wall that the hand is pushed against; 0 for none.
     marked: the thesis' gains and their letter.
     runs: ``{(kp, kd, hand's name): PushRun}``, the thesis' gains included.
     """
@@ -53,6 +55,7 @@ class InteractionStudy:
     plant: str
     push_rad_s: float
     seed: int
+    wall_Nm_rad: float
     region: PushMap
     marked: tuple[tuple[float, float, str], ...]
     runs: Mapping[tuple[float, float, str], PushRun]
@@ -66,6 +69,7 @@ class InteractionStudy:
             "plant": self.plant,
             "push_rad_s": self.push_rad_s,
             "seed": self.seed,
+            "wall_Nm_rad": self.wall_Nm_rad,
             "configuration": self.configuration.parts,
             "map": self.region.to_dict(),
             "thesis_gains": [
@@ -85,7 +89,9 @@ class InteractionStudy:
         count = m.stable.size
         lines = [
             f"Rendered impedance: {self.controller}, plant {self.plant}, {len(m.hands)} passive "
-            f"hands, a push of {self.push_rad_s:g} rad/s",
+            f"hands, a push of {self.push_rad_s:g} rad/s"
+            + f", against a wall of {self.wall_Nm_rad:g} Nm/rad"
+            * (self.wall_Nm_rad > 0),
             *m.table(),
             f"passive {np.count_nonzero(m.passive)}, stable with every hand "
             f"{np.count_nonzero(m.stable)} of {count} pairs of gains",
@@ -194,6 +200,7 @@ def study_interaction(
     hands: Sequence[Hand] = HANDS,
     push_rad_s: float = PUSH_RAD_S,
     seed: int = 0,
+    wall_Nm_rad: float = 0.0,
     sliding: bool = True,
     workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
@@ -201,6 +208,7 @@ def study_interaction(
     """Passivity of the rendered impedance over its gains, by runs of the compiled controller.
 
     seed: of the gear disturbance, and of the plant where it is random.
+    wall_Nm_rad: of a wall without any loss, just ahead of the hand: contact and release; 0: none.
     progress: ``progress(done, total, failed)``.
     """
     choose("plant", plant, PLANT_NAMES)
@@ -216,6 +224,11 @@ def study_interaction(
         )
     if seed < 0:
         raise UserError(f"seed = {seed}.", "Give 0 or more.")
+    if not 0 <= wall_Nm_rad <= MOST_WALL_NM_RAD:
+        raise UserError(
+            f"A wall of {wall_Nm_rad:g} Nm/rad.",
+            f"Give 0, for none, to {MOST_WALL_NM_RAD:g} Nm/rad.",
+        )
     device = controller_device(controller)
     kp, kd = (gain_axis(t, points) for t in _gains(controller))
     marks = [g for g in GAINS if g[0] <= kp[-1] and g[1] <= kd[-1]]
@@ -227,6 +240,7 @@ def study_interaction(
         }
     )
     fixed = {"controller": controller, "plant": plant, "push_rad_s": push_rad_s, "seed": seed}
+    fixed |= {"wall_Nm_rad": wall_Nm_rad}
     cases = [
         {"kp_Nm_rad": p, "kd_Nms_rad": d, "hand": asdict(h)} | fixed
         for p, d in pairs
@@ -242,7 +256,16 @@ def study_interaction(
     region = push_map(kp, kd, hands, runs, push_rad_s)
     marked = tuple((p, d, push_map([p], [d], hands, runs, push_rad_s).mark(0, 0)) for p, d in marks)
     return InteractionStudy(
-        controller, plant, push_rad_s, seed, region, marked, runs, checks, configuration
+        controller,
+        plant,
+        push_rad_s,
+        seed,
+        wall_Nm_rad,
+        region,
+        marked,
+        runs,
+        checks,
+        configuration,
     )
 
 
