@@ -272,8 +272,8 @@ def test_correlation_of_the_play_operators_numbers_in_closed_form():
 
 def test_edges_of_the_searched_space_are_named():
     space = Space(True, 0.2, 1.0, 10.0)
-    # Stops from a five-hundredth of the deflection to twice it or the file's bound; a decay up to the
-    # file's; time constants from a millisecond to ten records.
+    # Stops from a five-hundredth of the deflection to twice it or the file's bound; a decay up to
+    # the file's; time constants from a millisecond to ten records.
     assert np.exp([space.low[0], space.high[0]]) == pytest.approx([0.2 / 500, 0.1])
     near = Space(False, 0.04, 1.0, 10.0)
     assert math.exp(near.high[0]) == pytest.approx(2 * 0.04)
