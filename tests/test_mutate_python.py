@@ -134,6 +134,47 @@ def test_what_no_run_can_tell_is_left_alone(source):
     assert every(source) == []
 
 
+@pytest.mark.parametrize(
+    ("source", "left"),
+    [
+        # Whether lengths are looked at, what a repr shows, how wide a line is drawn.
+        ("y = zip(a, strict=True)", []),
+        ("y = f(a, strict=True)", ["constant"]),
+        ("y = field(repr=False)", []),
+        ("y = field(init=False)", ["constant"]),
+        ("axes.plot(a, lw=0.8, alpha=0.5)", ["deleted statement"]),
+        ("axes.plot(a, width=0.8)", ["deleted statement", "constant", "sign"]),
+        ("y = new_figure(9.6, 4.0 + a, nrows=2)", ["off by one", "sign", "swapped argument"]),
+        # 1 % of an order of magnitude, not its sign, nor 1 % of what has digits or is a quantity.
+        ("y = 1e-9", ["sign"]),
+        ("y = 1e300", ["sign"]),
+        ("y = 2e-9", ["constant", "sign"]),
+        ("y = 1e-5", ["constant", "sign"]),
+        ("y = 0.001", ["constant", "sign"]),
+        ("y = 1e5", ["constant", "sign"]),
+        ("y = 1.0", ["constant", "sign"]),
+        ("assert a < 1", []),
+    ],
+)
+def test_what_gives_no_wrong_result_is_left_out_by_rule(source, left):
+    assert sorted(k for _, k, _ in every(source)) == sorted(left)
+
+
+@pytest.mark.parametrize(
+    ("source", "count"),
+    [
+        ("y = zip(a, strict=True)", 1),
+        ("axes.plot(a, lw=0.8)", 2),
+        ("y = 1e-9", 1),
+        ("y = 1e-3", 0),
+        ("y = new_figure(9.6, 4)", 4),
+        ('"""A text of 3."""\nraise ValueError(f"{a + b}")', 0),
+    ],
+)
+def test_how_many_are_left_out_is_told(source, count):
+    assert PythonFaults("a.py", source).left_out == count
+
+
 def test_faults_are_single_and_leave_the_source_as_it_was():
     faults = PythonFaults("a.py", SOURCE)
     whole = ast.unparse(ast.parse(SOURCE)).splitlines()
@@ -168,7 +209,11 @@ def test_faults_are_noticed_or_told(checkout):
     again = mutate_python(checkout, [f"small:{TRIED}"], limit_s=60, seed=SEED)
     assert again.to_dict() == report.to_dict()
     assert {p: p.read_bytes() for p in checkout.rglob("*.py")} == before
-    assert json.loads(json.dumps(report.to_dict()))["tried"] == TRIED
+    told = json.loads(json.dumps(report.to_dict()))
+    assert told["tried"] == TRIED
+    # Nothing of this source is left out.
+    every_place = len(PythonFaults("sums.py", SOURCE)) + len(PythonFaults("__init__.py", ""))
+    assert (told["left_out_by_rule"], told["places"]) == (0, every_place)
 
 
 def test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed(checkout):
@@ -230,11 +275,48 @@ def test_the_nearest_tests_by_import_come_first_and_so_many_more(checkout):
     ]
     with pytest.raises(UserError, match=r"No test imports esea_gen\.small\.alone"):
         near_tests(graph, Path("esea_gen/small/alone.py"), independent=True, widen=0)
-    # A test of its own stands nearer than those over others; these come on demand.
-    (checkout / "tests/test_near.py").write_text("from esea_gen.small.sums import label\n")
-    near, more = near_tests(Importers(checkout), source, independent=True, widen=2)
-    assert [p.name for p in near] == ["test_near.py"]
-    assert [p.name for p in more] == ["test_sums.py", "test_other.py"]
+    # A test of its own stands nearer than those over others; so many are asked at least, and
+    # more on demand.
+    for name in ("near", "far", "farther"):
+        uses = "small.sums" if name == "near" else "small.twice"
+        (checkout / f"tests/test_{name}.py").write_text(f"import esea_gen.{uses}\n" + "#\n" * 999)
+    near, more = near_tests(Importers(checkout), source, independent=True, widen=1)
+    assert [p.name for p in near] == [
+        "test_near.py",
+        "test_sums.py",
+        "test_other.py",
+        "test_twice.py",
+    ]
+    assert [p.name for p in more] == ["test_far.py"]
+
+
+def test_files_that_a_package_finds_itself_are_imported_by_it(checkout):
+    # And a test that bears a file's name is asked, however far it stands.
+    files = {
+        "esea_gen/laws/__init__.py": "import pkgutil\nALL = pkgutil.iter_modules(__path__)\n",
+        "esea_gen/laws/one.py": "",
+        "esea_gen/laws/two.py": "import esea_gen.laws.one\n",
+        "tests/test_laws.py": "import esea_gen.laws\n",
+        "tests/test_one.py": "import esea_gen.laws.two\n",
+    }
+    for k in range(5):
+        files[f"tests/test_{k}.py"] = "import esea_gen.laws.one\n"
+    for name, text in files.items():
+        (checkout / name).parent.mkdir(exist_ok=True)
+        (checkout / name).write_text(text)
+    graph = Importers(checkout)
+    near, _ = near_tests(graph, Path("esea_gen/laws/one.py"), independent=True, widen=0)
+    assert {p.name for p in near} == {"test_one.py", *(f"test_{k}.py" for k in range(5))}
+    near, _ = near_tests(graph, Path("esea_gen/laws/two.py"), independent=True, widen=0)
+    assert {p.name for p in near} == {"test_one.py", "test_laws.py"}
+
+
+def test_a_file_that_no_test_imports_is_refused_before_anything_is_tried(checkout):
+    (checkout / "esea_gen/small/alone.py").write_text("LIMIT = 4\n")
+    said = []
+    with pytest.raises(UserError, match=r"No test imports esea_gen\.small\.alone"):
+        mutate_python(checkout, ["small"], progress=said.append)
+    assert said == []
 
 
 def test_a_test_that_fails_without_a_fault_proves_nothing(checkout):

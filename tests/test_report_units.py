@@ -207,3 +207,9 @@ def test_per_cent_of_full_scale_of_the_sensing_page(chirped, chirped_page):  # n
         assert w["percent"] == pytest.approx(max(by_stream))
         assert f"{number(w['percent'])} % FS" in chirped_page
         assert w["percent"] == pytest.approx(100 * w["error"] / full[w["output"]])
+        torque = [
+            c.errors["tau_Nm"]
+            for c in chirped.verification.comparisons
+            if c.real == name and c.block == "sensor"
+        ]
+        assert w["torque_percent"] == pytest.approx(100 * max(torque) / full["tau_Nm"])

@@ -221,7 +221,8 @@ def _requests(block: Block, rng: np.random.Generator) -> Stream:
     request(1)  # while released: nothing to do
     j.release()
     latch()
-    rearm[j.at] = 3.5  # no request, and no number to count from
+    rearm[j.at] = 3.5  # no request, and no number to count from: the one before it counts
+    j.at += 1
     request(1)
     j.release()
     return j.stream("requests")

@@ -16,7 +16,7 @@ from esea_gen.model.symbolic import equation
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
-P, W = sp.symbols("p Omega", positive=True)
+P, W = sp.symbols("p W", positive=True)
 # Of the two outputs, with pole p and W = 2 pi f h: relative gain excess over W^2, phase lag over
 # W^3 (of the middle of the step: beyond its own half step), and noise variance times h^2.  Series
 # in W and residues at the pole, both by SymPy; tests/test_velocity.py has them another way.

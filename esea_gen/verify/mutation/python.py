@@ -67,11 +67,13 @@ class PythonReport:
 
     found: in order; a test that does not end counts as one that fails.
     broken: tests that fail without a fault, which therefore prove nothing.
+    left_out: places of faults, of all in the same files, that give no wrong result by rule.
     """
 
     seed: int
     found: list[Found] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
+    left_out: tuple[int, int] = (0, 0)
 
     @property
     def survivors(self) -> list[PythonMutant]:
@@ -86,6 +88,7 @@ class PythonReport:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
         told = {"seed": self.seed, "tried": len(self.found), "score": self.score}
+        told |= dict(zip(("left_out_by_rule", "places"), self.left_out, strict=True))
         rows = [f.to_dict() for f in self.found]
         return told | {"fails_without_fault": sorted(self.broken), "mutants": rows}
 
@@ -106,6 +109,7 @@ class PythonReport:
             ),
             f"{killed} of {len(self.found)} faults noticed, {len(self.survivors)} survived "
             f"({suspects} of these may do nothing at all)",
+            "{} of {} places left out by rule: no wrong result".format(*self.left_out),
         ]
 
 
@@ -204,10 +208,11 @@ class _Copy:
             path.write_bytes(sound)
 
 
-def _drawn(
-    root: Path, sources: Sequence[Path], sample: int | None, seed: int
-) -> list[PythonMutant]:
-    files = [PythonFaults(p.as_posix(), (root / p).read_text(encoding="utf-8")) for p in sources]
+def _faults(root: Path, sources: Sequence[Path]) -> list[PythonFaults]:
+    return [PythonFaults(p.as_posix(), (root / p).read_text(encoding="utf-8")) for p in sources]
+
+
+def _drawn(files: Sequence[PythonFaults], sample: int | None, seed: int) -> list[PythonMutant]:
     places = [(f, k) for f in files for k in range(len(f))]
     random.Random(seed).shuffle(places)
     made: dict[tuple[str, str], PythonMutant] = {}
@@ -254,17 +259,26 @@ def mutate_python(
     """
     say = progress or (lambda _: None)
     drawn: list[tuple[str, PythonMutant]] = []
+    left_out = places = 0
     for what in whats:
         name, number = _asked(what, sample)
-        drawn += [(name, m) for m in _drawn(root, sources_of(root, name), number, seed)]
+        files = _faults(root, sources_of(root, name))
+        drawn += [(name, m) for m in _drawn(files, number, seed)]
+        left_out += sum(f.left_out for f in files)
+        places += sum(f.left_out + len(f) for f in files)
     graph = Importers(root)
-    report = PythonReport(seed)
+    # Before the first is tried: a file that no test imports is refused at once.
+    asked_of = {
+        m.path: near_tests(graph, Path(m.path), independent=independent, widen=widen)
+        for _, m in drawn
+        if not tests
+    }
+    report = PythonReport(seed, left_out=(left_out, places))
     with tempfile.TemporaryDirectory(prefix="esea-mutate-") as scratch:
         copy = _Copy(root, Path(scratch), independent)
         for k, (name, mutant) in enumerate(drawn):
             say(f"fault {k + 1} of {len(drawn)}, {len(report.survivors)} survived")
-            near, more = near_tests(graph, Path(mutant.path), independent=independent, widen=widen)
-            asked = [*tests] or [p.as_posix() for p in (*near, *more)]
+            asked = [*tests] or [p.as_posix() for ps in asked_of[mutant.path] for p in ps]
             fate: Fate = "survived"
             noticed_by = ""
             for test in asked:

@@ -1,4 +1,9 @@
-"""Faults of Python sources: one small edit of the syntax tree at a time."""
+"""Faults of Python sources: one small edit of the syntax tree at a time.
+
+Left out is what gives no wrong result, by rule, for all files alike: messages, annotations and
+assertions; whether ``zip`` looks at lengths and what ``repr`` shows; how a figure looks; and 1 %
+more of an order of magnitude, such as a tolerance of 1e-9.
+"""
 
 from __future__ import annotations
 
@@ -34,6 +39,16 @@ _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 }
 _DELETED = "deleted statement"
 SHOWN = 90  # letters of an edit, at most
+# Keywords of any call, or of one, that no result hangs on: looks, guards of lengths, a repr.
+_LOOKS = """
+    alpha borderaxespad capsize dpi figsize fontsize height_ratios labelpad linewidth linewidths
+    lw mew ms pad rotation width_ratios zorder
+"""
+_NO_RESULT = {("zip", "strict"), ("field", "repr"), ("Field", "repr")}
+# All that these are given by place is a size on paper.
+_SIZES = frozenset({"new_figure", "_new"})
+# From here on a power of ten is an order of magnitude: nothing hangs on 1 % of it.
+_LARGE, _SMALL = 1e6, 1e-6
 _TERMS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 
 
@@ -66,9 +81,13 @@ class PythonMutant:
         return f"{self.path}:{self.line}: {self.kind}: {self.edit}"
 
 
-def _silent(tree: ast.AST) -> set[ast.AST]:
-    """What no run can tell: annotations, docstrings, decorators, messages of errors."""
+def _silent(tree: ast.AST) -> tuple[set[ast.AST], set[ast.AST]]:
+    """What gives no wrong result, and what of that is left out by a rule for what runs.
+
+    Annotations, docstrings, decorators and messages are no code of the result's.
+    """
     hidden: set[ast.AST] = set()
+    by_rule: set[ast.AST] = set()
     for node in ast.walk(tree):
         parts = [getattr(node, "annotation", None), getattr(node, "returns", None)]
         parts += getattr(node, "decorator_list", [])
@@ -77,7 +96,20 @@ def _silent(tree: ast.AST) -> set[ast.AST]:
             parts.append(node)
         for part in filter(None, parts):
             hidden.update(ast.walk(part))
-    return hidden
+        for part in _without_result(node):
+            by_rule.update(ast.walk(part))
+    return hidden | by_rule, by_rule - hidden
+
+
+def _without_result(node: ast.AST) -> Iterator[ast.AST]:
+    if isinstance(node, ast.Assert):
+        yield node
+    elif isinstance(node, ast.Call):
+        called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        yield from node.args if called in _SIZES else ()
+        for k in node.keywords:
+            if k.arg in _LOOKS.split() or (called, k.arg) in _NO_RESULT:
+                yield k
 
 
 def _only_for_types(node: ast.AST) -> bool:
@@ -99,6 +131,13 @@ def _swapped(operator: ast.AST) -> Any:
     return None if other is None else other()
 
 
+def _order_of_magnitude(v: object) -> bool:
+    if not isinstance(v, float):
+        return False
+    digits = f"{v:.15e}".partition("e")[0]
+    return float(digits) == 1 and not _SMALL < v < _LARGE
+
+
 def _constants(node: ast.Constant) -> Iterator[Change]:
     v = node.value
     if isinstance(v, bool):
@@ -108,7 +147,8 @@ def _constants(node: ast.Constant) -> Iterator[Change]:
         if v:
             yield _set(node, "value", -v, "sign")
     elif isinstance(v, float) and v:
-        yield _set(node, "value", v * 1.01, "constant")
+        if not _order_of_magnitude(v):
+            yield _set(node, "value", v * 1.01, "constant")
         yield _set(node, "value", -v, "sign")
 
 
@@ -179,13 +219,22 @@ def _suspicion(node: ast.AST, kind: str, in_text: bool) -> str:
 
 
 class PythonFaults:
-    """Every fault of a file, found by its place, and made when it is asked for."""
+    """Every fault of a file, found by its place, and made when it is asked for.
+
+    left_out: how many the rules kept out: looks, lengths, 1 % of an order of magnitude.
+    """
 
     def __init__(self, path: str, text: str) -> None:
         self.path = path
         self.tree = ast.parse(text)
         self.whole = ast.unparse(self.tree)
-        self.silent = _silent(self.tree)
+        self.silent, by_rule = _silent(self.tree)
+        self.left_out = sum(1 for x in by_rule for _ in _changes(x, set()))
+        self.left_out += sum(
+            isinstance(x, ast.Constant) and _order_of_magnitude(x.value)
+            for x in ast.walk(self.tree)
+            if x not in self.silent
+        )
         self.places: list[tuple[ast.AST, ast.AST, Change, str]] = []
         self._visit(self.tree, self.tree, False)
 

@@ -11,6 +11,7 @@ from esea_gen.errors import UserError
 PACKAGE = "esea_gen"
 # Tests that hold against committed output, or against the whole checkout.
 COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
+LEAST = 4  # so many test files are asked at least, for the nearest need not run the line
 COMMITTED_TEST = "committed"  # in the name of a test that does so in another file
 
 
@@ -45,8 +46,11 @@ class Importers:
             text = (root / path).read_text(encoding="utf-8")
             self.size[path] = len(text)
             tree = ast.parse(text)
-            for used in _imported(tree, set(self.paths), path.parent):
-                self.users[used].add(user)
+            used = _imported(tree, set(self.paths), path.parent)
+            if "iter_modules" in text:  # a package that finds its own files
+                used |= {n for n in self.paths if n.rpartition(".")[0] == user}
+            for name in used:
+                self.users[name].add(user)
 
     def distances(self, source: Path) -> dict[Path, int]:
         """Steps of import from each test file to a source, nearest first."""
@@ -63,7 +67,7 @@ class Importers:
 def near_tests(
     graph: Importers, source: Path, *, independent: bool, widen: int = 0
 ) -> tuple[list[Path], list[Path]]:
-    """Test files that stand nearest to a source, and the ``widen`` next ones."""
+    """Test files that stand nearest to a source, or bear its name; the ``widen`` next ones."""
     far = graph.distances(source)
     kept = [p for p in far if not (independent and p.name in COMMITTED)]
     if not kept:
@@ -77,5 +81,9 @@ def near_tests(
             graph.size[p],
         )
     )
-    near = [p for p in kept if far[p] == far[kept[0]]]
-    return near, kept[len(near) : len(near) + widen]
+    nearest = far[kept[0]]
+    near = [p for p in kept if far[p] == nearest or p.stem == f"test_{source.stem}"]
+    rest = [p for p in kept if p not in near]
+    near += rest[: max(0, LEAST - len(near))]
+    more = [p for p in rest if p not in near]
+    return near, more[:widen]
