@@ -40,10 +40,8 @@ def _compiled(device: DeviceData, cable: bool, step_s: float) -> HostLibrary:
 
 
 class SteppedPlant:
-    """A plant whose output is clamped or free.
     """A plant whose output is clamped or free, with a person in the joint or nobody.
 
-    person: who is in the joint; nobody where none is given.
     motor_gain: true torque over commanded torque; below 0 the motor turns the other way.
     delay_s: from the start of the tick that commands to the torque's first change.
     reversed_encoders: of ``motor``, ``load`` and ``gear``, those that count the other way.
@@ -53,7 +51,6 @@ class SteppedPlant:
         self,
         variant: PlantVariant,
         *,
-        person: Person = EMPTY,
         motor_gain: float = 1.0,
         delay_s: float = 0.0,
         reversed_encoders: Collection[str] = (),
@@ -64,7 +61,7 @@ class SteppedPlant:
             raise UserError(
                 f"A delay of {delay_s:g} s.", f"Give 0 to {MOST_DELAY_S:g} s, in whole 0.2 ms."
             )
-        self.variant, self.gain, self.person = variant, motor_gain, person
+        self.variant, self.gain = variant, motor_gain
         self.delay_steps = round(delay_s / STEP_S)
         self.delay_s = self.delay_steps * STEP_S
         self.turned = frozenset(reversed_encoders)
@@ -83,7 +80,6 @@ class SteppedPlant:
         """
         library, prefix = self.library, self.library.prefix
         ffi = library.ffi
-        values = {**self.variant.values, **self.person.values(), "clamped": float(clamped)}
         values = {**self.variant.values, **person.values(), "clamped": float(clamped)}
         params = ffi.new(f"{prefix}_params_t *")
         self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
@@ -105,6 +101,7 @@ class SteppedPlant:
         for key, vector in first.items():
             getattr(self._state.plant, key)[0 : len(vector)] = vector
         self._push = ffi.new(f"{prefix}_move_in_t *", {"theta_p_rad": start_rad})
+        self._intended = (start_rad, 0.0, 0.0)
         self._plant = ffi.new(f"{prefix}_move_out_t *", shown)
         self._angles = ffi.new(f"{prefix}_encode_in_t *")
         self._counts = ffi.new(f"{prefix}_encode_out_t *")
@@ -113,20 +110,11 @@ class SteppedPlant:
         self._under_way: deque[float] = deque([0.0] * self.delay_steps)
         return self._read()
 
-    def step(
-        self, u_Nm: float, intended: tuple[float, float, float] | None = None, noise: float = 0.0
-    ) -> tuple[int, int, int]:
-        """Hold a command for a tick; the counts at its end.
-
-        intended: angle, speed and acceleration where the person wants to be, at the tick's start;
-            where they stood before when not given.
-        noise: of the person's torque, a number of variance 1.
-        """
+    def step(self, u_Nm: float) -> tuple[int, int, int]:
+        """Hold a command for a tick; the counts at its end."""
         wanted = self.gain * u_Nm
         push, plant, line = self._push, self._plant, self._under_way
-        push.noise = noise
-        theta, omega, alpha = intended or (push.theta_p_rad, 0.0, 0.0)
-        push.alpha_p_rad_s2 = alpha
+        theta, omega, alpha = self._intended
         for j in range(1, self._substeps + 1):
             t = j * STEP_S
             push.omega_p_rad_s = omega + t * alpha
@@ -137,13 +125,14 @@ class SteppedPlant:
         return self._read()
 
     def intend(self, path: Mapping[str, float]) -> None:
-        """What the person intends from now on.
+        """What the person intends from the start of the next tick on; within it the path goes on.
 
         path: ``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``, and ``noise``, a number of
             variance 1 for each tick.
         """
-        for key, value in path.items():
-            setattr(self._push, key, value)
+        self._intended = path["theta_p_rad"], path["omega_p_rad_s"], path["alpha_p_rad_s2"]
+        self._push.alpha_p_rad_s2 = path["alpha_p_rad_s2"]
+        self._push.noise = path["noise"]
 
     def truth(self) -> dict[str, float]:
         """The plant's own outputs at this moment."""

@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 
 from esea_gen.device import Device
-from esea_gen.emit.dialect import board_roles
+from esea_gen.emit.messages import board_roles
 from esea_gen.emit.states import STATES
 
 SECONDS = 2.0

@@ -295,8 +295,6 @@ void esea_app_poll(esea_app_t *app)
     if (app->motion.zeroing_ends)
         esea_app_end_zeroing(app);
     send_all(app);
-    esea_send_runs(app);
-    esea_streams_send(app);
     esea_key_send(app);
     send_state(app);
     if (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits)

@@ -46,13 +46,17 @@ SCENES = (
 )
 
 
-def intended(k: int) -> tuple[float, float, float]:
+def intended(k: int) -> dict[str, float]:
     """Angle, speed and acceleration that the person means to have at a tick: there and back."""
     if k < ACTIVE_AT:
-        return 0.0, 0.0, 0.0
+        return {"theta_p_rad": 0.0, "omega_p_rad_s": 0.0, "alpha_p_rad_s2": 0.0}
     w, t = 2 * math.pi * HERTZ, (k - ACTIVE_AT) * 1e-3
     c, s = math.cos(w * t), math.sin(w * t)
-    return AMPLITUDE_RAD * (1 - c), AMPLITUDE_RAD * w * s, AMPLITUDE_RAD * w * w * c
+    return {
+        "theta_p_rad": AMPLITUDE_RAD * (1 - c),
+        "omega_p_rad_s": AMPLITUDE_RAD * w * s,
+        "alpha_p_rad_s2": AMPLITUDE_RAD * w * w * c,
+    }
 
 
 @dataclass(frozen=True)
@@ -101,8 +105,8 @@ class Rig:
         board = self.board
         board.restart()
         person = PEOPLE[scene.person]
-        plant = SteppedPlant(real_plant(self.device, seed=seed), person=person)
-        counts = plant.start(0.0, clamped=scene.person == "none")
+        plant = SteppedPlant(real_plant(self.device, seed=seed))
+        counts = plant.start(0.0, clamped=scene.person == "none", person=person)
         noise = np.random.default_rng([seed, 3]).standard_normal(at + AFTER)
         noise[:ACTIVE_AT] = 0.0  # a joint that is zeroed stands still
         wrong = self._distortion(fault)
@@ -125,7 +129,8 @@ class Rig:
                 self._tell(scene, k, wrong if of_link else None, fault, at)
             self._tick(fault if now else None, k - at)
             on, u_Nm = board.motor
-            counts = plant.step(u_Nm if on else 0.0, intended(k), float(noise[k]))
+            plant.intend(intended(k) | {"noise": float(noise[k])})
+            counts = plant.step(u_Nm if on else 0.0)
             if k >= at:
                 truth = plant.torque_and_speed()
                 tau.append(truth[0])

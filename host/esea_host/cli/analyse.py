@@ -182,13 +182,3 @@ def smoothness(
     found = measure_file(file, column, time, stop_Hz, last_s)
     _say(found.lines())
     _write_json(json_file, found.to_dict())
-"""``esea-host analyse``: from recordings to numbers; each study adds its own command."""
-
-from __future__ import annotations
-
-import typer
-
-from esea_host.cli.app import app
-
-analyse = typer.Typer(help="Analyse what was recorded.", no_args_is_help=True)
-app.add_typer(analyse, name="analyse")
