@@ -78,7 +78,7 @@ class Felt:
     energy_J: float
 
 
-class Rig:
+class FaultRig:
     """A board and a plant, built once; every run starts from power on."""
 
     def __init__(self, device: Device) -> None:
@@ -200,6 +200,6 @@ class Rig:
 
 
 @lru_cache(maxsize=1)
-def rig_of(device: Device) -> Rig:
+def rig_of(device: Device) -> FaultRig:
     """A rig of a device, built once in a process."""
-    return Rig(device)
+    return FaultRig(device)
