@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
-from esea_gen.emit.parameters import link_parameters
+from esea_gen.emit.parameters import fnv1a, link_parameters
 from esea_gen.emit.telemetry import cost_table, stream_costs
 from esea_gen.targets import BOARDS, firmware_folder
 from esea_gen.verify import firmware
@@ -281,6 +281,9 @@ def test_ids_are_short_and_unlike(drive):
         ids = [p.id for p in found]
         assert len(set(ids)) == len(ids)
         assert all(re.fullmatch(r"[.\-a-zA-Z0-9_]{1,16}", i) for i in ids)
+        assert len({p.key for p in found}) == len(found)
+    # The published values of FNV-1a, 32 bits.
+    assert (fnv1a(""), fnv1a("a"), fnv1a("foobar")) == (0x811C9DC5, 0xE40C292C, 0xBF9CF968)
 
 
 def test_the_metadata_is_as_the_standard_has_it(drive):

@@ -101,7 +101,8 @@ void esea_signing_refuse(struct esea_app *app, const mavlink_message_t *message)
 /* -- what a board keeps without power ---------------------------------------------------------- */
 
 /* False where nothing can be kept, or was.  Values stand in the order of the parameters, those that a
- * calibration sets among them; `layout` tells whether they are of this device.  The weak functions in
+ * calibration sets among them; `layout` tells whether they are of this list; a store that keeps each by its `key` need not
+ * ask, and leaves what it does not know as it is given, at its default.  The weak functions in
  * parameters.c and signing.c keep nothing. */
 bool esea_keep_parameters(struct esea_app *app, const float *values, uint32_t count, uint32_t layout);
 bool esea_kept_parameters(struct esea_app *app, float *values, uint32_t count, uint32_t layout);
