@@ -179,6 +179,18 @@ def test_what_the_drivers_find_takes_the_torque_away_in_its_tick(active, fault):
     assert active.state_now == "UNREFERENCED"
 
 
+def test_armings_are_counted_over_the_power(active):
+    before = active.lib.sim_armings()
+    assert before >= 1
+    assert active.lib.sim_store_commit()
+    active.disarm()
+    active.ticks(510)
+    commanded(active)
+    assert active.lib.sim_armings() == before + 1
+    active.restart()  # not saved: forgotten
+    assert active.lib.sim_armings() == before
+
+
 # -- the watchdog ----------------------------------------------------------------------------------
 
 

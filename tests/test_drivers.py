@@ -215,6 +215,16 @@ def test_it_tells_what_the_chip_knows_of_its_magnet(magnetic):
     assert (magnetic.state.gain, magnetic.state.magnitude) == (0x42, 0x0ABC)
 
 
+def test_ticks_without_an_angle_are_counted_to_the_counter_s_end(magnetic):
+    assert magnetic.state.bad == 1  # the first
+    magnetic.chip.weak = True
+    magnetic.settle(12)
+    assert 11 <= magnetic.state.bad <= 13
+    magnetic.state.bad = 2**32 - 2
+    magnetic.settle(3)
+    assert magnetic.state.bad == 2**32 - 1
+
+
 @pytest.mark.parametrize("word", [0, 1, 0x4001 & 0x7FFF, 0x7FFD, 0x7FFE, 0x7FFF])
 def test_the_models_parity_is_even(word):
     assert even_parity(word) & 0x7FFF == word
@@ -460,6 +470,14 @@ def test_the_ends_of_the_converter_are_no_saturation(drivers, counts):
     motor = Motor(drivers, A_count=1e-6)
     motor.amplifier.stuck_counts = counts
     assert motor.found(0.0) is None
+
+
+def test_a_start_forgets_what_was_counted(motor):
+    motor.amplifier.stuck_counts = 4095
+    for _ in range(TICKS - 1):
+        assert not motor.step(0.0)
+    motor.drivers.lib.esea_escon_start(motor.state, motor.config, motor.drivers.hardware)
+    assert motor.found(0.0) == TICKS
 
 
 def test_a_converter_that_does_not_end_is_a_fault_after_20_ticks(motor):

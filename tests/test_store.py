@@ -424,6 +424,25 @@ def test_a_cell_that_cannot_be_set_is_found_when_it_is_read_back(library, at):
     assert Store(flash).load() == a_set(1)
 
 
+@pytest.mark.parametrize(("slots", "erased"), [(2, [1, 1]), (3, [1, 0])])
+@pytest.mark.parametrize("at", range(0, 144, 5))
+def test_a_slot_with_one_byte_in_it_is_passed_over(library, at, slots, erased):
+    flash = Flash(library, slots)
+    assert Store(flash).save(a_set(1))
+    flash.areas[0][flash.slot + at] = 0x7F
+    assert Store(flash).save(a_set(2))
+    assert flash.erased == erased
+    assert Store(flash).load() == a_set(2)
+
+
+def test_an_erasure_that_fails_is_told(library):
+    flash = Flash(library)
+    flash.kept = (*flash.kept, flash.ffi.callback("bool(uint32_t)", lambda area: False))
+    flash.c.erase = flash.kept[-1]
+    assert not Store(flash).save(a_set(1))
+    assert Store(flash).status == EMPTY
+
+
 @pytest.mark.parametrize("room", [0, 4, 100])
 def test_an_area_that_is_too_small_takes_nothing(library, room):
     flash = Flash(library)
