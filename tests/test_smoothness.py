@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
+import inspect
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import time
@@ -19,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from esea_host import smoothness
+from esea_host import smoothness, statistics
 from esea_host.bench.smoothness import load_reference, race
 from esea_host.smoothness import (
     NoAnswerError,
@@ -540,6 +541,14 @@ def test_recorded_reaches_agree_with_the_published_package():
     assert groups == sorted(groups, reverse=True)
 
 
-def test_all_names_are_there():
-    assert importlib.util.find_spec("esea_host.smoothness") is not None
-    assert all(hasattr(smoothness, name) for name in smoothness.__all__)
+@pytest.mark.parametrize("face", [smoothness, statistics])
+def test_every_parameter_is_documented(face):
+    """What laboratories import is documented in full: parameters, results, refusals."""
+    for name in face.__all__:
+        target = getattr(face, name)
+        text = inspect.getdoc(target) or ""
+        for parameter in inspect.signature(target).parameters:
+            assert re.search(rf"^\*{{0,2}}{parameter} : ", text, re.MULTILINE), (name, parameter)
+        if inspect.isfunction(target):
+            assert "Returns\n-------" in text, name
+            assert "Raises\n------" in text, name

@@ -271,6 +271,8 @@ def test_crossover_t_against_scipy():
     assert found.treatment.p == pytest.approx(theirs.pvalue)
     total = np.array(FIRST) + np.array(SECOND)
     assert found.carry_over.p == pytest.approx(scipy.stats.ttest_ind(total[:7], total[7:]).pvalue)
+    # How far apart the sums of the two sequences are.
+    assert found.carry_over.estimate == pytest.approx(total[:7].mean() - total[7:].mean())
     json.dumps(found.to_dict(), allow_nan=False)
 
 

@@ -1,6 +1,17 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
-from esea_host.cli import analyse, assess, demo, live, logs, study, wrist
+from esea_host.cli import analyse, assess, demo, interaction, live, logs, study, wrist
 from esea_host.cli.app import app, main
 
-__all__ = ["analyse", "app", "assess", "demo", "live", "logs", "main", "study", "wrist"]
+__all__ = [
+    "analyse",
+    "app",
+    "assess",
+    "demo",
+    "interaction",
+    "live",
+    "logs",
+    "main",
+    "study",
+    "wrist",
+]

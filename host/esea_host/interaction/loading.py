@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 from scipy.stats import t as student
 
@@ -129,7 +130,7 @@ class LoadingCurve:
 
 def loading_branches(theta_rad: ArrayLike, rest_rad: float = 0.0) -> tuple[Branch, ...]:
     """Loading branches of a record: from the last passage through rest to each extreme."""
-    theta = _finite(theta_rad, "theta_rad") - rest_rad
+    theta = _smoothed(_finite(theta_rad, "theta_rad") - rest_rad)
     extremes = _extremes(theta)
     found, last = [], 0
     for at in extremes:
@@ -152,6 +153,13 @@ def _finite(values: ArrayLike, name: str) -> Array:
             "Give one column of at least 20 numbers, without gaps.",
         )
     return found
+
+
+def _smoothed(theta: Array) -> Array:
+    # Mean over a twentieth of a sweep: else a tremor near an extreme moves the end of its branch.
+    extremes = _extremes(theta)
+    sweep = np.median(np.diff(extremes))
+    return np.asarray(uniform_filter1d(theta, max(1, int(sweep / 20)), mode="nearest"))
 
 
 def _extremes(theta: Array) -> list[int]:
@@ -193,10 +201,11 @@ def analyse_loading(
     se = float(np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2)))
     half = float(student.isf(0.025, n - 1)) * se
     between, offset = _slope_with_offsets(pieces)
-    extremes = _extremes(theta)
+    smooth = _smoothed(theta)
+    extremes = _extremes(smooth)
     areas = _areas(theta, tau, extremes)
     low, high = _interval(areas)
-    amplitude = float(np.mean(np.abs(theta[extremes])))
+    amplitude = float(np.mean(np.abs(smooth[extremes])))
     return LoadingCurve(
         tuple(branches),
         whole,
@@ -221,7 +230,8 @@ def _line(pieces: list[tuple[Array, Array]]) -> tuple[float, float]:
 
 def _slope_with_offsets(pieces: list[tuple[Array, Array]]) -> tuple[float, float]:
     x, y = (np.concatenate(v) for v in zip(*pieces, strict=True))
-    columns = np.column_stack([x, np.ones(len(x)), np.where(x > 0, 1.0, -1.0)])
+    side = np.concatenate([np.full(len(v), np.sign(v.mean())) for v, _ in pieces])
+    columns = np.column_stack([x, np.ones(len(x)), side])
     slope, _, offset = np.linalg.lstsq(columns, y, rcond=None)[0]
     return float(slope), float(offset)
 

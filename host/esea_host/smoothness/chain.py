@@ -117,9 +117,7 @@ def derivatives(
     the higher derivatives: cut it off with :meth:`Derivatives.last`, or record more than is needed.
     """
     fs_Hz = checked_rate(fs_Hz)
-    stop_Hz = checked_cutoff(stop_Hz, fs_Hz, "A stop band's edge")
-    if stop_Hz >= fs_Hz / 2:
-        checked_cutoff(fs_Hz, fs_Hz, "A stop band's edge")
+    stop_Hz = checked_cutoff(stop_Hz, fs_Hz, "A stop band's edge", below=True)
     found, stacked = rows(position, "The angle", fs_Hz, time_s)
     ends = round(2 * fs_Hz / stop_Hz)
     if found.shape[1] <= ends:

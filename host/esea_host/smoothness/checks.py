@@ -153,13 +153,13 @@ def not_aliased(found: Array, name: str, stacked: bool) -> None:
         )
 
 
-def checked_cutoff(cutoff_Hz: float, fs_Hz: float, what: str) -> float:
-    """A frequency between 0 and half the sampling rate."""
-    if not 0 < cutoff_Hz <= fs_Hz / 2:
+def checked_cutoff(cutoff_Hz: float, fs_Hz: float, what: str, below: bool = False) -> float:
+    """A frequency between 0 and half the sampling rate; below: not that rate itself."""
+    if not 0 < cutoff_Hz <= fs_Hz / 2 or (below and cutoff_Hz == fs_Hz / 2):
         raise NoAnswerError(
             "cutoff",
-            f"{what} of {cutoff_Hz:g} Hz: more than 0 and at most {fs_Hz / 2:g} Hz, half the "
-            "sampling rate (Nyquist).",
+            f"{what} of {cutoff_Hz:g} Hz: more than 0 and {'below' if below else 'at most'} "
+            f"{fs_Hz / 2:g} Hz, half the sampling rate (Nyquist).",
             "Sample faster or choose a lower one.",
         )
     return float(cutoff_Hz)

@@ -66,7 +66,7 @@ class PowerStatement:
             size = f"{self.difference:.3g} {unit}".strip() + f" ({size})"
         return (
             f"With {self.n} people and alpha = {self.alpha:.3g} a difference of {size} would have "
-            f"been found with {self.power:.0%} power; smaller ones more often missed than that."
+            f"been found with {self.power:.0%} power, a smaller one less often."
         )
 
 

@@ -199,7 +199,7 @@ def biserial_interval(biserial: float, n: int, confidence: float) -> tuple[float
 
     All rho with (biserial - rho)^2 <= z^2 (1 - rho^2) var0, the variance under no difference.  In
     simulation (6 to 40 people; normal, t3 and exponential differences) it covered 94 % or more; the
-    usual interval by Fisher's transformation 51 to 97 %.
+    usual interval by Fisher's transformation as little as 51 %.
     """
     total = n * (n + 1) / 2
     c = float(norm.isf((1 - confidence) / 2)) ** 2 * (2 * n**3 + 3 * n**2 + n) / 6 / total**2

@@ -1,0 +1,182 @@
+"""``analyse interaction``, what goes with it, and ``smoothness`` for anybody's recording."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from esea_gen.errors import UserError
+from esea_host.cli.analyse import analyse
+from esea_host.cli.app import app, out
+
+JsonOption = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
+]
+FigureOption = Annotated[
+    Path | None, typer.Option("--figure", metavar="FILE", help="Picture: .png, .svg or .pdf.")
+]
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file.")]
+
+
+def _write(path: Path | None, text: str) -> None:
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scratch = path.with_name(f".{path.name}.part")
+        scratch.write_text(text, encoding="utf-8")
+        scratch.replace(path)
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
+        ) from None
+
+
+def _write_json(path: Path | None, content: Any) -> None:
+    if path is not None:
+        _write(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def _checked_figure(path: Path | None) -> None:
+    if path is not None and path.suffix not in (".png", ".svg", ".pdf"):
+        raise UserError(f"{path}: a picture ends in .png, .svg or .pdf.", "Give another name.")
+
+
+def _draw(path: Path | None, figure: Any) -> None:
+    if path is not None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(path, dpi=150)
+        except OSError as error:
+            raise UserError(
+                f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
+            ) from None
+
+
+def _say(lines: list[str]) -> None:
+    for line in lines:
+        out.print(line)
+
+
+@analyse.command()
+def interaction(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With interaction.toml.")],
+    json_file: JsonOption = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="Page, .html.")
+    ] = None,
+) -> None:
+    """Spring against elastomer: smoothness, statistics, survey, and what could have been seen."""
+    from esea_host.interaction.analysis import analyse_interaction
+    from esea_host.interaction.words import lines
+
+    if report is not None and report.suffix != ".html":
+        raise UserError(f"{report}: a page ends in .html.", "Give another name.")
+    found = analyse_interaction(folder)
+    _say(lines(found))
+    _write_json(json_file, found.to_dict())
+    if report is not None:
+        from esea_host.interaction.page import render_report
+
+        _write(report, render_report(found))
+
+
+@analyse.command()
+def loading(
+    file: FileArgument,
+    rest: Annotated[float, typer.Option("--rest", help="Angle at rest, rad.")] = 0.0,
+    skip_first: Annotated[
+        bool, typer.Option("--skip-first", help="Leave out the very first loading.")
+    ] = False,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """Loading stiffness and hysteresis of a torque-displacement curve (theta_rad, tau_Nm)."""
+    import numpy as np
+
+    from esea_host.interaction.design import read_table
+    from esea_host.interaction.figures import loading_figure
+    from esea_host.interaction.loading import analyse_loading
+
+    _checked_figure(figure)
+    rows = read_table(file, ("theta_rad", "tau_Nm"))
+    try:
+        theta, tau = (np.array([float(r[k]) for r in rows]) for k in ("theta_rad", "tau_Nm"))
+    except ValueError as error:
+        raise UserError(f"{file.name}: {error}.", "Give numbers.") from None
+    found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
+    _say(found.lines())
+    _write_json(json_file, found.to_dict())
+    _draw(figure, loading_figure(theta - rest, tau, found))
+
+
+@analyse.command()
+def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOption = None) -> None:
+    """Answers first against second device, said again as spring against elastomer."""
+    from esea_host.interaction.survey import diverging_bars, read_survey
+
+    _checked_figure(figure)
+    found = read_survey(file)
+    _say(found.lines())
+    _write_json(json_file, found.to_dict())
+    _draw(figure, diverging_bars(found))
+
+
+@analyse.command()
+def comments(file: FileArgument, json_file: JsonOption = None) -> None:
+    """Open comments by theme and tone, and the agreement of two coders."""
+    from esea_host.interaction.comments import read_comments
+
+    found = read_comments(file)
+    _say(found.lines())
+    _write_json(json_file, found.to_dict())
+
+
+@analyse.command()
+def power(
+    people: Annotated[int, typer.Option("--people", help="People with both conditions.")] = 10,
+    tests: Annotated[int, typer.Option("--tests", help="Comparisons of the family.")] = 1,
+    sd: Annotated[
+        float, typer.Option("--sd", help="Standard deviation of the differences, in their unit.")
+    ] = math.nan,
+    json_file: JsonOption = None,
+) -> None:
+    """How large a difference so many people can show, and how many a difference needs."""
+    from esea_host.statistics import NoStatisticError, power_statement
+
+    if tests < 1:
+        raise UserError(f"--tests {tests}.", "At least 1.")
+    try:
+        found = power_statement(people, sd, alpha=0.05 / tests)
+    except NoStatisticError as error:
+        raise UserError(error.what, error.fix) from None
+    out.print(found.sentence())
+    for dz, p in found.powers.items():
+        needed = found.needed.get(dz)
+        out.print(f"  {dz} sd: power {p:.0%}; {needed or 'more than 2000'} people for 80 %")
+    _write_json(json_file, found.to_dict())
+
+
+@app.command()
+def smoothness(
+    file: FileArgument,
+    column: Annotated[
+        str, typer.Option("--column", help="Angle or position; its unit is the metrics'.")
+    ] = "theta_deg",
+    time: Annotated[str, typer.Option("--time", help="Column of the time in s.")] = "time_s",
+    stop_Hz: Annotated[float, typer.Option("--stop", help="Stop band of the filter, Hz.")] = 4.0,
+    last_s: Annotated[
+        float | None, typer.Option("--last", help="Analyse the last so many seconds.")
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Every smoothness metric of a recording of your own, with its settings and their band."""
+    from esea_host.interaction.own_data import measure_file
+
+    found = measure_file(file, column, time, stop_Hz, last_s)
+    _say(found.lines())
+    _write_json(json_file, found.to_dict())
