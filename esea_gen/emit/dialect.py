@@ -37,7 +37,7 @@ from esea_gen.emit.messages import (
     messages,
     status_words,
 )
-from esea_gen.emit.parameters import link_parameters, parameter_layout, parameter_metadata
+from esea_gen.emit.parameters import link_parameters, parameter_metadata
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.states import STATES
 
@@ -92,7 +92,6 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
         "heartbeat_every": HEARTBEAT_EVERY,
         "longest_period": max(t.every for t in system.tasks),
         "parameters": link_parameters(system),
-        "layout": parameter_layout(system),
         "key_part": KEY_PART,
         "streams": (STREAMS, STREAM_WORDS, STREAM_SPAN_MS),
         "largest_payload": max(m.payload_bytes for m in own),  # longer than any standard one

@@ -100,12 +100,6 @@ def link_parameters(system: System) -> tuple[LinkParameter, ...]:
     return tuple(found)
 
 
-def parameter_layout(system: System) -> int:
-    """A number of 32 bits that changes with any parameter's name, bounds or place."""
-    text = repr([(p.name, p.tunable.low, p.tunable.high) for p in link_parameters(system)])
-    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "little")
-
-
 def parameter_metadata(system: System) -> str:
     """The standard parameter metadata, JSON; ``shortDesc`` is the full name."""
     parameters = []

@@ -66,7 +66,9 @@ class SimBoard(Session):
         self.device = device
         self._ffi = cffi.FFI()
         source = (firmware_folder() / "boards" / "sim" / "board.c").read_text(encoding="utf-8")
-        self._ffi.cdef("".join(re.findall(r"^\w[\w ]*\bsim_\w+\([^)]*\);\n", source, re.MULTILINE)))
+        self._ffi.cdef(
+            "".join(re.findall(r"^\w[\w *]*\bsim_\w+\([^)]*\);\n", source, re.MULTILINE))
+        )
         self._folder = tempfile.mkdtemp(prefix="esea-sim-")
         image = build_firmware(device, "sim", Path(self._folder), control)
         self.lib: Any = self._ffi.dlopen(str(image.elf))
@@ -78,8 +80,19 @@ class SimBoard(Session):
         """Let go of the library."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def restart(self) -> None:
-        """Power off and on."""
+    @property
+    def flash(self) -> list[Any]:
+        """What outlasts the power: the bytes of both areas, to look at and to spoil."""
+        size = int(self.lib.sim_flash_bytes())
+        return [self._ffi.buffer(self.lib.sim_flash(k), size) for k in range(2)]
+
+    def restart(self, *, blank: bool = False) -> None:
+        """Power off and on.
+
+        blank: also forget what outlasts the power.
+        """
+        for area in self.flash if blank else ():
+            area[:] = b"\xff" * len(area)
         self.lib.sim_start()
         self.pending()
 

@@ -5,24 +5,6 @@
 
 #include <string.h>
 
-__attribute__((weak)) bool esea_keep_parameters(esea_app_t *app, const float *values, uint32_t count, uint32_t layout)
-{
-    (void)app;
-    (void)values;
-    (void)count;
-    (void)layout;
-    return false;
-}
-
-__attribute__((weak)) bool esea_kept_parameters(esea_app_t *app, float *values, uint32_t count, uint32_t layout)
-{
-    (void)app;
-    (void)values;
-    (void)count;
-    (void)layout;
-    return false;
-}
-
 static bool inside(const esea_link_parameter_t *parameter, float value)
 {
     return value >= parameter->low && value <= parameter->high; /* NaN is not */
@@ -56,7 +38,7 @@ static bool ask_kept(esea_app_t *app)
 
     for (i = 0u; i < ESEA_LINK_PARAMETERS; ++i)
         values[i] = esea_link_parameter(i)->initial;
-    if (!esea_kept_parameters(app, values, ESEA_LINK_PARAMETERS, ESEA_LINK_PARAMETERS_LAYOUT))
+    if (!esea_kept_parameters(app, values))
         return false;
     esea_link_ask(&app->control);
     for (i = 0u; i < ESEA_LINK_PARAMETERS; ++i) {
@@ -189,14 +171,10 @@ void esea_parameters_set(esea_app_t *app, const mavlink_message_t *message)
 
 static uint8_t save(esea_app_t *app)
 {
-    float values[ESEA_LINK_PARAMETERS + 1u];
-    uint32_t i;
-
-    for (i = 0u; i < ESEA_LINK_PARAMETERS; ++i)
-        values[i] = esea_link_get(&app->control, i);
-    if (esea_keep_parameters(app, values, ESEA_LINK_PARAMETERS, ESEA_LINK_PARAMETERS_LAYOUT))
+    if (esea_keep_parameters(app))
         return MAV_RESULT_ACCEPTED;
-    esea_send_text(app, MAV_SEVERITY_WARNING, "not saved: this board keeps no parameters", "");
+    esea_send_text(app, MAV_SEVERITY_WARNING, "not saved: ",
+            app->port->store == NULL ? "this board keeps no parameters" : "the memory failed");
     return MAV_RESULT_FAILED;
 }
 

@@ -6,22 +6,6 @@
 
 #include <string.h>
 
-__attribute__((weak)) bool esea_keep_key(esea_app_t *app, const uint8_t *key, uint64_t timestamp)
-{
-    (void)app;
-    (void)key;
-    (void)timestamp;
-    return false;
-}
-
-__attribute__((weak)) bool esea_kept_key(esea_app_t *app, uint8_t *key, uint64_t *timestamp)
-{
-    (void)app;
-    (void)key;
-    (void)timestamp;
-    return false;
-}
-
 static void pair(esea_app_t *app, bool on)
 {
     app->signing.paired = on;

@@ -47,11 +47,19 @@ typedef struct {
     uint32_t active_s;
 } esea_store_use_t;
 
+/* Who may command. */
+typedef struct {
+    uint32_t paired; /* 0: anybody */
+    uint32_t stamp[2]; /* time of the pairing, low word first: what was signed before it is old */
+    uint8_t secret[32];
+} esea_store_key_t;
+
 typedef struct {
     uint32_t parameters; /* how many there are */
     esea_store_parameter_t parameter[ESEA_STORE_PARAMETERS];
     esea_store_encoder_t encoder[ESEA_STORE_ENCODERS];
     esea_store_use_t use;
+    esea_store_key_t key;
 } esea_store_set_t;
 
 typedef enum {

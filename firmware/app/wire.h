@@ -98,14 +98,15 @@ void esea_signing_setup(struct esea_app *app, const mavlink_message_t *message);
 /* A frame whose signature is missing or not good has been refused: counts it, and says so. */
 void esea_signing_refuse(struct esea_app *app, const mavlink_message_t *message);
 
-/* -- what a board keeps without power ---------------------------------------------------------- */
+/* -- keep.c: what a board keeps without power ---------------------------------------------------- */
 
-/* False where nothing can be kept, or was.  Values stand in the order of the parameters, those that a
- * calibration sets among them; `layout` tells whether they are of this list; a store that keeps each by its `key` need not
- * ask, and leaves what it does not know as it is given, at its default.  The weak functions in
- * parameters.c and signing.c keep nothing. */
-bool esea_keep_parameters(struct esea_app *app, const float *values, uint32_t count, uint32_t layout);
-bool esea_kept_parameters(struct esea_app *app, float *values, uint32_t count, uint32_t layout);
+/* False where nothing can be kept.  Those that a calibration sets are left out. */
+bool esea_keep_parameters(struct esea_app *app);
+
+/* By index; what is not kept is left as it is given.  False where nothing was kept. */
+bool esea_kept_parameters(struct esea_app *app, float *values);
+
+/* A key of zeros: nobody's. */
 bool esea_keep_key(struct esea_app *app, const uint8_t *key, uint64_t timestamp);
 bool esea_kept_key(struct esea_app *app, uint8_t *key, uint64_t *timestamp);
 

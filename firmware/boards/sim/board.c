@@ -159,6 +159,7 @@ uint32_t sim_fault(void);
 void sim_trouble(uint32_t fault);
 uint32_t sim_times_fed(void);
 uint8_t *sim_flash(uint32_t area);
+size_t sim_flash_bytes(void);
 bool sim_store_commit(void);
 uint32_t sim_armings(void);
 uint8_t *sim_blackbox_memory(void);
@@ -317,6 +318,11 @@ uint32_t sim_times_fed(void)
 uint8_t *sim_flash(uint32_t area)
 {
     return cells[area];
+}
+
+size_t sim_flash_bytes(void)
+{
+    return sizeof cells[0];
 }
 
 bool sim_store_commit(void)
