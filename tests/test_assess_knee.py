@@ -216,10 +216,11 @@ def test_loop_in_closed_form(viscous, dry):
     rate = amplitude * w * np.sin(w * t)
     torque = 5 * (angle - 1.1) + viscous * rate + dry * np.sign(rate)
     weight = leg_weight_Nm(1.7, 70) * np.cos(angle)
-    r = motion_range(LegRecording(t, angle, torque - weight))
+    inertia = leg_inertia_kgm2(1.7, 70) * amplitude * w**2 * np.cos(w * t)
+    r = motion_range(LegRecording(t, angle, torque - weight + inertia))
     exact = math.pi * viscous * w * amplitude**2 + 4 * dry * amplitude
     assert r.loop_J == pytest.approx(exact, rel=0.02)
-    assert r.stiffness_Nm_rad == pytest.approx(5, rel=0.03)
+    assert r.stiffness_Nm_rad == pytest.approx(5, rel=0.01)
     assert (r.low_rad, r.high_rad) == pytest.approx((0.5, 1.7), abs=0.01)
     assert r.fastest_rad_s == pytest.approx(amplitude * w, rel=0.02)
     assert r.slow

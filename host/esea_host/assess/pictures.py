@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, STYLE
 from esea_host.assess import NOTICE
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.probing import informative
+from esea_host.assess.probing import informative, next_movement
 from esea_host.assess.session import Assessment
 from esea_host.assess.words import conclusion, long_name
 
@@ -100,7 +100,7 @@ def _map(ax: Axes, session: Assessment) -> None:
     been = session.evidence.places()
     if len(been):
         ax.plot(been[:, 0] / DEG, been[:, 1] / DEG, "o", mfc="none", mec=BOUND, label="measured")
-    best = grid.location(int(np.nanargmax(value)))
+    best = next_movement(session).location
     ax.plot(best.angle_rad / DEG, best.rate_rad_s / DEG, "*", ms=11, color=MEASURED, label="next")
     ax.legend(ncol=2, loc="upper right", bbox_to_anchor=(1.0, -0.13))
     ax.set_xlabel("bending of the knee [°]")

@@ -41,7 +41,7 @@ def conclusion(session: Assessment) -> list[str]:
         )
     else:
         out.append(f"Most like: {long_name(first)} ({strength(p)}, {p:.0%}).")
-        out.append(f"Next: {long_name(second)} ({q:.0%}).")
+        out.append(f"Second: {long_name(second)} ({q:.0%}).")
     names = session.severity() if made else {}
     for what, s in names.items():
         if s["probability"] >= 0.1:
