@@ -20,6 +20,7 @@ from esea_host.study.scene import Scene, draw
 from esea_host.study.session import replay
 from esea_host.study.task import Situation, task_named
 from esea_host.wrist.analysis import analyse
+from esea_host.wrist.compared import outcome
 from esea_host.wrist.figures import distributions, maps, page
 from esea_host.wrist.metrics import after_effect_deg, dominant, learning, median_peak, tracking
 from esea_host.wrist.past import calibrated, cursor_maps
@@ -349,6 +350,14 @@ def test_figures_show_every_participant(studied):
     assert len(maps(healthy, constrained, found, "FE").axes) == 3
     last = [scene for _, scene, _ in replay(next(StudyFolder.open(studied).sessions())[2])][-1]
     assert len(draw(last).axes[0].patches) >= 3
+
+
+def test_what_a_method_gives(studied):
+    found = outcome("rbf", studied, [])
+    (fe,) = analyse(studied).people["7.2 validation, FE"].values()
+    assert found.rms_percent["FE"] == pytest.approx(fe["rms_error_percent"])
+    assert found.peak_ratio["FE"] == pytest.approx(fe["peak_c_deg_s"] / fe["peak_h_deg_s"])
+    assert found.achieved_gap == {"FE": None, "RU": None}  # healthy, no target was shown
 
 
 def ranges_only():
