@@ -20,7 +20,8 @@ from esea_host.study.scene import Scene, draw
 from esea_host.study.session import replay
 from esea_host.study.task import Situation, task_named
 from esea_host.wrist.analysis import analyse
-from esea_host.wrist.figures import distributions, maps, page
+from esea_host.wrist.compared import outcome
+from esea_host.wrist.figures import distributions, maps
 from esea_host.wrist.metrics import after_effect_deg, dominant, learning, median_peak, tracking
 from esea_host.wrist.past import calibrated, cursor_maps
 from esea_host.wrist.person import PersonModel, minimum_jerk, person
@@ -138,6 +139,19 @@ def test_a_moving_target_runs_from_the_hand_and_over_the_boundary():
     assert any(s.role == "failed" for s in step.scene.shapes)
     fast = np.arange(2000) * 4.0 / (5 / 18) * 0.01  # D / tau: the target is met and stays met
     assert played(task, state, [0.0] * 60 + list(fast)).outcome.row["achieved"]
+
+
+def test_a_hand_that_does_not_rest_has_no_neutral_position():
+    task = task_named("wrist.neutral", "")
+    for moves, taken in ((0.0, True), (0.05, False)):  # 5 deg/s
+        state = task.begin(Situation(task.Parameters(seconds=2.0), "", (), 1))
+        for k in range(2000):
+            step = task.step(state, 0.01 * k, {"fe_deg": moves * k, "ru_deg": 1.0})
+            state = step.state
+            if step.outcome:
+                break
+        assert (step.outcome.row is not None) == taken
+    assert "never rested" in step.outcome.reason
 
 
 def test_who_pulls_away_first_is_told_apart():
@@ -272,11 +286,11 @@ trials = [{trials}]
             (c, t, rows)
             for c in ("healthy", "constrained")
             for t, rows in (
-                ("wrist.neutral", "{}"),
+                ("wrist.neutral", "{ parameters = { seconds = 1.5 } }"),
                 (
                     "wrist.range",
                     ", ".join(
-                        f'{{ parameters = {{ axis = "{a}", way = {w}, seconds = 3.0 }} }}'
+                        f'{{ parameters = {{ axis = "{a}", way = {w}, seconds = 2.0 }} }}'
                         for a in ("FE", "RU")
                         for w in (1, -1)
                     ),
@@ -314,8 +328,12 @@ def studied(tmp_path_factory, gcc):
     return folder
 
 
-def test_from_calibration_to_the_tables(studied):
-    result = analyse(studied)
+@pytest.fixture(scope="module")
+def result(studied):
+    return analyse(studied)
+
+
+def test_from_calibration_to_the_tables(studied, result):
     assert result.simulated
     (fe,) = result.people["7.2 validation, FE"].values()
     assert all(math.isfinite(x) for x in fe.values())
@@ -325,9 +343,6 @@ def test_from_calibration_to_the_tables(studied):
     table = result.tables["7.1 validation, RU"]
     assert [x.n for x in table] == [1, 1, 1, 1]
     assert table[0].published == (0.24, 0.24)
-    text = page(result)
-    assert "SIMULATED" in text
-    assert text.count("<svg") == 4
 
 
 def test_a_virtual_session_replays_to_the_same_scenes(studied):
@@ -339,8 +354,7 @@ def test_a_virtual_session_replays_to_the_same_scenes(studied):
     assert study.problems() == []
 
 
-def test_figures_show_every_participant(studied):
-    result = analyse(studied)
+def test_figures_show_every_participant(studied, result):
     figure = distributions(result, "7.2 validation, FE")
     assert [len(a.lines) for a in figure.axes] == [2, 2, 2]
     past = all_rows(studied)
@@ -349,6 +363,14 @@ def test_figures_show_every_participant(studied):
     assert len(maps(healthy, constrained, found, "FE").axes) == 3
     last = [scene for _, scene, _ in replay(next(StudyFolder.open(studied).sessions())[2])][-1]
     assert len(draw(last).axes[0].patches) >= 3
+
+
+def test_what_a_method_gives(studied, result):
+    found = outcome("rbf", studied, [])
+    (fe,) = result.people["7.2 validation, FE"].values()
+    assert found.rms_percent["FE"] == pytest.approx(fe["rms_error_percent"])
+    assert found.peak_ratio["FE"] == pytest.approx(fe["peak_c_deg_s"] / fe["peak_h_deg_s"])
+    assert found.achieved_gap == {"FE": None, "RU": None}  # healthy, no target was shown
 
 
 def ranges_only():
@@ -423,3 +445,5 @@ def test_the_command_writes_tables_and_files(studied, tmp_path):
     assert "SIMULATED" in done.output
     assert json.loads((tmp_path / "r.json").read_text())["simulated"] is True
     assert "V001" in (tmp_path / "r.csv").read_text()
+    assert (tmp_path / "r.html").read_text().count("<svg") == 4
+    assert "SIMULATED" in (tmp_path / "r.html").read_text()

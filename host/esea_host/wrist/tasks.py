@@ -76,6 +76,7 @@ class NeutralParameters(TaskParameters):
 
     impairment: bool = Field(False, description="whether the simulated impairment acts")
     seconds: float = Field(3.0, ge=1, le=30, description="how long; the last second counts")
+    still_deg: float = Field(2.0, gt=0, le=20, description="most motion in that second")
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ class Neutral(_WristTask):
     )
 
     def longest_s(self, parameters: Any) -> float:
-        return float(parameters.seconds)
+        return 4.0 * float(parameters.seconds)
 
     def begin(self, situation: Situation) -> Resting:
         return Resting(situation.parameters)
@@ -108,10 +109,14 @@ class Neutral(_WristTask):
     def step(self, state: Resting, time_s: float, inputs: Inputs) -> TaskStep:
         kept = (*(x for x in state.kept if x[0] > time_s - 1.0), (time_s, *angles(inputs)))
         outcome = None
-        if time_s >= state.parameters.seconds:
-            fe, ru = np.mean(np.array(kept)[:, 1:], axis=0)
+        p, values = state.parameters, np.array(kept)[:, 1:]
+        still = float(np.max(np.ptp(values, axis=0))) <= p.still_deg
+        if time_s >= p.seconds and still:
+            fe, ru = np.mean(values, axis=0)
             found = {"neutral_fe_deg": float(fe), "neutral_ru_deg": float(ru)}
-            outcome = TrialOutcome({"impairment": state.parameters.impairment, **found})
+            outcome = TrialOutcome({"impairment": p.impairment, **found})
+        elif time_s >= self.longest_s(p):
+            outcome = TrialOutcome(None, f"the hand never rested within {p.still_deg:g} deg")
         scene = Scene((dot("cursor", *angles(inputs)),), (Text("neutral"),))
         asked = requests(state.parameters)
         return TaskStep(replace(state, kept=kept), scene, asked, (), outcome)
