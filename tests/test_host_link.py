@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import esea_host
-from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_host.cli import main
 from esea_host.connection.address import parse_address
@@ -26,15 +25,10 @@ from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedDrive
 from esea_host.simulated.server import serve_hosts
 from esea_link.transport import LinkError
 
-from .conftest import require_tool
 
-
-@pytest.fixture(scope="module")
-def drive():
-    require_tool("gcc")
-    made = SimulatedDrive(load_device("elbow_drive"))
-    yield made
-    made.board.close()
+@pytest.fixture
+def drive(simulated_elbow):
+    return simulated_elbow
 
 
 @pytest.fixture

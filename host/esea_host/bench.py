@@ -110,7 +110,9 @@ def decoding(data: bytes, dialect: Any, seconds: float) -> dict[str, float]:
 
 def fuzzed(data: bytes, dialect: Any, total_bytes: int, seed: int = 16) -> dict[str, Any]:
     """A bad line: what came through wrong, and whether every loss is in a gap."""
-    truth = {r["sequence"].item(): r.tobytes() for b in _rows(_Bytes(data), dialect) for r in b.rows}
+    truth = {
+        r["sequence"].item(): r.tobytes() for b in _rows(_Bytes(data), dialect) for r in b.rows
+    }
     wrong = taken = missing = unmarked = 0
     accidents: dict[str, int] = {}
     health: dict[str, int] = {}
@@ -254,29 +256,39 @@ class _Paced(_Bytes):
         return found
 
 
-def measure(minutes: float, fuzzed_bytes: int = FUZZED_BYTES, hours: float = 1.0) -> dict[str, Any]:
+def measure(
+    minutes: float,
+    fuzzed_bytes: int = FUZZED_BYTES,
+    hours: float = 1.0,
+    sample_s: float = SAMPLE_S,
+    drive: SimulatedDrive | None = None,
+) -> dict[str, Any]:
     """All figures.
 
     minutes: of simulated time of the long run.
+    hours: of the recording that is opened.
+    sample_s: of the bytes that are decoded and damaged.
+    drive: powered on; default: a new one.
     """
-    drive = SimulatedDrive("elbow_drive")
-    try:
-        data, device = record_bytes(drive, SAMPLE_S)
-        dialect = device.session.dialect
-        with tempfile.TemporaryDirectory() as folder:
-            return {
-                "simulated": True,
-                "bytes_per_s": len(data) / SAMPLE_S,
-                "decoding": decoding(data, dialect, SAMPLE_S),
-                "fuzzed": fuzzed(data, dialect, fuzzed_bytes),
-                "long_run": long_run(drive, minutes, Path(folder)),
-                "hour": hour_open(drive, Path(folder), hours),
-                "latency_to_reader": latency(drive, 3.0),
-                "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-                "not_measured": ["sample to pixel: there is no window yet"],
-            }
-    finally:
-        drive.close()
+    board = drive or SimulatedDrive("elbow_drive")
+    board.restart()
+    data, device = record_bytes(board, sample_s)
+    dialect = device.session.dialect
+    with tempfile.TemporaryDirectory() as folder:
+        found = {
+            "simulated": True,
+            "bytes_per_s": len(data) / sample_s,
+            "decoding": decoding(data, dialect, sample_s),
+            "fuzzed": fuzzed(data, dialect, fuzzed_bytes),
+            "long_run": long_run(board, minutes, Path(folder)),
+            "hour": hour_open(board, Path(folder), hours),
+            "latency_to_reader": latency(board, min(3.0, sample_s)),
+            "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+            "not_measured": ["sample to pixel: there is no window yet"],
+        }
+    if drive is None:
+        board.close()
+    return found
 
 
 def main() -> None:

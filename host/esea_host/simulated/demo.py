@@ -35,7 +35,7 @@ class Demo:
 
 
 def run_demo(
-    device: str,
+    device: str | SimulatedDrive,
     seconds: float,
     report: Path,
     recording: Path | None = None,
@@ -45,6 +45,7 @@ def run_demo(
 ) -> Demo:
     """Zero, arm, follow a sine of torque against a virtual person; record, prove, draw.
 
+    device: its name, or a simulated drive that is powered on.
     seconds: of torque control, by the board's clock.
     report: a PNG; the recording lies beside it unless it is named.
     """
@@ -54,16 +55,18 @@ def run_demo(
     for path in (target, report):
         if path.exists():
             raise UserError(f"{path} is there already.", "Give another name.")
-    drive = SimulatedDrive(device, person=person, seed=seed)
+    own = isinstance(device, str)
+    drive = SimulatedDrive(device, person=person, seed=seed) if isinstance(device, str) else device
     try:
-        say(f"simulated {device}, simulated person '{person}'")
+        say(f"simulated {drive.device.name}, simulated person '{person}'")
         connected = LockstepDevice(drive)
         with connected.record(target) as live:
             live.note("simulated: the firmware's application, virtual drive, virtual person")
             _follow(connected, seconds)
             live.event("board_clock", **connected.clock())
     finally:
-        drive.close()
+        if own:
+            drive.close()
     with open_log(target) as log:
         say(f"{target}: {len(log['sense_out'])} ticks; computing it again")
         verdict = verify(log)
