@@ -95,7 +95,7 @@ def without(text: str, *sections: str) -> str:
 
 @pytest.fixture(scope="session")
 def simulated_elbow():
-    """The elbow's simulated board with its virtual drive, compiled once; who uses it restarts it."""
+    """The elbow's simulated board and virtual drive, compiled once; who uses it restarts it."""
     require_tool("gcc")
     from esea_host.simulated import SimulatedDrive
 

@@ -57,7 +57,7 @@ def test_csv_has_units_and_reads_back_to_the_bit(demo, tmp_path):
     assert header[0] == "time_s [s]"
     assert "tau_Nm [Nm]" in header
     assert "limits_status" in header
-    # The board's clock started again once, with zeroing: an empty line, so that nobody draws across.
+    # The board's clock started again once, with zeroing: an empty line there.
     assert sum(not any(line) for line in lines) == 1
     column = header.index("tau_Nm [Nm]")
     values = np.array([line[column] for line in lines if any(line)], np.float32)
@@ -192,7 +192,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
         with pytest.raises(SystemExit) as ended:
             main()
         assert ended.value.code == code, capsys.readouterr()
-        return " ".join(sum(map(str.split, capsys.readouterr()), []))
+        return " ".join(" ".join(capsys.readouterr()).split())
 
     log = str(demo.recording)
     assert "every bit is the C's" in said("replay", log, "--verify")

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from esea_host.connection.decoder import TelemetryDecoder
-from esea_host.connection.receiver import Receiver
+from esea_host.connection.receiver import KEY, Receiver
 from esea_host.recording.log import open_log
 from esea_host.recording.writer import Recorder
 from esea_host.simulated.drive import SimulatedDrive
@@ -181,7 +181,8 @@ def long_run(drive: SimulatedDrive, minutes: float, folder: Path) -> dict[str, f
     with open_log(path) as log:
         found = next(log.read(STREAM))
         first_plot_s = time.perf_counter() - start_s
-        columns = sum(c.size for s in log.streams for c in log.file.layout(s).columns if s != "key")  # type: ignore[union-attr]
+        layouts = [log.file.layout(s) for s in log.streams if s != KEY]
+        columns = sum(c.size for layout in layouts if layout for c in layout.columns)
         whole = len(log[STREAM])
         whole_s = time.perf_counter() - start_s
         gaps = len(log.gaps)

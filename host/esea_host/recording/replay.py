@@ -144,7 +144,10 @@ class _Task:
         self.step = library.function(f"{stem}_step")
         self.inputs = [library.codec.external(x) for x in system.task_inputs(task)]
         self.outputs = [library.codec.external(x) for x in system.task_outputs(task)]
-        self.given, self.given_at = replay.rows(f"{name}_in") if self.inputs else (None, None)
+        self.given: Array | None = None
+        self.given_at: Array | None = None
+        if self.inputs:
+            self.given, self.given_at = replay.rows(f"{name}_in")
         self.told, self.told_at = replay.rows(f"{name}_out")
         self.in_type, self.out_type = f"{stem}_in_t", f"{stem}_out_t"
         count = len(self.given) if self.given is not None else 1
@@ -263,7 +266,7 @@ class _Replay:
             if tick < task.phase or (tick - task.phase) % task.every:
                 continue
             given = task.in_place
-            if task.given is not None:
+            if task.given is not None and task.given_at is not None:
                 at = int(np.searchsorted(task.given_at, ns))
                 if at >= len(task.given) or task.given_at[at] != ns:
                     continue
