@@ -1,11 +1,40 @@
 """esea-gen: from a model of an elastomeric series elastic actuator to verified firmware."""
 
-from esea_gen.device import Device, load_device
-from esea_gen.errors import UserError
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, Tunable
-from esea_gen.language.system import System, Task
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from esea_gen.device import Device, load_device
+    from esea_gen.errors import UserError
+    from esea_gen.language.block import Block
+    from esea_gen.language.ports import Port, Tunable
+    from esea_gen.language.system import System, Task
 
 __version__ = "0.1.0"
 
 __all__ = ["Block", "Device", "Port", "System", "Task", "Tunable", "UserError", "load_device"]
+
+# Read when first asked for: the symbolic engines take two seconds, and `--help`, completion and the
+# host tool's metrics need none of them.
+_HOMES = {
+    "Block": "language.block",
+    "Device": "device",
+    "Port": "language.ports",
+    "System": "language.system",
+    "Task": "language.system",
+    "Tunable": "language.ports",
+    "UserError": "errors",
+    "load_device": "device",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

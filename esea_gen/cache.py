@@ -26,15 +26,16 @@ def cache_folder() -> Path:
 
 
 @cache
-def code_digest() -> str | None:
-    """Digest of every file of the package and of Python.
+def code_digest(rooms: tuple[str, ...] = ("",)) -> str | None:
+    """Digest of every file of some rooms, by default of the whole package, and of Python.
 
     return: None where a file was changed after this process began: what is loaded is then not
         what is on disk, and nothing may be kept under its name.
     """
     root = Path(__file__).parent
     digest = hashlib.sha256(sys.version.encode())
-    for path in sorted(p for p in root.rglob("*") if p.is_file() and p.suffix != ".pyc"):
+    files = (p for room in rooms for p in (root / room).rglob("*"))
+    for path in sorted(p for p in files if p.is_file() and p.suffix != ".pyc"):
         if path.stat().st_mtime >= _STARTED_S:
             return None
         content = path.read_bytes()

@@ -129,6 +129,11 @@ static void told(const uint8_t *bytes, size_t count)
                        (unsigned)mavlink_msg_heartbeat_get_system_status(&message));
             else if (message.msgid == MAVLINK_MSG_ID_ESEA_INFO)
                 printf("info fault %u\\n", (unsigned)mavlink_msg_esea_info_get_fault(&message));
+            else if (message.msgid == MAVLINK_MSG_ID_STATUSTEXT) {
+                char text[51] = "";
+                mavlink_msg_statustext_get_text(&message, text);
+                printf("text %s\\n", text);
+            }
         }
 }
 
@@ -168,6 +173,8 @@ int main(void)
             esea_app_check_stack(&app);
         else if (!strcmp(what, "reset"))
             printf("reset %d\\n", esea_app_ask(&app, ESEA_EVENT_RESET) && esea_app_reset(&app));
+        else if (!strcmp(what, "flip"))
+            ((uint8_t *)&app.control.params)[a] ^= (uint8_t)b;
         else if (!strcmp(what, "info"))
             esea_send_info(&app);
     return 0;
@@ -195,8 +202,8 @@ def build_application(folder: Path, device: Device) -> Path:
     """A program that gives the application what its input says, and tells of all that it does.
 
     Its input: ``start``, ``input TASK TICK``, ``fail FAULT``, ``peak BYTES`` of the stack,
-    ``check`` the stack, ``reset``, ``info``; each with two numbers.  Its output: releases and
-    frames, a line each.
+    ``check`` the stack, ``reset``, ``flip BYTE BITS`` of the params, ``info``; each with two
+    numbers.  Its output: releases and frames, a line each.
     """
     without_processor(folder)
     for sub, texts in (

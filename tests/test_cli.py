@@ -36,6 +36,7 @@ def refused(done) -> str:
 def test_build_and_check(tmp_path):
     done = run("build", "elbow", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert "sense: one value (1)" in done.stdout  # what telemetry costs
     assert {p.name for p in (tmp_path / "generated" / "elbow").iterdir()} == {
         "f64",
         "f32",

@@ -84,6 +84,17 @@ def test_while_a_fault_is_latched_no_input_is_released(application):
     assert lines[-1] == f"info fault {STACK_EXHAUSTED}"
 
 
+def test_parameters_that_were_overwritten_are_not_used_after_a_reset(application):
+    """Any bit of any word: the defaults stand, and it is said."""
+    rng = Random(3)
+    for _ in range(12):
+        at, bits = rng.randrange(35 * 4), 1 << rng.randrange(8)
+        lines = application(("flip", at, bits), ("reset",), ("reset",))
+        assert lines.count("text parameters were corrupt: defaults") == 1
+        assert lines.count("reset 1") == 2
+    assert not [x for x in application(("reset",)) if x.startswith("text")]
+
+
 # -- releases --------------------------------------------------------------------------------------
 
 

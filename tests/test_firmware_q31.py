@@ -13,6 +13,7 @@ from esea_gen.hostlib import compile_device
 from esea_gen.twin.recorded import record_drive
 from esea_gen.verify.emulator import RunningBoard, run_in_emulator, run_tasks_in_emulator
 from esea_gen.verify.firmware import build_firmware
+from esea_link.transport import LinkError
 
 from .conftest import require_tool
 
@@ -100,6 +101,18 @@ def test_the_board_stops_at_a_fault_exception(elbow, tools, tmp_path):
         RunningBoard(elbow, image) as board,
     ):
         board.run_task("sense", {"theta_rad": deflection_rad()[:5]})
+
+
+def test_a_parameter_is_the_nearest_whole_number_of_its_format(elbow, tools, tmp_path):
+    with RunningBoard(elbow, build_firmware(elbow, BOARD, tmp_path)) as board:
+        (stream,) = board.stream(["velocity_status", "omega_rad_s"])
+        for value in (2.0, 100.0, 3.14159274, 60.7):
+            got = board.set_parameter("velocity.bandwidth_Hz", value)
+            assert abs(got - value) <= 2.0**-24 * value
+        with pytest.raises(LinkError, match="outside 2 to 100"):
+            board.set_parameter("velocity.bandwidth_Hz", 100.5)
+        assert board.parameters() == {"velocity.bandwidth_Hz": got}
+        assert board.samples(board.wait_for("ESEA_DATA")).names == stream.names
 
 
 def test_a_whole_drive_runs_in_whole_numbers(tools, tmp_path):

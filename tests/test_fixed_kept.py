@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
+from pathlib import Path
 
 import pytest
 
 import esea_gen
 from esea_gen import cache
+from esea_gen.cache import code_digest
 from esea_gen.emit.fixed import kept
+from esea_gen.emit.fixed.kept import ROOMS
 from esea_gen.emit.fixed.plan import Planner
+from esea_gen.emit.fixed.search import search
 
 
 @pytest.fixture
@@ -70,9 +75,30 @@ def test_other_content_has_another_digest(folder, monkeypatch):
         esea_gen.load_device("elbow").velocity,
     ]
     found = [digest(b) for b in others]
-    monkeypatch.setattr(kept, "code_digest", lambda: "other code")
+    monkeypatch.setattr(kept, "code_digest", lambda rooms: "other code")
     found.append(digest(block))
     assert len({base, *found}) == len(found) + 1
+
+
+def test_the_search_reads_no_code_but_that_of_the_digest():
+    """What is planned comes from the Block; how, from two rooms, whose change plans anew."""
+    block = esea_gen.load_device("elbow").velocity
+    planner = Planner(block)
+    root = Path(esea_gen.__file__).parent
+    read = set()
+
+    def note(frame, event, arg):
+        path = Path(frame.f_code.co_filename)
+        if path.is_relative_to(root):
+            read.add(path.relative_to(root).parts[0])
+
+    sys.setprofile(note)
+    try:
+        search(planner)
+    finally:
+        sys.setprofile(None)
+    assert read == set(ROOMS)
+    assert code_digest(ROOMS) != code_digest(("emit",)) != code_digest()
 
 
 def test_code_that_changed_since_the_start_keeps_nothing(folder, monkeypatch):

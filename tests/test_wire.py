@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import stat
 
 import numpy as np
@@ -11,9 +12,12 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from esea_gen.device import load_device
+from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
-from esea_gen.emit.parameters import link_parameters
-from esea_gen.targets import BOARDS
+from esea_gen.emit.parameters import fnv1a, link_parameters
+from esea_gen.emit.telemetry import cost_table, stream_costs
+from esea_gen.targets import BOARDS, firmware_folder
+from esea_gen.verify import firmware
 from esea_gen.verify.emulator import RunningBoard
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.sim import SimBoard
@@ -142,14 +146,21 @@ def test_the_clock_of_a_sample_goes_on_where_the_tick_is_set_back(board):
         assert np.array_equal(np.diff(s.times), np.diff(s.sequences))
 
 
-def test_a_lost_tick_ends_a_message_and_shows_as_a_gap(board):
-    (stream,) = board.stream(["tau_Nm"])
-    board.ticks(30)
-    board.lib.sim_tick(3, True)
-    board.ticks(30)
+def test_a_lost_tick_ends_a_message_so_that_every_sample_has_its_own_time(board):
+    """What is measured tells the time."""
+    measured = board._inputs[0]
+    (stream,) = board.stream([f"sense.{measured}"])
+    now = 0
+    for step in [1] * 30 + [3] + [1] * 30:
+        now += step
+        board.measure(**{measured: now})
+        board.lib.sim_tick(step, True)
+        board.lib.sim_poll()
     found = samples_of(board, stream)
     assert gaps(found, 1) == 2
-    assert all(set(np.diff(s.times)) <= {1} for s in found)
+    told = [(t, v) for s in found for t, (v,) in zip(s.times, s.values, strict=True)]
+    assert len(told) > 40
+    assert all(t == v for t, v in told)
 
 
 def test_what_finds_no_room_is_dropped_by_whole_messages_and_counted(board):
@@ -211,6 +222,46 @@ def test_a_stream_of_what_there_is_not_is_denied(board, number, task, signals):
     assert not [m for m in board.pending() if m.get_type() == "ESEA_DATA"]
 
 
+def bytes_in_a_second(board):
+    board.pending()
+    total = 0
+    for _ in range(1000):
+        board.lib.sim_tick(1, True)
+        total += len(board.transport.read(0.0))
+    return total
+
+
+@pytest.mark.parametrize(
+    ("what", "names"),
+    [
+        ("sense: one value (1)", ["theta_motor_rad"]),
+        ("sense: everything (49)", ["sense.*"]),
+        ("control: one value (1)", ["u_command_Nm"]),
+        ("control: everything (12)", ["control.*"]),
+    ],
+)
+def test_streams_cost_what_build_says(board, drive, what, names):
+    """Counted on the line; what ends in zeros costs less, by less than those values."""
+    costs = {c.what: c for c in stream_costs(drive.system)}
+    active(board)
+    idle = bytes_in_a_second(board)
+    (stream,) = board.stream(names)
+    told = bytes_in_a_second(board) - idle
+    cost = costs[what]
+    trimmed = 4 * len(stream.signals) * cost.rate_Hz
+    one_message = cost.bytes_s * stream.samples / cost.rate_Hz
+    assert cost.bytes_s - trimmed - one_message <= told <= cost.bytes_s + one_message
+    assert stream.samples == cost.samples
+
+
+def test_what_does_not_fit_a_line_is_marked(drive):
+    rows = {r.split("  ")[0]: r for r in cost_table(drive.system).splitlines()}
+    # 36 values: 12 bytes of frame, 17 of head, 144 of values, a thousand times a second.
+    assert " 173000  does not fit  does not fit " in rows["sense: all outputs (36)"]
+    # 20 values a message, 50 messages a second: of 11520 bytes 47 %.
+    assert re.search(r" 5450 +47 % +6 % +0 %$", rows["sense: one value (1)"])
+
+
 # -- parameters ------------------------------------------------------------------------------------
 
 
@@ -230,6 +281,9 @@ def test_ids_are_short_and_unlike(drive):
         ids = [p.id for p in found]
         assert len(set(ids)) == len(ids)
         assert all(re.fullmatch(r"[.\-a-zA-Z0-9_]{1,16}", i) for i in ids)
+        assert len({p.key for p in found}) == len(found)
+    # The published values of FNV-1a, 32 bits.
+    assert (fnv1a(""), fnv1a("a"), fnv1a("foobar")) == (0x811C9DC5, 0xE40C292C, 0xBF9CF968)
 
 
 def test_the_metadata_is_as_the_standard_has_it(drive):
@@ -352,6 +406,95 @@ def test_a_board_that_keeps_nothing_says_so(board):
         board.load_parameters()
     assert board.command(board.dialect.MAV_CMD_PREFLIGHT_STORAGE, 3.0) == 2
     assert board.command(board.dialect.MAV_CMD_PREFLIGHT_STORAGE, float("nan")) == 2
+
+
+# What a board with a store adds; its memory outlives power-off here.
+STORE = """
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
+struct esea_app;
+static float values_kept[64];
+static uint8_t key_kept[32];
+static uint64_t timestamp_kept;
+static uint32_t layout_kept;
+static bool any, any_key;
+bool esea_keep_parameters(struct esea_app *app, const float *values, uint32_t count,
+        uint32_t layout)
+{
+    (void)app;
+    if (count > 64u)
+        return false;
+    memcpy(values_kept, values, count * sizeof *values);
+    layout_kept = layout;
+    return any = true;
+}
+bool esea_kept_parameters(struct esea_app *app, float *values, uint32_t count, uint32_t layout)
+{
+    (void)app;
+    if (!any || layout != layout_kept)
+        return false;
+    memcpy(values, values_kept, count * sizeof *values);
+    if (values[4] == 33.0f) /* the memory is damaged */
+        values[4] = 1e9f;
+    return true;
+}
+bool esea_keep_key(struct esea_app *app, const uint8_t *key, uint64_t timestamp)
+{
+    (void)app;
+    memcpy(key_kept, key, sizeof key_kept);
+    timestamp_kept = timestamp;
+    return any_key = true;
+}
+bool esea_kept_key(struct esea_app *app, uint8_t *key, uint64_t *timestamp)
+{
+    uint8_t all = 0u, i;
+    (void)app;
+    for (i = 0u; i < 32u; ++i)
+        all |= key_kept[i];
+    if (!any_key || all == 0u)
+        return false;
+    memcpy(key, key_kept, sizeof key_kept);
+    *timestamp = timestamp_kept;
+    return true;
+}
+"""
+
+
+def test_with_a_store_parameters_and_key_outlive_power_off(drive, tmp_path):
+    files = dict(render_device(drive, ["f32"])[0].files) | {"store.c": STORE}
+    board = SimBoard(drive, files)
+    board.measure(**ANGLES)
+    with pytest.raises(LinkError, match="cannot load"):
+        board.load_parameters()
+    zeroed(board)
+    board.set_parameter("limits.tau_max_Nm", 4.0)
+    board.set_parameter("smc.margin", 1.5)
+    board.save_parameters()
+    board.set_parameter("smc.margin", 1.0)
+    board.restart()
+    kept = board.parameters()
+    assert (kept["limits.tau_max_Nm"], kept["smc.margin"]) == (4.0, 1.5)
+    # A zero is the encoders', not a parameter: it is not taken from there.
+    assert kept["encoder_motor.zeroed"] == 0
+    assert board.state_now == "UNREFERENCED"
+    board.set_parameter("smc.margin", 1.25)
+    board.load_parameters()
+    assert board.parameter("smc.margin") == 1.5
+    # One value that is none of its parameter: all defaults, not half of each.
+    board.set_parameter("velocity.bandwidth_Hz", 33.0)
+    board.save_parameters()
+    board.restart()
+    assert board.parameter("velocity.bandwidth_Hz") == 15
+    assert board.parameter("limits.tau_max_Nm") == 8
+
+    board.pair(tmp_path / "key")
+    board.restart()
+    board._sign(None)
+    assert board.command(board.dialect.MAV_CMD_USER_1) == board.dialect.MAV_RESULT_DENIED
+    board.use_key(tmp_path / "key")
+    assert board.traffic().paired == 1
+    board.close()
 
 
 # -- time ------------------------------------------------------------------------------------------
@@ -514,6 +657,77 @@ def test_a_signed_key_of_zeros_takes_the_key_away(paired):
     board.reset()
 
 
+def test_a_stop_in_the_first_version_of_mavlink_is_a_stop(paired):
+    board, _ = paired
+    board._sign(None)
+    values = (1, 1, board.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
+    plain = board.dialect.MAVLink(None, 99, 99)
+    message = board.message("COMMAND_LONG", *values)
+    board.send_bytes(bytes(message.pack(plain, force_mavlink1=True)))
+    assert board.state_now == "STOPPED"
+
+
+# -- armed -----------------------------------------------------------------------------------------
+
+
+def strangers_may_stop_only(board):
+    board._sign(bytes(32))
+    board._sign(None)
+    board.send(board.message("SETUP_SIGNING", 1, 1, [9] * 32, 1))
+    assert board.command(board.dialect.MAV_CMD_USER_1) == board.dialect.MAV_RESULT_DENIED
+    board.command(board.dialect.MAV_CMD_USER_4)
+    assert board.state_now == "STOPPED"
+
+
+def bounds_hold(board):
+    with pytest.raises(LinkError, match="outside"):
+        board.set_parameter("velocity.bandwidth_Hz", 100.5)
+    assert board.set_parameter("velocity.bandwidth_Hz", 50.0) == 50
+
+
+WRONG = {
+    "as it is": ("link.c", "", ""),
+    "drops by samples": ("streams.c", "stream->left_out = stream->samples - 1u;", ""),
+    "packs across a gap": ("streams.c", "!= stream->count * stream->interval", "== 0u"),
+    "no key": ("signing.c", "pair(app, on);", "pair(app, false);"),
+    "a stop needs a key": ("link.c", "(message) == ESEA_LINK_CMD_STOP", "(message) == 0u"),
+    "coefficients not taken": ("parameters.c", "esea_link_take(&app->control);", ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [w if w == "drops by samples" else pytest.param(w, marks=pytest.mark.slow) for w in WRONG],
+)
+def test_a_board_that_does_it_wrong_is_found(wrong, tmp_path, monkeypatch):
+    """Armed: the checks above on a firmware with one place changed."""
+    require_tool("gcc")
+    file, find, put = WRONG[wrong]
+    shutil.copytree(firmware_folder(), tmp_path / "firmware")
+    path = tmp_path / "firmware" / "app" / file
+    text = path.read_text(encoding="utf-8")
+    assert find in text
+    path.write_text(text.replace(find, put), encoding="utf-8")
+    monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
+    board = SimBoard(load_device("elbow"))
+    checks = (
+        test_what_finds_no_room_is_dropped_by_whole_messages_and_counted,
+        test_a_lost_tick_ends_a_message_so_that_every_sample_has_its_own_time,
+        bounds_hold,
+        strangers_may_stop_only,
+    )
+    found = []
+    for check in checks:
+        board.restart()
+        board._streams.clear()
+        try:
+            check(board)
+        except (AssertionError, LinkError, pytest.fail.Exception):
+            found.append(check.__name__)
+    assert bool(found) == (wrong != "as it is"), found
+    board.close()
+
+
 # -- texts -----------------------------------------------------------------------------------------
 
 
@@ -568,12 +782,13 @@ def test_frames_of_any_content_leave_a_board_that_answers(board, tmp_path, signe
     board.time_sync(1)
 
 
-def test_the_same_under_the_address_sanitizer(drive, tmp_path):
+def test_the_same_under_the_address_sanitizer(tmp_path):
     """The board on standard input and output, without a clock."""
     rng = np.random.default_rng(13)
-    image = build_firmware(drive, "host", tmp_path)
+    elbow = load_device("elbow")
+    image = build_firmware(elbow, "host", tmp_path)
     assert any("address" in f for f in BOARDS["host"].flags)
-    with RunningBoard(drive, image) as board:
+    with RunningBoard(elbow, image) as board:
         for _ in range(60):
             frames = [frame_of_any_content(board, rng) for _ in range(50)]
             board.send_bytes(b"".join(frames))

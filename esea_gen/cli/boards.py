@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
+import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import (
     BoardOption,
@@ -19,9 +20,11 @@ from esea_gen.cli.options import (
     recorded_streams,
 )
 from esea_gen.cli.output import progress_bar, write_json
-from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
+
+if TYPE_CHECKING:
+    from esea_gen.device import Device
 
 
 @app.command()
@@ -46,7 +49,7 @@ def firmware(
     """
     from esea_gen.verify.firmware import build_firmware
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     fits = _fits(loaded, board, cycles)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name)
     out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
@@ -96,7 +99,7 @@ def emulate(
     A sensing device is given deflections.  Of a drive all tasks run interleaved, on what they were
     given in the tuning case in closed loop with the virtual exoskeleton.
     """
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     if loaded.laws:
         if recording is not None or data is not None:
             raise UserError(

@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
+import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import (
     BlockOption,
@@ -24,7 +25,9 @@ from esea_gen.cli.options import (
     recorded_streams,
 )
 from esea_gen.cli.output import picture, progress_line, show, write_json
-from esea_gen.device import Device, load_device
+
+if TYPE_CHECKING:
+    from esea_gen.device import Device
 
 
 @app.command()
@@ -45,7 +48,7 @@ def verify(
     """Compare the generated C, compiled for this machine, with the symbolic model."""
     from esea_gen.verify.equivalence import verify as compare_c
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     recorded = recorded_streams(loaded, recording, data)
     with progress_line() as say:
         result = compare_c(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
@@ -131,7 +134,7 @@ def coverage(
     from esea_gen.verify.memories import other_memories
     from esea_gen.verify.streams import at_the_limits, streams
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     programs = [b.name for b in chosen_blocks(loaded, block) if b.kind == "program"]
     found = {
         b.name: branch_coverage(b, [*streams(b), at_the_limits(b), *other_memories(b)])
@@ -165,7 +168,7 @@ def gates(
     """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
     from esea_gen.verify.gates import TARGETS, check_objects, find_target
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     for name in target or []:
         find_target(name)
     found = {name: check_objects(loaded, name) for name in target or TARGETS}
@@ -195,7 +198,7 @@ def mutate(
     """Put one fault at a time into kernels and wiring and see whether the tests notice."""
     from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     reports = {}
     with progress_line() as say:
         for name in chosen_formats(real):
@@ -301,7 +304,7 @@ def ranges(
     """Fixed point: range, format, headroom and proven error of every value, and what to do."""
     from esea_gen.emit.fixed.report import range_report
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         result = range_report(loaded.name, loaded.system, say)
     show(result, json_file)
@@ -333,7 +336,7 @@ def fixed(
     """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
     from esea_gen.verify.fixed_report import check_fixed, read_recorded
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)
         result = check_fixed(loaded, minutes, deflections, cores, prove, say)

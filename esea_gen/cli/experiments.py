@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from esea_gen.cli.app import app
+from esea_gen.cli.names import PEOPLE, PLANTS, closed_loop_studies, completing, configured
 from esea_gen.cli.options import (
     ClusterOption,
     FigureOption,
@@ -22,10 +23,22 @@ from esea_gen.errors import UserError
 
 FEW_RUNS = 20  # a run takes half a second: a few are done before other processes have started
 ControllerOption = Annotated[
-    str, typer.Option("--controller", metavar="NAME", help=CONTROLLER_HELP)
+    str,
+    typer.Option(
+        "--controller",
+        metavar="NAME",
+        help=CONTROLLER_HELP,
+        autocompletion=completing(configured),
+    ),
 ]
 PlantOption = Annotated[
-    str, typer.Option("--plant", metavar="ideal|real|random", help="Virtual exoskeleton.")
+    str,
+    typer.Option(
+        "--plant",
+        metavar="|".join(PLANTS),
+        help="Virtual exoskeleton.",
+        autocompletion=completing(lambda: PLANTS),
+    ),
 ]
 OffOption = Annotated[
     str,
@@ -58,7 +71,12 @@ app.add_typer(
 @app.command(cls=SimulateCommand)
 def simulate(
     study: Annotated[
-        str, typer.Argument(metavar="STUDY", help="One of those below, or FILE.py:name.")
+        str,
+        typer.Argument(
+            metavar="STUDY",
+            help="One of those below, or FILE.py:name.",
+            autocompletion=completing(closed_loop_studies),
+        ),
     ],
     controller: Annotated[
         list[str] | None,
@@ -66,6 +84,7 @@ def simulate(
             "--controller",
             metavar="NAME",
             help=f"{CONTROLLER_HELP} Default: smc. Given again: one table of all.",
+            autocompletion=completing(configured),
         ),
     ] = None,
     plant: PlantOption = "real",
@@ -74,8 +93,8 @@ def simulate(
         typer.Option(
             "--person",
             metavar="NAME",
-            help="Who moves the load: none, ideal, uncertain, uncertain-no-feedforward, random; "
-            "default: what suits plant and study.",
+            help=f"Who moves the load: {', '.join(PEOPLE)}; default: what suits plant and study.",
+            autocompletion=completing(lambda: PEOPLE),
         ),
     ] = None,
     off: OffOption = "none",

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
-from esea_gen.cli.output import write_text
-from esea_gen.device import Device, load_device
-from esea_gen.devices.file import shipped_devices
+from esea_gen.cli.output import progress_line, write_text
 from esea_gen.errors import UserError
+
+if TYPE_CHECKING:
+    from esea_gen.device import Device
 
 GENERATED = Path("generated")
 
@@ -55,9 +57,11 @@ def build(
     from esea_gen.emit.dialect import core_bundle, without_core
     from esea_gen.emit.telemetry import cost_table
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     target = folder or GENERATED / loaded.name
-    bundles = _bundles(loaded, real)
+    with progress_line() as say:
+        say(f"{loaded.name}: rendering; ranges of a new q31 device take some twenty seconds")
+        bundles = _bundles(loaded, real)
     if folder is None and real is None:
         bundles = [without_core(b) for b in bundles]
         write_bundles([core_bundle()], GENERATED)
@@ -80,13 +84,23 @@ def check(
     controller: ControllerOption = None,
 ) -> None:
     """Compare generated output on disk with what would be generated now; exit 1 when stale."""
+    from esea_gen.devices.file import shipped_devices
     from esea_gen.emit.build import differences
     from esea_gen.emit.dialect import CORE_FOLDER, core_bundle, without_core
 
+    if not folder.is_dir():
+        raise UserError(
+            f"{folder}: there is no generated output here to compare with.",
+            "Run this in the folder that has it, name it with --in, or make it: esea-gen build.",
+        )
     shared = (folder / CORE_FOLDER).is_dir()
     stale = _tell(CORE_FOLDER, differences([core_bundle()], folder)) if shared else 0
     for name in devices or sorted(shipped_devices()):
-        loaded = load_device(name, controller)
+        loaded = esea_gen.load_device(name, controller)
+        if not (folder / loaded.name).is_dir():
+            out.print(f"{loaded.name}: nothing generated in {folder}")
+            stale += 1
+            continue
         bundles = _bundles(loaded, None)
         if shared:
             bundles = [without_core(b) for b in bundles]
@@ -122,7 +136,7 @@ def new(
     from esea_gen.device import copy_device
     from esea_gen.devices.fields import SCHEMA_FILE
 
-    device = copy_device(load_device(base), name)
+    device = copy_device(esea_gen.load_device(base), name)
     path = target or Path(f"{name}.toml")
     beside = path.parent / SCHEMA_FILE
     if path.exists():

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
+import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
 from esea_gen.cli.output import picture, progress_line, show, write_json, write_text
 from esea_gen.cli.studies import StudyCommand
-from esea_gen.device import load_device
 from esea_gen.errors import UserError
 
 
@@ -110,7 +110,7 @@ def uncertainty(
     from esea_gen.studies.uncertainty.spread import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
 
-    loaded = load_device(device)
+    loaded = esea_gen.load_device(device)
     with progress_line() as say:
         say("covariance of the identification")
         spread = identified_spread(loaded, recording, data) if recording else None
@@ -158,7 +158,7 @@ def torque_check(
     from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
     from esea_gen.studies.torque_check.study import instructions
 
-    loaded = load_device(device)
+    loaded = esea_gen.load_device(device)
     check = None
     if resume is not None:
         if mass is not None or arm is not None:

@@ -6,16 +6,24 @@ import os
 import tempfile
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from esea_gen.device import Device
+from esea_gen.cli.names import complete_block, completing, configured, shipped
 from esea_gen.errors import UserError
 from esea_gen.targets import firmware_boards
 
+if TYPE_CHECKING:
+    from esea_gen.device import Device
+
 DeviceArgument = Annotated[
-    str, typer.Argument(metavar="DEVICE", help="Shipped device (elbow) or path of a device file.")
+    str,
+    typer.Argument(
+        metavar="DEVICE",
+        help="Shipped device (elbow) or path of a device file.",
+        autocompletion=completing(shipped),
+    ),
 ]
 
 
@@ -57,7 +65,9 @@ JsonOption = Annotated[
 
 BlockOption = Annotated[
     list[str] | None,
-    typer.Option("--block", metavar="NAME", help="Block; default: all."),
+    typer.Option(
+        "--block", metavar="NAME", help="Block; default: all.", autocompletion=complete_block
+    ),
 ]
 
 
@@ -73,6 +83,7 @@ ControllerOption = Annotated[
         metavar="NAME",
         help="In place of the file's laws: a controller (mpc), a law (sliding_mode), FILE.py:law; "
         "several with a comma between.",
+        autocompletion=completing(configured),
     ),
 ]
 BoardOption = Annotated[

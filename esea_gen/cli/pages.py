@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
+import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import BoardOption, ControllerOption, DeviceArgument, JsonOption, writable
 from esea_gen.cli.output import progress_line, write_json, write_text
-from esea_gen.device import load_device
 from esea_gen.targets import DEFAULT_BOARD
 
 
@@ -36,7 +36,7 @@ def report(
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
     from esea_gen.report.builder import gather
 
-    loaded = load_device(device, controller)
+    loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         found = gather(loaded, recording, data, board, progress=say)
     target = page or Path(f"{loaded.name}.html")

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
+import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
 from esea_gen.cli.output import picture, progress_line, show, write_text
 from esea_gen.cli.studies import StudyCommand
-from esea_gen.device import load_device
 from esea_gen.errors import UserError
 
 
@@ -67,7 +67,7 @@ def startup(
     from esea_gen.studies.startup.procedures import guide as instructions
     from esea_gen.studies.startup.study import SimulatedDrive, start_up_simulated
 
-    loaded = load_device(device)
+    loaded = esea_gen.load_device(device)
     if guide:
         for line in instructions(loaded):
             out.print(line)

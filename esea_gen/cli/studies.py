@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from esea_gen.cli.names import Written, closed_loop_studies, reproductions, written_studies
 from esea_gen.cli.options import FigureOption, JsonOption
 from esea_gen.cli.output import picture, progress_line, show
 
@@ -25,10 +26,8 @@ class StudyCommand(TyperCommand):
     @property
     def help(self) -> str:
         """The study's."""
-        from esea_gen.studies.registry import Study, load_study
-
         assert self.name is not None
-        return load_study(self.name, Study).help
+        return written_studies()[self.name].help
 
     @help.setter
     def help(self, _: str | None) -> None:
@@ -40,11 +39,9 @@ class SimulateCommand(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Name and title of each."""
-        from esea_gen.studies.registry import studies
-        from esea_gen.studies.simulation import ClosedLoopStudy
-
+        known = written_studies()
         with formatter.section("Studies"):
-            formatter.write_dl([(k, s.title) for k, s in studies(ClosedLoopStudy).items()])
+            formatter.write_dl([(k, known[k].title) for k in closed_loop_studies()])
 
 
 class Reproductions(TyperGroup):
@@ -62,19 +59,21 @@ class Reproductions(TyperGroup):
 
 @cache
 def _reproductions() -> dict[str, Any]:
-    from esea_gen.studies.registry import studies
-    from esea_gen.studies.reproduction import Reproduction
-
     found = {}
-    for name, study in studies(Reproduction).items():
+    for written in reproductions():
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(name, help=study.help)(_reproduce(study))
-        found[name] = typer.main.get_command(single)
+        single.command(written.name, help=written.help)(_reproduce(written))
+        found[written.name] = typer.main.get_command(single)
     return found
 
 
-def _reproduce(study: Any) -> Callable[..., None]:
+def _reproduce(written: Written) -> Callable[..., None]:
     def run(json_file: Path | None, figure: Path | None, data: Path | None = None) -> None:
+        from esea_gen.studies.registry import load_study
+        from esea_gen.studies.reproduction import Reproduction
+
+        # Any reproduction makes something; which, only itself knows.
+        study: Reproduction[Any] = load_study(written.name, Reproduction)
         with progress_line() as say:
             outcome = study.run(say, data)
         show(outcome, json_file)
@@ -90,4 +89,4 @@ def _reproduce(study: Any) -> Callable[..., None]:
     def alone(json_file: JsonOption = None, figure: FigureOption = None) -> None:
         run(json_file, figure)
 
-    return with_data if study.recordings else alone
+    return with_data if written.recordings else alone

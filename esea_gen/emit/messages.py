@@ -254,11 +254,12 @@ _DATA = (
     MessageField("uint8_t", "stream", "Number of the stream."),
     MessageField("uint8_t", "choice", "Number that the stream was chosen with."),
     MessageField("uint8_t", "count", "Samples in this message."),
+    # Bytes, for they go last on the wire, where MAVLink leaves out what is not used.
     MessageField(
-        "uint32_t",
-        "words",
-        "Samples, one behind the other; the bits of each value.",
-        STREAM_WORDS,
+        "uint8_t",
+        "data",
+        "Samples, one behind the other; the four bytes of each value.",
+        4 * STREAM_WORDS,
     ),
 )
 

@@ -16,6 +16,14 @@ ID_CHARACTERS = 16
 METADATA_VERSION = 3  # of MAVLink's parameter.schema.json
 
 
+def fnv1a(text: str) -> int:
+    """FNV-1a of a text, 32 bits."""
+    found = 0x811C9DC5
+    for byte in text.encode():
+        found = (found ^ byte) * 0x01000193 % (1 << 32)
+    return found
+
+
 @dataclass(frozen=True)
 class LinkParameter:
     """A tunable of a System as a parameter of the link.
@@ -34,6 +42,11 @@ class LinkParameter:
     def name(self) -> str:
         """Full name, ``velocity.bandwidth_Hz``."""
         return f"{self.instance}.{self.tunable.name}"
+
+    @property
+    def key(self) -> int:
+        """What a board keeps the value by."""
+        return fnv1a(self.name)
 
     @property
     def enum_name(self) -> str:

@@ -17,8 +17,8 @@ from esea_gen.language.system import System
 
 FRAME_BYTES = 12  # header and checksum of a MAVLink 2 frame
 
-# A serial line takes ten bits a byte; of USB full speed what bulk transfers carry at most, 19 packets
-# of 64 bytes a millisecond, which TCP on any network exceeds.
+# A serial line takes ten bits a byte. USB: what bulk transfers at full speed carry at most, 19
+# packets of 64 bytes a millisecond; TCP on any network carries more.
 LINES_BYTES_S = {"115200 baud": 11_520, "921600 baud": 92_160, "USB, TCP": 1_216_000}
 
 
@@ -91,6 +91,9 @@ def cost_table(system: System) -> str:
     widths = [max(len(r[i]) for r in rows) for i in range(len(head))]
     lines = []
     for row in rows:
-        cells = [row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:]))]
+        cells = [
+            row[0].ljust(widths[0]),
+            *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)),
+        ]
         lines.append("  ".join(cells))
     return "\n".join(lines)

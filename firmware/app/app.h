@@ -162,8 +162,8 @@ void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t comman
 void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second);
 /* The answer to TIMESYNC. */
 void esea_send_time(esea_app_t *app, int64_t asked_ns);
-/* The runs that wait, as many as did at the start. */
-void esea_send_runs(esea_app_t *app);
+/* At most one run of each task that waits; whether there was one. */
+bool esea_send_runs(esea_app_t *app);
 
 /* Whether a message to this address is meant for the board. */
 static inline bool esea_meant(uint8_t system, uint8_t component)

@@ -266,7 +266,7 @@ static void send_state(esea_app_t *app)
     app->fault_told = app->fault;
 }
 
-void esea_app_poll(esea_app_t *app)
+static void receive_all(esea_app_t *app)
 {
     uint8_t bytes[64];
     size_t n, i;
@@ -274,11 +274,29 @@ void esea_app_poll(esea_app_t *app)
     while ((n = app->port->read(bytes, sizeof bytes)) > 0u)
         for (i = 0u; i < n; ++i)
             receive(app, bytes[i]);
+}
+
+/* What has been received is looked at after each message: a line that is full makes nobody wait whose
+ * command has come. */
+static void send_all(esea_app_t *app)
+{
+    uint32_t i;
+
+    for (i = 0u; i < ESEA_RUNS_KEPT && esea_send_runs(app); ++i)
+        receive_all(app);
+    for (i = 0u; i < ESEA_LINK_STREAMS; ++i)
+        if (esea_streams_send(app, i))
+            receive_all(app);
+    if (esea_key_send(app))
+        receive_all(app);
+}
+
+void esea_app_poll(esea_app_t *app)
+{
+    receive_all(app);
     if (app->motion.zeroing_ends)
         esea_app_end_zeroing(app);
-    esea_send_runs(app);
-    esea_streams_send(app);
-    esea_key_send(app);
+    send_all(app);
     send_state(app);
     if (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits)
         app->port->wait();

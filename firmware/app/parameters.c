@@ -54,6 +54,8 @@ static bool ask_kept(esea_app_t *app)
     float values[ESEA_LINK_PARAMETERS + 1u];
     uint32_t i;
 
+    for (i = 0u; i < ESEA_LINK_PARAMETERS; ++i)
+        values[i] = esea_link_parameter(i)->initial;
     if (!esea_kept_parameters(app, values, ESEA_LINK_PARAMETERS, ESEA_LINK_PARAMETERS_LAYOUT))
         return false;
     esea_link_ask(&app->control);

@@ -174,28 +174,29 @@ void esea_send_time(esea_app_t *app, int64_t asked_ns)
     esea_send(app, &message);
 }
 
-void esea_send_runs(esea_app_t *app)
+bool esea_send_runs(esea_app_t *app)
 {
     mavlink_message_t message;
     uint32_t number;
+    bool any = false;
 
     for (number = 0u; number < ESEA_LINK_TASKS; ++number) {
         esea_task_t *const task = &app->tasks[number];
 
-        const uint32_t head = task->head;
+        const esea_run_t *const run = &task->runs[task->tail % ESEA_RUNS_KEPT];
 
-        while (task->tail != head) {
-            const esea_run_t *const run = &task->runs[task->tail % ESEA_RUNS_KEPT];
-
-            if (run->send[0]) {
-                esea_link_encode_in(number, run->tick, &run->in, &app->sending, &message);
-                esea_send(app, &message);
-            }
-            if (run->send[1]) {
-                esea_link_encode(number, run->tick, run->step_ticks, &run->out, &app->sending, &message);
-                esea_send(app, &message);
-            }
-            task->tail = task->tail + 1u;
+        if (task->tail == task->head)
+            continue;
+        if (run->send[0]) {
+            esea_link_encode_in(number, run->tick, &run->in, &app->sending, &message);
+            esea_send(app, &message);
         }
+        if (run->send[1]) {
+            esea_link_encode(number, run->tick, run->step_ticks, &run->out, &app->sending, &message);
+            esea_send(app, &message);
+        }
+        task->tail = task->tail + 1u;
+        any = true;
     }
+    return any;
 }

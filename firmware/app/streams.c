@@ -84,30 +84,27 @@ bool esea_streams_wait(const esea_app_t *app)
     return false;
 }
 
-void esea_streams_send(esea_app_t *app)
+bool esea_streams_send(esea_app_t *app, uint32_t number)
 {
-    uint32_t number;
+    esea_stream_t *const stream = &app->streams[number];
+    const esea_block_t *const block = block_at(stream, stream->tail);
+    mavlink_esea_data_t fields;
+    mavlink_message_t message;
 
-    for (number = 0u; number < ESEA_LINK_STREAMS; ++number) {
-        esea_stream_t *const stream = &app->streams[number];
-        const esea_block_t *const block = block_at(stream, stream->tail);
-        mavlink_esea_data_t fields;
-        mavlink_message_t message;
-
-        if (stream->tail == stream->head)
-            continue;
-        memset(&fields, 0, sizeof fields);
-        fields.time = block->time;
-        fields.sequence = block->tick;
-        fields.interval = (uint16_t)stream->interval;
-        fields.stream = (uint8_t)number;
-        fields.choice = stream->choice;
-        fields.count = (uint8_t)block->count;
-        memcpy(fields.words, block->words, block->count * stream->width * sizeof block->words[0]);
-        publish(&stream->tail, stream->tail + 1u);
-        (void)mavlink_msg_esea_data_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-        esea_send(app, &message);
-    }
+    if (stream->tail == stream->head)
+        return false;
+    memset(&fields, 0, sizeof fields);
+    fields.time = block->time;
+    fields.sequence = block->tick;
+    fields.interval = (uint16_t)stream->interval;
+    fields.stream = (uint8_t)number;
+    fields.choice = stream->choice;
+    fields.count = (uint8_t)block->count;
+    memcpy(fields.data, block->words, block->count * stream->width * sizeof block->words[0]);
+    publish(&stream->tail, stream->tail + 1u);
+    (void)mavlink_msg_esea_data_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+    return true;
 }
 
 static bool valid(const mavlink_esea_stream_t *fields)

@@ -63,8 +63,8 @@ typedef struct {
 /* After a run of a task, at its priority. */
 void esea_streams_take(struct esea_app *app, uint32_t task, uint32_t tick, uint64_t time, uint32_t step_ticks);
 
-/* At most one message of each stream. */
-void esea_streams_send(struct esea_app *app);
+/* A message of a stream that waits; false when none does. */
+bool esea_streams_send(struct esea_app *app, uint32_t number);
 bool esea_streams_wait(const struct esea_app *app);
 void esea_streams_choose(struct esea_app *app, const mavlink_message_t *message);
 
@@ -72,7 +72,8 @@ void esea_streams_choose(struct esea_app *app, const mavlink_message_t *message)
 
 void esea_key_ask(struct esea_app *app);
 void esea_key_take(struct esea_app *app, uint32_t tick);
-void esea_key_send(struct esea_app *app);
+/* At most one message. */
+bool esea_key_send(struct esea_app *app);
 
 /* -- parameters.c ------------------------------------------------------------------------------ */
 
@@ -101,7 +102,8 @@ void esea_signing_refuse(struct esea_app *app, const mavlink_message_t *message)
 /* -- what a board keeps without power ---------------------------------------------------------- */
 
 /* False where nothing can be kept, or was.  Values stand in the order of the parameters, those that a
- * calibration sets among them; `layout` tells whether they are of this device.  The weak functions in
+ * calibration sets among them; `layout` tells whether they are of this list; a store that keeps each by its `key` need not
+ * ask, and leaves what it does not know as it is given, at its default.  The weak functions in
  * parameters.c and signing.c keep nothing. */
 bool esea_keep_parameters(struct esea_app *app, const float *values, uint32_t count, uint32_t layout);
 bool esea_kept_parameters(struct esea_app *app, float *values, uint32_t count, uint32_t layout);

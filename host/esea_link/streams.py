@@ -82,7 +82,7 @@ class BoardStream:
         """The samples of one of its messages."""
         width = len(self.signals)
         layout = "<" + "".join("I" if s.whole else "f" for s in self.signals)
-        data = struct.pack(f"<{message.count * width}I", *message.words[: message.count * width])
+        data = bytes(message.data[: 4 * width * message.count])
         steps = [k * message.interval for k in range(message.count)]
         return StreamSamples(
             self.names,
@@ -95,7 +95,7 @@ class BoardStream:
 def tasks(dialect: Any) -> list[str]:
     """Names of the device's tasks, by number."""
     first = dialect.MAVLINK_MSG_ID_ESEA_INFO + 1
-    found = []
+    found: list[str] = []
     while (cls := dialect.mavlink_map.get(first + 2 * len(found))) is not None:
         found.append(cls.msgname.removeprefix("ESEA_").removesuffix("_IN").lower())
     return found
