@@ -97,8 +97,8 @@ def without(text: str, *sections: str) -> str:
 def simulated_elbow():
     """The elbow's simulated board and virtual drive, compiled once; who uses it restarts it."""
     require_tool("gcc")
-    from esea_host.simulated import SimulatedDrive
+    from esea_host.simulated import SimulatedBoard
 
-    made = SimulatedDrive("elbow_drive")
+    made = SimulatedBoard("elbow_drive")
     yield made
     made.close()

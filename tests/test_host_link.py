@@ -21,7 +21,7 @@ from esea_host.connection.address import parse_address
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import check_hash, identify
 from esea_host.connection.receiver import Receiver, Subscription
-from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedDrive
+from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 from esea_link.transport import LinkError
 
@@ -100,7 +100,7 @@ def test_an_address_that_is_none_is_refused(text):
         parse_address(text)
 
 
-def bytes_of(drive: SimulatedDrive, ticks: int) -> bytes:
+def bytes_of(drive: SimulatedBoard, ticks: int) -> bytes:
     """What a board sends, every run told."""
     drive.restart()
     told = LockstepDevice(drive)

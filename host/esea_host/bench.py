@@ -21,7 +21,7 @@ from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.receiver import KEY, Receiver
 from esea_host.recording.log import open_log
 from esea_host.recording.writer import Recorder
-from esea_host.simulated.drive import SimulatedDrive
+from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.simulated.noise import NoisyTransport
 
@@ -67,7 +67,7 @@ def _memory_bytes() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def record_bytes(drive: SimulatedDrive, seconds: float) -> tuple[bytes, LockstepDevice]:
+def record_bytes(drive: SimulatedBoard, seconds: float) -> tuple[bytes, LockstepDevice]:
     """What a board sends in so long, every run of every task told, and the device that asked."""
     device = LockstepDevice(drive)
     device.listen()
@@ -152,7 +152,7 @@ def _rows(link: _Bytes, dialect: Any, health: dict[str, int] | None = None) -> l
     return queue.take(0.0)
 
 
-def long_run(drive: SimulatedDrive, minutes: float, folder: Path) -> dict[str, float]:
+def long_run(drive: SimulatedBoard, minutes: float, folder: Path) -> dict[str, float]:
     """1 kHz of all columns, recorded: losses, processor share, memory.  Simulated time."""
     drive.restart()
     device = LockstepDevice(drive)
@@ -202,7 +202,7 @@ def long_run(drive: SimulatedDrive, minutes: float, folder: Path) -> dict[str, f
     }
 
 
-def hour_open(drive: SimulatedDrive, folder: Path, hours: float) -> dict[str, float]:
+def hour_open(drive: SimulatedBoard, folder: Path, hours: float) -> dict[str, float]:
     """Time to open a recording of an hour to its first rows; its content is one stream's."""
     drive.restart()
     data, device = record_bytes(drive, 2.0)
@@ -222,7 +222,7 @@ def hour_open(drive: SimulatedDrive, folder: Path, hours: float) -> dict[str, fl
     return {"hours": hours, "file_bytes": path.stat().st_size, "open_to_first_rows_s": first_s}
 
 
-def latency(drive: SimulatedDrive, seconds: float) -> dict[str, float]:
+def latency(drive: SimulatedBoard, seconds: float) -> dict[str, float]:
     """From a byte at the host to its row at a reader in another thread, in real time."""
     drive.restart()
     data, device = record_bytes(drive, seconds)
@@ -262,7 +262,7 @@ def measure(
     fuzzed_bytes: int = FUZZED_BYTES,
     hours: float = 1.0,
     sample_s: float = SAMPLE_S,
-    drive: SimulatedDrive | None = None,
+    drive: SimulatedBoard | None = None,
 ) -> dict[str, Any]:
     """All figures.
 
@@ -271,7 +271,7 @@ def measure(
     sample_s: of the bytes that are decoded and damaged.
     drive: powered on; default: a new one.
     """
-    board = drive or SimulatedDrive("elbow_drive")
+    board = drive or SimulatedBoard("elbow_drive")
     board.restart()
     data, device = record_bytes(board, sample_s)
     dialect = device.session.dialect
