@@ -7,6 +7,7 @@ import select
 import socket
 import subprocess
 import tempfile
+import termios
 import time
 import tty
 from collections.abc import Sequence
@@ -154,7 +155,7 @@ class PtyTransport:
             raise LinkError(f"{path} cannot be opened ({error.strerror})") from None
 
     def _open(self, handle: int) -> None:
-        tty.setraw(handle)
+        tty.setraw(handle, termios.TCSANOW)  # not after a flush: what has come stays
         os.set_blocking(handle, False)
         self._handle = handle
 
@@ -164,7 +165,7 @@ class PtyTransport:
         ours, theirs = os.openpty()
         made = cls.__new__(cls)
         made._open(ours)
-        tty.setraw(theirs)
+        tty.setraw(theirs, termios.TCSANOW)
         name = os.ttyname(theirs)
         made._other = theirs  # held open: else this end would find nobody there at first
         return made, name
