@@ -91,3 +91,14 @@ def without(text: str, *sections: str) -> str:
         text, found = re.subn(rf"(?ms)^\[{re.escape(name)}\]\n.*?(?=^\[|\Z)", "", text)
         assert found == 1, name
     return text
+
+
+@pytest.fixture(scope="session")
+def simulated_elbow():
+    """The elbow's simulated board and virtual drive, compiled once; who uses it restarts it."""
+    require_tool("gcc")
+    from esea_host.simulated import SimulatedBoard
+
+    made = SimulatedBoard("elbow_drive")
+    yield made
+    made.close()

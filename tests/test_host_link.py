@@ -15,25 +15,20 @@ import numpy as np
 import pytest
 
 import esea_host
-from esea_gen.device import load_device
 from esea_gen.errors import UserError
+from esea_host.cli import main
 from esea_host.connection.address import parse_address
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import check_hash, identify
 from esea_host.connection.receiver import Receiver, Subscription
-from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedDrive
+from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 from esea_link.transport import LinkError
 
-from .conftest import require_tool
 
-
-@pytest.fixture(scope="module")
-def drive():
-    require_tool("gcc")
-    made = SimulatedDrive(load_device("elbow_drive"))
-    yield made
-    made.board.close()
+@pytest.fixture
+def drive(simulated_elbow):
+    return simulated_elbow
 
 
 @pytest.fixture
@@ -105,7 +100,7 @@ def test_an_address_that_is_none_is_refused(text):
         parse_address(text)
 
 
-def bytes_of(drive: SimulatedDrive, ticks: int) -> bytes:
+def bytes_of(drive: SimulatedBoard, ticks: int) -> bytes:
     """What a board sends, every run told."""
     drive.restart()
     told = LockstepDevice(drive)
@@ -157,7 +152,7 @@ def test_the_decoder_takes_what_mavlinks_own_parser_takes(drive, device):
         rows = np.concatenate(found[name.removeprefix("ESEA_").lower()])
         assert len(rows) == len(messages)
         for field in rows.dtype.names:
-            given = np.array([getattr(m, field) for m in messages], rows.dtype[field])
+            given = np.array([getattr(m, field) for m in messages], rows.dtype[field].base)
             assert given.tobytes() == rows[field].tobytes(), (name, field)
 
 
@@ -336,3 +331,51 @@ def test_a_board_that_does_not_come_back_ends_with_the_reason(server, tmp_path, 
         with pytest.raises(LinkError, match="did not come back"):
             for _ in samples:
                 pass
+
+
+def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypatch):
+    """monitor --jsonl, record, show and parameters, over TCP to the simulated board."""
+
+    def said(*words: str) -> str:
+        monkeypatch.setattr("sys.argv", ["esea-host", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 0, capsys.readouterr()
+        return capsys.readouterr().out
+
+    address = f"tcp:127.0.0.1:{server}"
+    lines = said("monitor", address, "--jsonl", "--seconds", "0.3").splitlines()
+    runs = [json.loads(line) for line in lines]
+    assert len(runs) > 50
+    assert {r["stream"] for r in runs} == {"sense_out"}
+    assert np.all(np.diff([r["sequence"] for r in runs]) == 1)
+    assert "(simulated)" in said("monitor", address, "--seconds", "0.3")
+    path = str(tmp_path / "a.mcap")
+    text = said("record", address, path, "--seconds", "0.5", "--note", "a try")
+    assert "(simulated), 0 gaps" in text
+    text = said("show", path)
+    assert "sense_out:" in text
+    assert "note: a try" in text
+    assert "smc.lambda_1_s = " in said("parameters", address)
+    assert "smc.lambda_1_s: " in said("parameters", address, "--set", "lambda_1_s=12")
+    kept = str(tmp_path / "p.json")
+    said("parameters", address, "--save", kept)
+    values = json.loads((tmp_path / "p.json").read_text())
+    assert values["smc.lambda_1_s"] == 12
+    values["smc.lambda_1_s"] = 13
+    (tmp_path / "p.json").write_text(json.dumps(values))
+    assert said("parameters", address, "--compare", kept).strip() == (
+        f"smc.lambda_1_s: 12.0 here, 13.0 in {kept}"
+    )
+    assert "12 -> 13" in said("parameters", address, "--load", kept)
+
+
+@pytest.mark.slow
+def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
+    with esea_host.open_device("sim:elbow_drive?speed=2&person=none") as device:
+        assert device.simulated
+        with device.record(tmp_path / "a.mcap") as recording:
+            time.sleep(1.0)
+        assert recording.rows > 1000
+    with pytest.raises(LinkError, match="did not start"):
+        esea_host.open_device("sim:elbow_drive?person=tall")

@@ -18,21 +18,23 @@ from mcap.reader import make_reader
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.recording import Column, Gap, GapError, Recorder, StreamLayout
+from esea_host.recording import Gap, GapError, Recorder, StreamColumn, StreamLayout
 
 ROOT = Path(__file__).parents[1]
 LAYOUT = StreamLayout(
     "sense_out",
     (
-        Column("sequence", "u4"),
-        Column("tau_Nm", "f4", "Nm", "torque on the load"),
-        Column("status", "u4"),
-        Column("plan_rad", "f4", "rad", "", 3),
-        *(Column(f"x{i}_rad", "f4", "rad") for i in range(20)),
+        StreamColumn("sequence", "u4"),
+        StreamColumn("tau_Nm", "f4", "Nm", "torque on the load"),
+        StreamColumn("status", "u4"),
+        StreamColumn("plan_rad", "f4", "rad", "", 3),
+        *(StreamColumn(f"x{i}_rad", "f4", "rad") for i in range(20)),
     ),
 )
 
-SMALL = StreamLayout("sense_out", (Column("sequence", "u4"), Column("tau_Nm", "f4", "Nm")))
+SMALL = StreamLayout(
+    "sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm", "f4", "Nm"))
+)
 
 
 def made(first: int, count: int) -> np.ndarray:

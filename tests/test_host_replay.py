@@ -11,17 +11,14 @@ import pytest
 import esea_host
 from esea_gen.errors import UserError
 from esea_host.recording.replay import verify
-from esea_host.simulated import LockstepDevice, SimulatedDrive
-
-from .conftest import require_tool
+from esea_host.simulated import LockstepDevice
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
+def recorded(simulated_elbow, tmp_path_factory):
     """Zeroed, a parameter changed, armed, a sine of torque; the board is simulated."""
-    require_tool("gcc")
-    drive = SimulatedDrive("elbow_drive")
-    device = LockstepDevice(drive)
+    simulated_elbow.restart()
+    device = LockstepDevice(simulated_elbow)
     path = tmp_path_factory.mktemp("log") / "a.mcap"
     with device.record(path):
         device.advance(0.1)
@@ -35,7 +32,6 @@ def recorded(tmp_path_factory):
             device.want(mode=1.0, tau_desired_Nm=math.sin(i * 0.1))
             device.advance(0.02)
     assert device.state() == "ACTIVE"
-    drive.close()
     return path
 
 

@@ -28,7 +28,8 @@ HEAD, LAST = 24, 4
 
 def set_bytes(size) -> int:
     parameters, encoders, nodes = size
-    return 4 + 8 * parameters + encoders * (12 + 4 * nodes) + 24
+    use, key = 6 * 4, 4 + 8 + 32
+    return 4 + 8 * parameters + encoders * (12 + 4 * nodes) + use + key
 
 
 def build(folder, size):
@@ -524,7 +525,7 @@ def test_counters_outlast_the_power(library):
 
 def test_the_whole_size(whole):
     flash = Flash(whole, 1)
-    assert flash.slot == 4 + 8 * 160 + 4 * (12 + 4 * 64) + 24 + 28
+    assert flash.slot == 4 + 8 * 160 + 4 * (12 + 4 * 64) + 24 + 44 + 28
     store = Store(flash)
     assert store.save(a_set(1, 160))
     assert encoder(store, 9, 0.5, [k / 64 for k in range(64)])

@@ -5,6 +5,7 @@
  *   link.c      frames in, and the main loop
  *   app.c       start, self-test, events, faults
  *   send.c      frames out
+ *   key.c       all that the next ticks come from, for a log
  *   streams.c, parameters.c, signing.c   what goes over the link beside commands, and who may command
  *
  * There is no control mathematics here; that is in the generated files.  The caller owns all memory,

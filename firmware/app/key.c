@@ -5,8 +5,6 @@
 
 #include <string.h>
 
-#define KEY_MESSAGES 2u /* in a turn of the main loop */
-
 /* The next tick begins with one: what is sent of another is abandoned, the host sees it by its tick.  From
  * the main loop, with interrupts held off where the control code's params have just changed. */
 void esea_key_ask(esea_app_t *app)
@@ -33,28 +31,26 @@ void esea_key_take(esea_app_t *app, uint32_t tick)
     key->waits = true;
 }
 
-/* Some messages of the one that waits. */
-void esea_key_send(esea_app_t *app)
+/* At most one message of the one that waits; false when none does. */
+bool esea_key_send(esea_app_t *app)
 {
     esea_key_t *const key = &app->key;
-    uint32_t count;
+    const uint32_t left = ESEA_LINK_KEY_WORDS - key->sent;
+    mavlink_esea_key_t fields;
+    mavlink_message_t message;
 
-    for (count = 0u; count < KEY_MESSAGES && key->waits; ++count) {
-        const uint32_t left = ESEA_LINK_KEY_WORDS - key->sent;
-        mavlink_esea_key_t fields;
-        mavlink_message_t message;
-
-        memset(&fields, 0, sizeof fields);
-        fields.sequence = key->tick;
-        fields.first = key->sent;
-        fields.total = ESEA_LINK_KEY_WORDS;
-        memcpy(fields.words, &key->words[key->sent],
-                (left < ESEA_LINK_KEY_PART ? left : ESEA_LINK_KEY_PART) * sizeof fields.words[0]);
-        (void)mavlink_msg_esea_key_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message,
-                &fields);
-        esea_send(app, &message);
-        key->sent += ESEA_LINK_KEY_PART;
-        if (key->sent >= ESEA_LINK_KEY_WORDS)
-            key->waits = false;
-    }
+    if (!key->waits)
+        return false;
+    memset(&fields, 0, sizeof fields);
+    fields.sequence = key->tick;
+    fields.first = key->sent;
+    fields.total = ESEA_LINK_KEY_WORDS;
+    memcpy(fields.words, &key->words[key->sent],
+            (left < ESEA_LINK_KEY_PART ? left : ESEA_LINK_KEY_PART) * sizeof fields.words[0]);
+    (void)mavlink_msg_esea_key_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+    key->sent += ESEA_LINK_KEY_PART;
+    if (key->sent >= ESEA_LINK_KEY_WORDS)
+        key->waits = false;
+    return true;
 }

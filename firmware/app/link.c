@@ -287,6 +287,8 @@ static void send_all(esea_app_t *app)
     for (i = 0u; i < ESEA_LINK_STREAMS; ++i)
         if (esea_streams_send(app, i))
             receive_all(app);
+    if (esea_key_send(app))
+        receive_all(app);
 }
 
 void esea_app_poll(esea_app_t *app)
@@ -295,7 +297,6 @@ void esea_app_poll(esea_app_t *app)
     if (app->motion.zeroing_ends)
         esea_app_end_zeroing(app);
     send_all(app);
-    esea_key_send(app);
     send_state(app);
     if (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits)
         app->port->wait();

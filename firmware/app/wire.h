@@ -72,7 +72,8 @@ void esea_streams_choose(struct esea_app *app, const mavlink_message_t *message)
 
 void esea_key_ask(struct esea_app *app);
 void esea_key_take(struct esea_app *app, uint32_t tick);
-void esea_key_send(struct esea_app *app);
+/* At most one message. */
+bool esea_key_send(struct esea_app *app);
 
 /* -- parameters.c ------------------------------------------------------------------------------ */
 

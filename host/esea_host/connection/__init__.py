@@ -1,14 +1,16 @@
 """A board at the other end: found, checked, listened to without a pause, commanded."""
 
-from esea_host.connection.device import AsyncDevice, ConnectedDevice, Sample, connect, open_device
+from esea_host.connection.asynchronous import AsyncDevice, connect
+from esea_host.connection.device import ConnectedDevice, open_device
 from esea_host.connection.receiver import Batch, Receiver, Subscription
+from esea_host.connection.samples import RunSample
 
 __all__ = [
     "AsyncDevice",
     "Batch",
     "ConnectedDevice",
     "Receiver",
-    "Sample",
+    "RunSample",
     "Subscription",
     "connect",
     "open_device",

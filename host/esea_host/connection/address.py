@@ -25,7 +25,7 @@ FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
 
 
 @dataclass(frozen=True)
-class Address:
+class BoardAddress:
     """A parsed address.
 
     place: what stands behind the first colon.
@@ -38,7 +38,7 @@ class Address:
         return f"{self.kind}:{self.place}"
 
 
-def parse_address(text: str) -> Address:
+def parse_address(text: str) -> BoardAddress:
     """An address from what somebody typed."""
     kind, colon, place = text.partition(":")
     if kind not in KINDS or not colon or not place:
@@ -47,10 +47,10 @@ def parse_address(text: str) -> Address:
         host, _, port = place.rpartition(":")
         if not host or not port.isdigit() or not 0 < int(port) < 65536:
             raise UserError(f"'{text}' names no host and port.", "Write tcp:127.0.0.1:5760.")
-    return Address(kind, place)
+    return BoardAddress(kind, place)
 
 
-def open_transport(address: Address) -> Transport:
+def open_transport(address: BoardAddress) -> Transport:
     """Open the link to a board; :class:`LinkError` when nobody is there."""
     if address.kind == "sim":
         return SimulatedProcess(address.place)
@@ -122,7 +122,7 @@ class SimulatedProcess(SocketTransport):
             self._stop()
 
 
-def open_patiently(address: Address, given_up: Callable[[], bool], most_s: float) -> Transport:
+def open_patiently(address: BoardAddress, given_up: Callable[[], bool], most_s: float) -> Transport:
     """Try to open a link again and again, with growing waits, until time is up."""
     deadline_s = time.monotonic() + most_s
     wait_s = FIRST_WAIT_S

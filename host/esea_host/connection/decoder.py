@@ -7,7 +7,7 @@ on as it came, for the session.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,8 @@ from esea_host.recording.layout import Array, StreamLayout, fits, layout_of
 from esea_link.frames import CHECKSUM_BYTES, HEADER_BYTES, SIGNATURE_BYTES, SIGNED, START
 
 _FAST: Any = getattr(mavcrc, "mcrf4xx", None)  # in C, where pymavlink found it
-_CRC = struct.Struct("<H")
+# Start, length, flags (those that matter and those that do not), sequence, sender, message.
+_HEAD = struct.Struct("<BBBBBHHB")
 TICK = "sequence"
 # So many frames that came again or late are told from a board that started again.
 WINDOW, LATE_ROW = 128, 32
@@ -59,6 +60,36 @@ class Decoded:
     late: Array
 
 
+class _Kept:
+    # Payloads of a message since the last time they were asked for, and what was counted when.
+
+    def __init__(self) -> None:
+        self.payloads: list[bytes] = []
+        self.changes: list[tuple[int, int, int]] = []
+        self.late: list[int] = []
+        self._lost = self._bad = -1
+
+    def add(self, payload: bytes, health: LinkHealth, late: bool) -> None:
+        if health.lost_frames != self._lost or health.bad_frames != self._bad or not self.payloads:
+            self._lost, self._bad = health.lost_frames, health.bad_frames
+            self.changes.append((len(self.payloads), self._lost, self._bad))
+        if late:
+            self.late.append(len(self.payloads))
+        self.payloads.append(payload)
+
+    def decoded(self, layout: StreamLayout) -> Decoded:
+        rows = np.frombuffer(b"".join(self.payloads), layout.dtype)
+        first, lost, bad = np.array(self.changes, np.int64).T
+        counts = np.diff(first, append=len(rows))
+        late = np.zeros(len(rows), bool)
+        late[self.late] = True
+        self.payloads, self.changes, self.late = [], [], []
+        return Decoded(layout, rows, np.repeat(lost, counts), np.repeat(bad, counts), late)
+
+
+_NOBODY = b"", -1, _Kept()
+
+
 class TelemetryDecoder:
     """Takes bytes in pieces of any size.
 
@@ -77,72 +108,84 @@ class TelemetryDecoder:
         texts: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
         self.health = LinkHealth()
-        self._buffer = bytearray()
+        self._buffer = b""
         self._counted = 0
         self._next: dict[int, int] = {}
-        # Per message id: its extra checksum byte, and the size of its whole payload.
-        self._known: dict[int, tuple[bytes, int]] = {}
+        # Per message id: its extra checksum byte, the size of its whole payload, and what came.
+        self._known: dict[int, tuple[bytes, int, _Kept]] = {}
         self.layouts: dict[int, StreamLayout] = {}
         for number, message in dialect.mavlink_map.items():
-            self._known[number] = bytes([message.crc_extra]), message.unpacker.size
+            size = message.unpacker.size
+            self._known[number] = bytes([message.crc_extra]), size, _Kept()
             if is_run(message):
                 name = message.msgname
                 said = dict((units or {}).get(name, {})), dict((texts or {}).get(name, {}))
                 self.layouts[number] = layout_of(message, stream_name(name), *said)
         self._late: dict[int, tuple[int, int]] = {}
-        self._found: dict[int, tuple[list[bytes], list[int], list[int], list[bool]]] = {}
 
     def feed(self, data: bytes) -> tuple[list[Decoded], bytes]:
         """What these bytes complete: rows, and all other frames one after another."""
-        buffer, known, layouts = self._buffer, self._known, self.layouts
-        buffer += data
-        at, size = 0, len(buffer)
+        known, layouts, following = self._known, self.layouts, self._next
+        buffer, at = self._buffer + data, 0
+        size, find, head = len(buffer), buffer.find, _HEAD.unpack_from
         others: list[bytes] = []
+        health, frames = self.health, 0
         while True:
-            start = buffer.find(START, at)
-            at = self._skip(at, size if start < 0 else start)
-            if size - at < HEADER_BYTES:
-                # Unknown flags make it no frame, however little has come.
-                if size - at >= 3 and buffer[at + 2] & ~SIGNED:
-                    at = self._refuse(at, 3)
-                    continue
-                break
-            if buffer[at + 2] & ~SIGNED:
+            if size - at < HEADER_BYTES or buffer[at] != START:
+                start = find(START, at)
+                at = self._skip(at, size if start < 0 else start)
+                if size - at < HEADER_BYTES:
+                    # Unknown flags make it no frame, however little has come.
+                    if size - at >= 3 and buffer[at + 2] & ~SIGNED:
+                        at = self._refuse(at, 3)
+                        continue
+                    break
+            _, length, flags, _, sequence, sender, low, high = head(buffer, at)
+            if flags & ~SIGNED:
                 at = self._refuse(at, 3)
                 continue
-            number = int.from_bytes(buffer[at + 7 : at + 10], "little")
-            whole = known.get(number)
-            end = at + HEADER_BYTES + buffer[at + 1]
-            if whole is None or buffer[at + 1] > whole[1]:
-                at = self._refuse(at, end + CHECKSUM_BYTES - at, unknown=whole is None)
+            number = high << 16 | low
+            extra, full, kept = known.get(number, _NOBODY)
+            end = at + HEADER_BYTES + length
+            if length > full:
+                at = self._refuse(at, end + CHECKSUM_BYTES - at, unknown=full < 0)
                 continue
-            last = end + CHECKSUM_BYTES + (SIGNATURE_BYTES if buffer[at + 2] & SIGNED else 0)
+            last = end + CHECKSUM_BYTES + (SIGNATURE_BYTES if flags else 0)
             if size < last:
                 break
-            if _checksum(buffer[at + 1 : end] + whole[0]) != _CRC.unpack_from(buffer, end)[0]:
+            told = buffer[end] | buffer[end + 1] << 8
+            if _checksum(buffer[at + 1 : end] + extra) != told:
                 at = self._refuse(at, last - at)
                 continue
-            late = self._count(buffer[at + 4], buffer[at + 5] << 8 | buffer[at + 6])
-            if number in layouts:
-                self._keep(number, bytes(buffer[at + HEADER_BYTES : end]), whole[1], late)
+            frames += 1
+            late = False
+            if following.get(sender) == sequence:
+                following[sender] = (sequence + 1) & 0xFF
             else:
-                others.append(bytes(buffer[at:last]))
-            self._counted = max(0, self._counted - (last - at))
+                late = self._count(sequence, sender)
+            if number in layouts:
+                payload = buffer[at + HEADER_BYTES : end]
+                # Zeros at a payload's end are not sent.
+                kept.add(payload if length == full else payload.ljust(full, b"\0"), health, late)
+            else:
+                others.append(buffer[at:last])
+            if self._counted:
+                self._counted = max(0, self._counted - (last - at))
             at = last
-        del buffer[:at]
+        health.frames += frames
+        self._buffer = buffer[at:]
         return self._arrays(), b"".join(others)
 
     def forget(self) -> None:
         """The link was opened anew: half a frame, and what was expected next, mean nothing."""
         self.health.noise_bytes += len(self._buffer)
-        self._buffer.clear()
+        self._buffer = b""
         self._next.clear()
         self._counted = 0
 
     def _count(self, number: int, sender: int) -> bool:
         # Whether it comes again, or late.
         health = self.health
-        health.frames += 1
         ahead = (number - self._next.get(sender, number)) % 256
         if ahead >= WINDOW:
             expected, row = self._late.get(sender, (number, 0))
@@ -155,23 +198,12 @@ class TelemetryDecoder:
         self._next[sender] = (number + 1) % 256
         return False
 
-    def _keep(self, number: int, payload: bytes, size: int, late: bool) -> None:
-        kept = self._found.setdefault(number, ([], [], [], []))
-        # Zeros at a payload's end are not sent.
-        kept[0].append(payload if len(payload) == size else payload.ljust(size, b"\0"))
-        kept[1].append(self.health.lost_frames)
-        kept[2].append(self.health.bad_frames)
-        kept[3].append(late)
-
     def _arrays(self) -> list[Decoded]:
-        out = []
-        for number, (payloads, lost, bad, late) in self._found.items():
-            layout = self.layouts[number]
-            rows = np.frombuffer(b"".join(payloads), layout.dtype)
-            marks = np.array(lost, np.int64), np.array(bad, np.int64), np.array(late, bool)
-            out.append(Decoded(layout, rows, *marks))
-        self._found = {}
-        return out
+        return [
+            kept.decoded(self.layouts[number])
+            for number, (_, _, kept) in self._known.items()
+            if kept.payloads
+        ]
 
     def _refuse(self, at: int, length: int, unknown: bool = False) -> int:
         # Start bytes inside of what was counted are no further frames.
@@ -187,8 +219,11 @@ class TelemetryDecoder:
         return to
 
 
-def _checksum(data: bytes | bytearray) -> int:
-    return int(mavcrc.x25crc(bytes(data)).crc) if _FAST is None else int(_FAST(bytes(data)))
+def _slow_checksum(data: bytes) -> int:
+    return int(mavcrc.x25crc(data).crc)
+
+
+_checksum: Callable[[bytes], int] = _FAST or _slow_checksum
 
 
 def is_run(message: Any) -> bool:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import asyncio
 import difflib
 import threading
-from collections.abc import AsyncIterator, Collection, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_host.connection.address import Address, open_patiently, open_transport, parse_address
+from esea_host.connection.address import BoardAddress, open_patiently, open_transport, parse_address
 from esea_host.connection.decoder import TICK, TelemetryDecoder
 from esea_host.connection.identity import Identity, column_texts, identify, passive
 from esea_host.connection.receiver import KEY, Receiver, SessionTransport, Subscription
 from esea_host.connection.recording import LiveRecording
+from esea_host.connection.samples import RunSample, run_samples
 from esea_host.recording.layout import StreamLayout
 from esea_link.session import Session
 from esea_link.transport import LinkError, Transport
@@ -25,32 +25,6 @@ from esea_link.transport import LinkError, Transport
 WAIT_S = 1.0
 KEY_US = 1e6  # from one key frame to the next
 MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
-
-
-@dataclass(frozen=True)
-class Sample:
-    """One run of a task.
-
-    Parameters
-    ----------
-    stream : str
-        Which task's, and whether its input or output.
-    tick : int
-        Base tick.
-    time_s : float
-        By the board's clock.
-    values : dict of str to float
-        By name, in the unit of the name.
-    """
-
-    stream: str
-    tick: int
-    time_s: float
-    values: dict[str, Any]
-
-    def __getitem__(self, name: str) -> Any:
-        """A value by its name."""
-        return self.values[name]
 
 
 class ConnectedDevice:
@@ -62,7 +36,7 @@ class ConnectedDevice:
         Who it is.
     transport : Transport
         Open.
-    address : Address, optional
+    address : BoardAddress, optional
         Where it is, to open the link anew when it breaks.
     threaded : bool
         Listen in a thread; a simulated board whose clock the caller moves is listened to by
@@ -73,7 +47,7 @@ class ConnectedDevice:
         self,
         identity: Identity,
         transport: Transport,
-        address: Address | None = None,
+        address: BoardAddress | None = None,
         threaded: bool = True,
     ) -> None:
         self.identity, self.address = identity, address
@@ -272,7 +246,7 @@ class ConnectedDevice:
         """
         return self.receiver.subscribe(streams)
 
-    def samples(self, *names: str, timeout_s: float = 5.0) -> Iterator[Sample]:
+    def samples(self, *names: str, timeout_s: float = 5.0) -> Iterator[RunSample]:
         """Runs of one stream, one after another, as long as they come.
 
         Parameters
@@ -284,7 +258,7 @@ class ConnectedDevice:
 
         Returns
         -------
-        iterator of Sample
+        iterator of RunSample
             Endless.
 
         Raises
@@ -292,7 +266,7 @@ class ConnectedDevice:
         LinkError
             When the board is silent for longer, or the link has gone.
         """
-        stream, wanted = self._chosen(names)
+        stream, wanted = self.chosen(names)
         subscription = self.receiver.subscribe([stream])
         try:
             while True:
@@ -301,11 +275,23 @@ class ConnectedDevice:
                     what = f"no {stream} came within {timeout_s:g} s"
                     raise LinkError(what, "Does the board run?")
                 for batch in batches:
-                    yield from _samples(batch, wanted)
+                    yield from run_samples(batch, wanted)
         finally:
             self.receiver.unsubscribe(subscription)
 
-    def _chosen(self, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+    def chosen(self, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+        """The stream that signals are of, asked for, and the signals; all where it is named.
+
+        Parameters
+        ----------
+        names : tuple of str
+            A stream, or signals of one.
+
+        Returns
+        -------
+        str, tuple of str
+            Stream and signals.
+        """
         if not names:
             raise UserError("No signal is named.", "Name one, such as tau_Nm.")
         found = {self._stream_of(n) for n in names}
@@ -459,91 +445,6 @@ class ConnectedDevice:
         self._recordings = [r for r in self._recordings if r is not recording]
 
 
-def _samples(batch: Any, wanted: tuple[str, ...]) -> Iterator[Sample]:
-    columns = {n: batch.rows[n].tolist() for n in wanted}
-    ticks, times = batch.rows[TICK].tolist(), (batch.board_ns * 1e-9).tolist()
-    for i, (tick, time_s) in enumerate(zip(ticks, times, strict=True)):
-        yield Sample(batch.layout.name, tick, time_s, {n: c[i] for n, c in columns.items()})
-
-
-class AsyncDevice:
-    """The same for programs with an event loop: every call gives way while it waits.
-
-    Parameters
-    ----------
-    address : str
-        Where the board is.
-    device : str, optional
-        What it must be.
-    """
-
-    def __init__(self, address: str, device: str | None = None) -> None:
-        self._address, self._device = address, device
-        self.blocking: ConnectedDevice | None = None
-
-    async def __aenter__(self) -> Self:
-        self.blocking = await asyncio.to_thread(open_device, self._address, self._device)
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        await asyncio.to_thread(self._connected.close)
-
-    @property
-    def _connected(self) -> ConnectedDevice:
-        if self.blocking is None:
-            raise UserError(
-                "The device is not connected.", "Use: async with connect(...) as device"
-            )
-        return self.blocking
-
-    def __getattr__(self, name: str) -> Any:
-        """Every method of :class:`ConnectedDevice`, to be awaited."""
-        if name.startswith("_"):
-            raise AttributeError(name)
-        method = getattr(self._connected, name)
-        if not callable(method):
-            return method
-
-        async def call(*arguments: Any, **named: Any) -> Any:
-            return await asyncio.to_thread(method, *arguments, **named)
-
-        return call
-
-    async def stream(self, *names: str, timeout_s: float = 5.0) -> AsyncIterator[Sample]:
-        """Runs of one stream as they come.
-
-        Parameters
-        ----------
-        *names : str
-            A stream, or signals of one stream.
-        timeout_s : float
-            Longest silence.
-
-        Yields
-        ------
-        Sample
-            One run.
-        """
-        device = self._connected
-        stream, wanted = await asyncio.to_thread(device._chosen, names)
-        subscription = device.receiver.subscribe([stream])
-        try:
-            while True:
-                batches = await asyncio.to_thread(subscription.take, timeout_s)
-                if not batches:
-                    raise LinkError(f"no {stream} came within {timeout_s:g} s", "Does it run?")
-                for batch in batches:
-                    for sample in _samples(batch, wanted):
-                        yield sample
-        finally:
-            device.receiver.unsubscribe(subscription)
-
-
 def open_device(address: str, device: str | None = None) -> ConnectedDevice:
     """Connect to a board, waiting until it has answered.
 
@@ -574,21 +475,3 @@ def open_device(address: str, device: str | None = None) -> ConnectedDevice:
         transport.close()
         raise
     return ConnectedDevice(identity, transport, place)
-
-
-def connect(address: str, device: str | None = None) -> AsyncDevice:
-    """Connect to a board from a program with an event loop.
-
-    Parameters
-    ----------
-    address : str
-        As for :func:`open_device`.
-    device : str, optional
-        What it must be.
-
-    Returns
-    -------
-    AsyncDevice
-        For ``async with``.
-    """
-    return AsyncDevice(address, device)

@@ -37,6 +37,9 @@ class LiveRecording:
     ) -> None:
         self._device = device
         self.recorder = Recorder(path, device.identity.attachments(), compress)
+        for layout in device.receiver.decoder.layouts.values():
+            if streams is None or layout.name in streams:
+                self.recorder.declare(layout)
         self.subscription = device.receiver.subscribe(streams, MOST_ROWS)
         self.rows, self.gaps = 0, 0
         self.error: Exception | None = None

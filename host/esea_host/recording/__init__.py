@@ -1,8 +1,17 @@
 """Recordings: written while it happens, readable when cut off, refused where they have holes."""
 
 from esea_host.recording.gaps import Gap, GapError
-from esea_host.recording.layout import Column, StreamLayout
+from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.writer import Recorder
 
-__all__ = ["Column", "Gap", "GapError", "Log", "Recorder", "StreamLayout", "Table", "open_log"]
+__all__ = [
+    "Gap",
+    "GapError",
+    "Log",
+    "Recorder",
+    "StreamColumn",
+    "StreamLayout",
+    "Table",
+    "open_log",
+]

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from esea_gen.errors import UserError
 from esea_host.recording.gaps import Gap
-from esea_host.recording.layout import Array, Column, StreamLayout
+from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)
@@ -156,8 +156,8 @@ def import_csv(source: Path, mapping: ForeignMapping, target: Path) -> ImportRep
     layout = StreamLayout(
         mapping.stream,
         (
-            Column("sequence", "u4", "", "row of the file, from 0"),
-            *(Column(c.name, "f8", c.unit, c.meaning) for c in mapping.columns),
+            StreamColumn("sequence", "u4", "", "row of the file, from 0"),
+            *(StreamColumn(c.name, "f8", c.unit, c.meaning) for c in mapping.columns),
         ),
     )
     rows = np.zeros(len(raw[0]), layout.dtype)

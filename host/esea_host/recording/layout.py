@@ -23,7 +23,7 @@ _KINDS = {"f4": (5, 2), "u4": (5, 7), "i4": (5, 15), "f8": (1, 1), "u8": (1, 6),
 
 
 @dataclass(frozen=True)
-class Column:
+class StreamColumn:
     """A column of a stream.
 
     kind: ``f4``, ``u4``, ``i4``, ``f8``, ``u8`` or ``i8``.
@@ -42,7 +42,7 @@ class StreamLayout:
     """A stream: its name, and its columns in the order of the wire."""
 
     name: str
-    columns: tuple[Column, ...]
+    columns: tuple[StreamColumn, ...]
 
     @cached_property
     def dtype(self) -> np.dtype[Any]:
@@ -106,10 +106,10 @@ class StreamLayout:
     @classmethod
     def from_json(cls, name: str, text: str) -> Self:
         """What :meth:`to_json` wrote."""
-        return cls(name, tuple(Column(**c) for c in json.loads(text)))
+        return cls(name, tuple(StreamColumn(**c) for c in json.loads(text)))
 
 
-def _field(name: str, column: Column) -> Any:
+def _field(name: str, column: StreamColumn) -> Any:
     kind = f"<{column.kind}"
     return (name, kind, (column.size,)) if column.size > 1 else (name, kind)
 
@@ -122,11 +122,11 @@ def _varint(value: int) -> bytes:
     return bytes([*out, value])
 
 
-def _tag(number: int, column: Column) -> bytes:
+def _tag(number: int, column: StreamColumn) -> bytes:
     return _varint(number << 3 | (2 if column.size > 1 else _KINDS[column.kind][0]))
 
 
-def _length(column: Column) -> bytes:
+def _length(column: StreamColumn) -> bytes:
     return _varint(column.size * int(column.kind[1]))
 
 
@@ -150,7 +150,7 @@ def layout_of(
     letters = bytes(message.native_format).decode().lstrip("<")
     kinds = {"f": "f4", "I": "u4", "i": "i4", "d": "f8", "Q": "u8", "q": "i8"}
     columns = [
-        Column(field, kinds[letter], units.get(field, ""), texts.get(field, ""), max(1, size))
+        StreamColumn(field, kinds[letter], units.get(field, ""), texts.get(field, ""), max(1, size))
         for field, letter, size in zip(
             message.ordered_fieldnames, letters, message.array_lengths, strict=True
         )

@@ -114,7 +114,8 @@ class LogFile:
                 self._found_piece(at, end)
             elif opcode == Opcode.MESSAGE_INDEX and self.pieces:
                 (channel, count) = struct.unpack_from("<HI", self._map, at + _RECORD.size)
-                self.pieces[-1].index[channel] = at + _RECORD.size + 6, count // 16
+                place = at + _RECORD.size + 6, count // 16
+                self.pieces[-1].index.setdefault(channel, place)
             elif opcode == Opcode.ATTACHMENT:
                 self._found_attachment(at, end)
             elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
@@ -209,14 +210,9 @@ class LogFile:
         """Messages of a topic in a piece."""
         channel = self.topics()[topic]
         data = self.content(piece, checked)
-        if channel in piece.index:
-            at, count = piece.index[channel]
-            table = np.frombuffer(self._map[at : at + 16 * count], "<u8").reshape(-1, 2)
-            offsets = table[:, 1].astype(np.int64)
-        elif piece.index:
-            return None
-        else:
-            # Cut right behind the piece: its index is lost.
+        offsets = self._indexed(piece, channel, data)
+        if offsets is None:
+            # Cut right behind the piece, or its index is another's.
             found = [
                 at
                 for op, at, _ in _records(data)
@@ -224,6 +220,20 @@ class LogFile:
             ]
             offsets = np.array(found, np.int64)
         return _gather(data, offsets) if len(offsets) else None
+
+    def _indexed(self, piece: Piece, channel: int, data: bytes) -> Array | None:
+        if not piece.index:
+            return None
+        at, count = piece.index.get(channel, (0, 0))
+        table = np.frombuffer(self._map[at : at + 16 * count], "<u8").reshape(-1, 2)
+        offsets = table[:, 1].astype(np.int64)
+        if not len(offsets):
+            return offsets
+        raw = np.frombuffer(data, np.uint8)
+        if offsets.max() + _MESSAGE.size > len(raw) or (raw[offsets] != Opcode.MESSAGE).any():
+            return None
+        low, high = raw[offsets + _RECORD.size], raw[offsets + _RECORD.size + 1]
+        return offsets if (low.astype(int) | high.astype(int) << 8 == channel).all() else None
 
     def events(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
         """Time and content of a topic's JSON messages, damaged pieces left out."""

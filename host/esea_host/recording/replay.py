@@ -26,7 +26,7 @@ MOST_DIFFERENCES = 20
 
 
 @dataclass(frozen=True)
-class Difference:
+class ReplayDifference:
     """A bit that is another than the C gives.
 
     tick: base tick of the run; time_s: since the recording's beginning.
@@ -52,7 +52,7 @@ class Difference:
 
 
 @dataclass
-class Verdict:
+class ReplayVerdict:
     """What came of a replay.
 
     ticks: base ticks that were computed again.
@@ -67,7 +67,7 @@ class Verdict:
     unproven: int = 0
     key_frames: int = 0
     damaged: list[str] = field(default_factory=list)
-    differences: list[Difference] = field(default_factory=list)
+    differences: list[ReplayDifference] = field(default_factory=list)
 
     @property
     def same(self) -> bool:
@@ -82,7 +82,7 @@ class _KeyFrame:
     words: Array
 
 
-def verify(log: Log, progress: Callable[[float], None] | None = None) -> Verdict:
+def verify(log: Log, progress: Callable[[float], None] | None = None) -> ReplayVerdict:
     """Compute a recording again.
 
     Parameters
@@ -94,7 +94,7 @@ def verify(log: Log, progress: Callable[[float], None] | None = None) -> Verdict
 
     Returns
     -------
-    Verdict
+    ReplayVerdict
         Counts, and the first differences.
 
     Raises
@@ -144,7 +144,10 @@ class _Task:
         self.step = library.function(f"{stem}_step")
         self.inputs = [library.codec.external(x) for x in system.task_inputs(task)]
         self.outputs = [library.codec.external(x) for x in system.task_outputs(task)]
-        self.given, self.given_at = replay.rows(f"{name}_in") if self.inputs else (None, None)
+        self.given: Array | None = None
+        self.given_at: Array | None = None
+        if self.inputs:
+            self.given, self.given_at = replay.rows(f"{name}_in")
         self.told, self.told_at = replay.rows(f"{name}_out")
         self.in_type, self.out_type = f"{stem}_in_t", f"{stem}_out_t"
         count = len(self.given) if self.given is not None else 1
@@ -172,7 +175,7 @@ class _Replay:
                 )
         self.library: HostLibrary = compile_device(device, "f32")
         self.tick_ns = round(log.tick_s * 1e9)
-        self.verdict = Verdict()
+        self.verdict = ReplayVerdict()
         self.tasks = [_Task(self, t.name, t.every, t.phase) for t in device.system.tasks]
         self.state_type = self.library.dtype(f"{self.library.prefix}_state_t")
         self.keys = self._key_frames()
@@ -210,7 +213,7 @@ class _Replay:
                 found.append(_KeyFrame(ns, int(row[TICK]), whole))
         return found
 
-    def run(self, progress: Callable[[float], None]) -> Verdict:
+    def run(self, progress: Callable[[float], None]) -> ReplayVerdict:
         v = self.verdict
         v.key_frames = len(self.keys)
         first = self.tasks[0]
@@ -263,7 +266,7 @@ class _Replay:
             if tick < task.phase or (tick - task.phase) % task.every:
                 continue
             given = task.in_place
-            if task.given is not None:
+            if task.given is not None and task.given_at is not None:
                 at = int(np.searchsorted(task.given_at, ns))
                 if at >= len(task.given) or task.given_at[at] != ns:
                     continue
@@ -292,7 +295,9 @@ class _Replay:
         self, stream: str, row: Any, ns: int, name: str, recorded: Any, computed: Any
     ) -> None:
         time_s = (int(ns) - self.log.start_ns) * 1e-9
-        found = Difference(stream, int(row[TICK]), time_s, name, recorded.item(), computed.item())
+        found = ReplayDifference(
+            stream, int(row[TICK]), time_s, name, recorded.item(), computed.item()
+        )
         self.verdict.differences.append(found)
 
     def _compare_state(self, key: _KeyFrame) -> None:
@@ -309,7 +314,7 @@ class _Replay:
             word = int(wrong[0])
             pair = float(told[word]), float(mine[word])
             self.verdict.differences.append(
-                Difference(KEY, key.tick, time_s, f"state word {word}", *pair)
+                ReplayDifference(KEY, key.tick, time_s, f"state word {word}", *pair)
             )
 
     def _explain(self) -> None:
@@ -342,6 +347,6 @@ class _Replay:
                 )
                 bits[at] ^= np.uint32(1 << bit)
                 if same:
-                    explained = Difference(**{**vars(first), "input_signal": f.name})
+                    explained = ReplayDifference(**{**vars(first), "input_signal": f.name})
                     self.verdict.differences = [explained]
                     return

@@ -85,6 +85,24 @@ class Recorder:
     ) -> None:
         self.close()
 
+    def declare(self, layout: StreamLayout) -> None:
+        """Say that a stream will come; so its description does not hang on its first piece.
+
+        Parameters
+        ----------
+        layout : StreamLayout
+            Of the stream.
+        """
+        if layout.name in self._channels:
+            return
+        self._sync()  # so that what describes a channel stands first in its piece
+        schema = self._writer.register_schema(
+            f"{PACKAGE}.{layout.name}", "protobuf", layout.descriptor()
+        )
+        known = {COLUMNS_KEY: layout.to_json(), "units": json.dumps(layout.units)}
+        channel = self._writer.register_channel(f"/{layout.name}", "protobuf", schema, known)
+        self._channels[layout.name] = channel
+
     def rows(self, layout: StreamLayout, rows: Array, log_ns: Array, board_ns: Array) -> None:
         """Write rows of a stream.
 
@@ -97,15 +115,8 @@ class Recorder:
         log_ns, board_ns : ndarray of int
             Shape (n,): nanoseconds since 1970 and of the board's clock.
         """
-        channel = self._channels.get(layout.name)
-        if channel is None:
-            self._sync()  # so that what describes a channel stands first in its piece
-            schema = self._writer.register_schema(
-                f"{PACKAGE}.{layout.name}", "protobuf", layout.descriptor()
-            )
-            known = {COLUMNS_KEY: layout.to_json(), "units": json.dumps(layout.units)}
-            channel = self._writer.register_channel(f"/{layout.name}", "protobuf", schema, known)
-            self._channels[layout.name] = channel
+        self.declare(layout)
+        channel = self._channels[layout.name]
         data, size = layout.record(rows).tobytes(), layout.record_dtype.itemsize
         first = self._counts.get(layout.name, 0)
         add = self._writer.add_message

@@ -1,7 +1,7 @@
 """A board without hardware: the firmware's application, the virtual drive, and a virtual person."""
 
-from esea_host.simulated.drive import SimulatedDrive
+from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.simulated.noise import NoisyTransport
 
-__all__ = ["LockstepDevice", "NoisyTransport", "SimulatedDrive"]
+__all__ = ["LockstepDevice", "NoisyTransport", "SimulatedBoard"]

@@ -12,8 +12,8 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_host.recording.log import Log, Table, open_log
-from esea_host.recording.replay import Verdict, device_of, verify
-from esea_host.simulated.drive import SimulatedDrive
+from esea_host.recording.replay import ReplayVerdict, device_of, verify
+from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 
 TURN_S = 0.005  # from one command to the next, as often as the control task runs
@@ -30,12 +30,12 @@ class Demo:
 
     recording: Path
     report: Path
-    verdict: Verdict
+    verdict: ReplayVerdict
     rms_error_Nm: float
 
 
 def run_demo(
-    device: str,
+    device: str | SimulatedBoard,
     seconds: float,
     report: Path,
     recording: Path | None = None,
@@ -45,6 +45,7 @@ def run_demo(
 ) -> Demo:
     """Zero, arm, follow a sine of torque against a virtual person; record, prove, draw.
 
+    device: its name, or a simulated drive that is powered on.
     seconds: of torque control, by the board's clock.
     report: a PNG; the recording lies beside it unless it is named.
     """
@@ -54,16 +55,18 @@ def run_demo(
     for path in (target, report):
         if path.exists():
             raise UserError(f"{path} is there already.", "Give another name.")
-    drive = SimulatedDrive(device, person=person, seed=seed)
+    own = isinstance(device, str)
+    drive = SimulatedBoard(device, person=person, seed=seed) if isinstance(device, str) else device
     try:
-        say(f"simulated {device}, simulated person '{person}'")
+        say(f"simulated {drive.device.name}, simulated person '{person}'")
         connected = LockstepDevice(drive)
         with connected.record(target) as live:
             live.note("simulated: the firmware's application, virtual drive, virtual person")
             _follow(connected, seconds)
             live.event("board_clock", **connected.clock())
     finally:
-        drive.close()
+        if own:
+            drive.close()
     with open_log(target) as log:
         say(f"{target}: {len(log['sense_out'])} ticks; computing it again")
         verdict = verify(log)
@@ -96,7 +99,7 @@ def _flags(log: Log, device: Any, name: str) -> list[tuple[int, str]]:
     return [(1 << i, flag.name) for i, flag in enumerate(port.flags)]
 
 
-def _draw(log: Log, verdict: Verdict, path: Path) -> float:
+def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

@@ -23,7 +23,7 @@ NOISE_TICKS = 1000
 MOVES_RAD, MOVES_HZ = 0.6, 0.4  # flexion and back, as in the published trials' slow movement
 
 
-class SimulatedDrive:
+class SimulatedBoard:
     """A board whose drivers read the virtual exoskeleton, and whose motor turns it.
 
     While the board is active the person moves to and fro; otherwise the person rests.

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import identify
-from esea_host.simulated.drive import SimulatedDrive
+from esea_host.simulated.drive import SimulatedBoard
 
 TICKS_A_READ = 20
 BEAT_TICKS = 250
 
 
 class LockstepTransport:
-    """The line to a :class:`SimulatedDrive`; waiting for it is what moves its clock."""
+    """The line to a :class:`SimulatedBoard`; waiting for it is what moves its clock."""
 
-    def __init__(self, drive: SimulatedDrive) -> None:
+    def __init__(self, drive: SimulatedBoard) -> None:
         self.drive = drive
 
     def read(self, timeout_s: float) -> bytes:
@@ -47,11 +47,11 @@ class LockstepDevice(ConnectedDevice):
 
     Parameters
     ----------
-    drive : SimulatedDrive
+    drive : SimulatedBoard
         Powered on.
     """
 
-    def __init__(self, drive: SimulatedDrive) -> None:
+    def __init__(self, drive: SimulatedBoard) -> None:
         self.drive = drive
         transport = LockstepTransport(drive)
         super().__init__(identify(transport, None), transport, threaded=False)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from esea_gen.errors import UserError
-from esea_host.simulated.drive import SimulatedDrive
+from esea_host.simulated.drive import SimulatedBoard
 
 MOST_BACKLOG_BYTES = 1 << 18
 MOST_TICKS = 50  # between two looks at the line
@@ -92,7 +92,7 @@ def serve(
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
-    drive = SimulatedDrive(device, plant, person, seed)
+    drive = SimulatedBoard(device, plant, person, seed)
     try:
         if port is None:
             terminal = _Terminal()
@@ -106,7 +106,7 @@ def serve(
         drive.close()
 
 
-def serve_hosts(drive: SimulatedDrive, listener: socket.socket, speed: float, once: bool) -> None:
+def serve_hosts(drive: SimulatedBoard, listener: socket.socket, speed: float, once: bool) -> None:
     """One host after another; between two the board runs on, in real time, and hears nobody."""
     while True:
         try:
@@ -129,7 +129,7 @@ def serve_hosts(drive: SimulatedDrive, listener: socket.socket, speed: float, on
             return
 
 
-def _play(drive: SimulatedDrive, line: _Line, speed: float) -> None:
+def _play(drive: SimulatedBoard, line: _Line, speed: float) -> None:
     # Until the host has gone.
     backlog = bytearray()
     started_s, first = time.monotonic(), drive.ticks

@@ -1,0 +1,109 @@
+"""A connected board for programs with an event loop."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from types import TracebackType
+from typing import Any, Self
+
+from esea_gen.errors import UserError
+from esea_host.connection.device import ConnectedDevice, open_device
+from esea_host.connection.samples import RunSample, run_samples
+from esea_link.transport import LinkError
+
+
+class AsyncDevice:
+    """The same for programs with an event loop: every call gives way while it waits.
+
+    Parameters
+    ----------
+    address : str
+        Where the board is.
+    device : str, optional
+        What it must be.
+    """
+
+    def __init__(self, address: str, device: str | None = None) -> None:
+        self._address, self._device = address, device
+        self.blocking: ConnectedDevice | None = None
+
+    async def __aenter__(self) -> Self:
+        self.blocking = await asyncio.to_thread(open_device, self._address, self._device)
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await asyncio.to_thread(self._connected.close)
+
+    @property
+    def _connected(self) -> ConnectedDevice:
+        if self.blocking is None:
+            raise UserError(
+                "The device is not connected.", "Use: async with connect(...) as device"
+            )
+        return self.blocking
+
+    def __getattr__(self, name: str) -> Any:
+        """Every method of :class:`ConnectedDevice`, to be awaited."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        method = getattr(self._connected, name)
+        if not callable(method):
+            return method
+
+        async def call(*arguments: Any, **named: Any) -> Any:
+            return await asyncio.to_thread(method, *arguments, **named)
+
+        return call
+
+    async def stream(self, *names: str, timeout_s: float = 5.0) -> AsyncIterator[RunSample]:
+        """Runs of one stream as they come.
+
+        Parameters
+        ----------
+        *names : str
+            A stream, or signals of one stream.
+        timeout_s : float
+            Longest silence.
+
+        Yields
+        ------
+        RunSample
+            One run.
+        """
+        device = self._connected
+        stream, wanted = await asyncio.to_thread(device.chosen, names)
+        subscription = device.receiver.subscribe([stream])
+        try:
+            while True:
+                batches = await asyncio.to_thread(subscription.take, timeout_s)
+                if not batches:
+                    raise LinkError(f"no {stream} came within {timeout_s:g} s", "Does it run?")
+                for batch in batches:
+                    for sample in run_samples(batch, wanted):
+                        yield sample
+        finally:
+            device.receiver.unsubscribe(subscription)
+
+
+def connect(address: str, device: str | None = None) -> AsyncDevice:
+    """Connect to a board from a program with an event loop.
+
+    Parameters
+    ----------
+    address : str
+        As for :func:`open_device`.
+    device : str, optional
+        What it must be.
+
+    Returns
+    -------
+    AsyncDevice
+        For ``async with``.
+    """
+    return AsyncDevice(address, device)
