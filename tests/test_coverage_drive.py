@@ -28,7 +28,7 @@ from esea_gen.verify.ties import aimed_stream
 from .conftest import require_tool
 
 # Sides that no input can take, per Block, in f32.  None of the others has any.
-IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "torque_lead": 1, "passivity": 3}
+IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "torque_lead": 1, "passivity": 4}
 BLOCKS = [
     *("encoder", "joint", "velocity", "sensor", "rate"),
     *("reference", "inverse", "setpoint_rates", "limits", "drive_observer", "human_eso"),
