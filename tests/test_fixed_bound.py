@@ -1,0 +1,170 @@
+"""Rules of the whole-number bound, each against the worst that can be found: safe, and near it."""
+
+from __future__ import annotations
+
+import itertools
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from esea_gen.emit.fixed.bound import Span, analyse, span
+from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.walker import walk
+
+X, Y = ca.SX.sym("x"), ca.SX.sym("y")
+
+
+def lowered(kernel, local: float = 0.0):
+    """A kernel whose operations are exact, or add ``local`` each; stored numbers as they are."""
+    wide = SimpleNamespace(local=local, relative=0.0, constants={}, low=-1e9, high=1e9)
+    return SimpleNamespace(
+        kernel=kernel,
+        values=[wide] * len(kernel.nodes),
+        conversions=[[0.0] * len(r) for r in kernel.results],
+    )
+
+
+def bound(expression, x: Span, y: Span) -> tuple[Span, tuple[str, ...]]:
+    kernel = walk(ca.Function("f", [X, Y], [expression]))
+    results, assumed, _ = analyse(lowered(kernel), [[x], [y]])
+    return results[0][0], assumed
+
+
+def worst(expression, x: Span, y: Span) -> tuple[float, float, float]:
+    """Largest error over exact values and errors at their ends, and the exact value's ends."""
+    f = ca.Function("f", [X, Y], [expression])
+
+    def pairs(s: Span) -> tuple[np.ndarray, np.ndarray]:
+        exact = np.linspace(s.low[0], s.high[0], 401)
+        room = s.a[0] + s.r[0] * np.abs(exact)
+        return exact, room
+
+    (xs, x_room), (ys, y_room) = pairs(x), pairs(y)
+    grid = [g.ravel()[None, :] for g in np.meshgrid(xs, ys)]
+    rooms = [g.ravel()[None, :] for g in np.meshgrid(x_room, y_room)]
+    exact = np.asarray(f(*grid), float)
+    error = 0.0
+    for s, t in itertools.product((-1, 1), repeat=2):
+        off = np.asarray(f(grid[0] + s * rooms[0], grid[1] + t * rooms[1]), float)
+        error = max(error, float(np.nanmax(np.abs(off - exact))))
+    return error, float(exact.min()), float(exact.max())
+
+
+def with_share(low: float, high: float, share: float) -> Span:
+    return Span(np.array([low]), np.array([high]), np.zeros(1), np.array([share]))
+
+
+SMALL, NEAR, ACROSS = span(0.5, 2.0, 1e-4, 1), span(3.0, 5.0, 2e-4, 1), span(-1.5, 2.0, 1e-4, 1)
+AT_ZERO = span(0.0, 2.0, 1e-4, 1)
+
+
+@pytest.mark.parametrize(
+    ("expression", "x", "y", "loose"),
+    [
+        (X + Y, ACROSS, NEAR, 1.001),
+        (X - Y, ACROSS, NEAR, 1.001),
+        (-X, ACROSS, NEAR, 1.001),
+        (2 * X, ACROSS, NEAR, 1.001),
+        (ca.fabs(X), ACROSS, NEAR, 1.001),
+        (X * Y, ACROSS, NEAR, 1.01),
+        (X * Y, SMALL, NEAR, 1.2),
+        (X * X, ACROSS, NEAR, 1.01),
+        (X / Y, ACROSS, NEAR, 1.3),
+        (X / Y, SMALL, NEAR, 4.0),
+        (ca.fmin(X, Y), ACROSS, NEAR, 1.001),
+        (ca.fmax(X, Y), ACROSS, NEAR, 1.001),
+        (ca.fmin(Y, X), ACROSS, NEAR, 1.001),
+        (ca.fmax(Y, X), ACROSS, NEAR, 1.001),
+        (ca.fmin(X, Y), ACROSS, ACROSS, 1.001),
+        (ca.if_else(Y > 1, X, Y), ACROSS, NEAR, 1.001),
+        (ca.if_else(Y < 1, X, Y), ACROSS, NEAR, 1.001),
+        (ca.exp(X), ACROSS, NEAR, 1.01),
+        (ca.tanh(X), ACROSS, NEAR, 1.01),
+        (ca.log(Y), ACROSS, NEAR, 1.01),
+        (ca.log(X), SMALL, NEAR, 1.01),
+        (ca.sqrt(X), AT_ZERO, NEAR, 1.01),
+        (ca.sqrt(X), SMALL, NEAR, 2.1),
+        (X**0.4, AT_ZERO, NEAR, 1.01),
+        (X**0.4, SMALL, NEAR, 2.5),
+        (Y**0.4, ACROSS, NEAR, 1.5),
+        (X**2.7, SMALL, NEAR, 6.0),
+        (X**2.7, AT_ZERO, NEAR, 1.01),
+        (X**-1.3, SMALL, NEAR, 6.0),
+        (X + Y, with_share(0.5, 2.0, 1e-3), with_share(3.0, 5.0, 1e-3), 1.01),
+        (X * Y, with_share(0.5, 2.0, 1e-3), with_share(3.0, 5.0, 1e-3), 1.01),
+        (X / Y, with_share(0.5, 2.0, 1e-3), with_share(3.0, 5.0, 1e-3), 1.01),
+        (X**2.7, with_share(0.5, 2.0, 1e-3), NEAR, 1.01),
+        (X**0.4, with_share(0.5, 2.0, 1e-3), NEAR, 1.01),
+        (X**-1.3, with_share(0.5, 2.0, 1e-3), NEAR, 1.01),
+        (ca.sqrt(X), with_share(0.5, 2.0, 1e-3), NEAR, 1.01),
+    ],
+)
+def test_no_error_beyond_the_bound_and_none_much_below(expression, x, y, loose):
+    found, assumed = bound(expression, x, y)
+    error, low, high = worst(expression, x, y)
+    # Of a root at 0 the computed argument may be below it, where the C gives 0.
+    assert float(found.error[0]) >= error * (1 - 1e-6), (found, error)
+    assert float(found.error[0]) <= loose * error + 1e-7, (found, error)
+    # The exact value lies inside, and its ends are reached.
+    width = high - low
+    assert float(found.low[0]) <= low + 1e-9
+    assert float(found.high[0]) >= high - 1e-9
+    assert float(found.low[0]) >= low - 0.02 * width
+    assert float(found.high[0]) <= high + 0.02 * width
+    assert assumed == ()
+
+
+def test_what_no_bound_holds_is_refused():
+    for expression in (1 / X, Y / X, ca.log(X), X**-1.3):
+        with pytest.raises(RangeError):
+            bound(expression, ACROSS, NEAR)
+    with pytest.raises(RangeError, match="as large as itself"):
+        bound(Y / X, span(1e-4, 1.0, 1e-4, 1), NEAR)
+
+
+def test_a_decision_that_rounding_may_turn_is_named():
+    choice = ca.if_else(X < Y, X, 2 * Y)
+    # Apart by less than both errors together it may go either way; beyond them it may not.
+    for apart, turned in ((2.9e-4, True), (3.1e-4, False)):
+        x = span(0.0, 3.0 - apart, 1e-4, 1)
+        found, assumed = bound(choice, x, NEAR)
+        assert bool(assumed) == turned
+        if not turned:
+            assert found.error[0] == pytest.approx(1e-4)
+    # One that only a status word uses is none.
+    kernel = walk(ca.Function("f", [X, Y], [X, X < Y]))
+    results, assumed, _ = analyse(lowered(kernel), [[ACROSS], [ACROSS]], flag_results=(1,))
+    assert assumed == ()
+    assert results[0][0].error[0] == pytest.approx(1e-4)
+    _, assumed, _ = analyse(lowered(kernel), [[ACROSS], [ACROSS]])
+    assert len(assumed) == 1
+
+
+def test_what_each_operation_adds_itself_goes_on_through_the_rest():
+    kernel = walk(ca.Function("f", [X, Y], [3.0 * (X + Y)]))
+    exact = span(1.0, 2.0, 0.0, 1)
+    results, _, _ = analyse(lowered(kernel, 1e-5), [[exact], [exact]])
+    assert results[0][0].error[0] == pytest.approx(4e-5, rel=1e-6)
+    work = lowered(kernel, 0.0)
+    work.conversions = [[7e-5]]
+    results, _, _ = analyse(work, [[exact], [exact]])
+    assert results[0][0].error[0] == pytest.approx(7e-5)
+
+
+def test_facts_narrow_and_a_sign_is_sure_away_from_zero():
+    kernel = walk(ca.Function("f", [X, Y], [X * Y]))
+    (i,) = kernel.results[0]
+    facts = {i: (np.array([0.0]), np.array([4.0]))}
+    results, _, _ = analyse(lowered(kernel), [[ACROSS], [NEAR]], facts=facts)
+    assert (results[0][0].low[0], results[0][0].high[0]) == (0.0, 4.0)
+    for low, high, error, off in (
+        (0.5, 2, 0.4, 0.0),
+        (0.5, 2, 0.6, 2.0),
+        (-2, -0.5, 0.4, 0.0),
+        (-2, -0.5, 0.6, 2.0),
+        (-1, 1, 0.0, 0.0),
+    ):
+        found, _ = bound(ca.sign(X), span(low, high, error, 1), NEAR)
+        assert found.error[0] == off, (low, high, error)
