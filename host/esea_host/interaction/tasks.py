@@ -35,7 +35,7 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class TaskStep(Generic[S]):
+class PureStep(Generic[S]):
     """What a step gives: the next state and scene, requests to the device, events by name."""
 
     state: S
@@ -83,7 +83,7 @@ class TrackingState:
 
 def tracking_step(
     state: TrackingState, time_s: float, inputs: Mapping[str, float]
-) -> TaskStep[TrackingState]:
+) -> PureStep[TrackingState]:
     """One step of tracking.  Inputs: ``theta_rad``; ``pause`` above 0 holds the target."""
     step_s = _elapsed(state.last_s, time_s)
     paused = inputs.get("pause", 0.0) > 0
@@ -99,7 +99,7 @@ def tracking_step(
         Mark("disc", "target", 0.8 * moved.target_rad / full, 0.0, 0.05, 0.05),
         Mark("disc", "cursor", 0.8 * inputs["theta_rad"] / full, 0.0, 0.03, 0.03),
     )
-    return TaskStep(moved, scene, {}, events)
+    return PureStep(moved, scene, {}, events)
 
 
 # -- pong -----------------------------------------------------------------------------------------
@@ -164,7 +164,7 @@ _PADDLE_X = -0.95
 _MOST_BOUNCES = 64
 
 
-def pong_step(state: PongState, time_s: float, inputs: Mapping[str, float]) -> TaskStep[PongState]:
+def pong_step(state: PongState, time_s: float, inputs: Mapping[str, float]) -> PureStep[PongState]:
     """One step of Pong.  Inputs: ``theta_rad``, ``pause``, and ``recentre`` for a lost paddle.
 
     Events: served, saved, missed, paddle_lost, paddle_recentred, paused, resumed.
@@ -191,7 +191,7 @@ def pong_step(state: PongState, time_s: float, inputs: Mapping[str, float]) -> T
         Mark("bar", "cursor", _PADDLE_X, moved.paddle.x, 0.02, moved.half_paddle),
         Mark("disc", "target", moved.ball_x, moved.ball_y, moved.half_ball, moved.half_ball),
     )
-    return TaskStep(moved, scene, {}, tuple(events))
+    return PureStep(moved, scene, {}, tuple(events))
 
 
 def _served(state: PongState) -> PongState:
