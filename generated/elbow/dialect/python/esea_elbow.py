@@ -363,14 +363,26 @@ enums["MAV_TYPE"] = Enum()
 enums["MAV_TYPE"].bitmask = False
 MAV_TYPE_GENERIC = 0
 enums["MAV_TYPE"][0] = EnumEntry("MAV_TYPE_GENERIC", """The controller board.""")
+MAV_TYPE_FIXED_WING = 1
+enums["MAV_TYPE"][1] = EnumEntry("MAV_TYPE_FIXED_WING", """Not in use; pymavlink's client asks for it.""")
 MAV_TYPE_GCS = 6
 enums["MAV_TYPE"][6] = EnumEntry("MAV_TYPE_GCS", """The host.""")
-MAV_TYPE_ENUM_END = 7
-enums["MAV_TYPE"][7] = EnumEntry("MAV_TYPE_ENUM_END", """""")
+MAV_TYPE_ONBOARD_CONTROLLER = 18
+enums["MAV_TYPE"][18] = EnumEntry("MAV_TYPE_ONBOARD_CONTROLLER", """Not in use; pymavlink's client asks for it.""")
+MAV_TYPE_GIMBAL = 26
+enums["MAV_TYPE"][26] = EnumEntry("MAV_TYPE_GIMBAL", """Not in use; pymavlink's client asks for it.""")
+MAV_TYPE_ADSB = 27
+enums["MAV_TYPE"][27] = EnumEntry("MAV_TYPE_ADSB", """Not in use; pymavlink's client asks for it.""")
+MAV_TYPE_ENUM_END = 28
+enums["MAV_TYPE"][28] = EnumEntry("MAV_TYPE_ENUM_END", """""")
 
 # MAV_AUTOPILOT
 enums["MAV_AUTOPILOT"] = Enum()
 enums["MAV_AUTOPILOT"].bitmask = False
+MAV_AUTOPILOT_GENERIC = 0
+enums["MAV_AUTOPILOT"][0] = EnumEntry("MAV_AUTOPILOT_GENERIC", """Not in use; pymavlink's client asks for it.""")
+MAV_AUTOPILOT_ARDUPILOTMEGA = 3
+enums["MAV_AUTOPILOT"][3] = EnumEntry("MAV_AUTOPILOT_ARDUPILOTMEGA", """Not in use; pymavlink's client asks for it.""")
 MAV_AUTOPILOT_INVALID = 8
 enums["MAV_AUTOPILOT"][8] = EnumEntry("MAV_AUTOPILOT_INVALID", """No autopilot.""")
 MAV_AUTOPILOT_ENUM_END = 9
@@ -381,8 +393,18 @@ enums["MAV_MODE_FLAG"] = Enum()
 enums["MAV_MODE_FLAG"].bitmask = True
 MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
 enums["MAV_MODE_FLAG"][1] = EnumEntry("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED", """custom_mode holds an ESEA_STATE.""")
-MAV_MODE_FLAG_ENUM_END = 2
-enums["MAV_MODE_FLAG"][2] = EnumEntry("MAV_MODE_FLAG_ENUM_END", """""")
+MAV_MODE_FLAG_SAFETY_ARMED = 128
+enums["MAV_MODE_FLAG"][128] = EnumEntry("MAV_MODE_FLAG_SAFETY_ARMED", """The motor may be on.""")
+MAV_MODE_FLAG_ENUM_END = 129
+enums["MAV_MODE_FLAG"][129] = EnumEntry("MAV_MODE_FLAG_ENUM_END", """""")
+
+# MAV_COMPONENT
+enums["MAV_COMPONENT"] = Enum()
+enums["MAV_COMPONENT"].bitmask = False
+MAV_COMP_ID_GIMBAL = 154
+enums["MAV_COMPONENT"][154] = EnumEntry("MAV_COMP_ID_GIMBAL", """Not in use; pymavlink's client asks for it.""")
+MAV_COMPONENT_ENUM_END = 155
+enums["MAV_COMPONENT"][155] = EnumEntry("MAV_COMPONENT_ENUM_END", """""")
 
 # MAV_STATE
 enums["MAV_STATE"] = Enum()
@@ -421,6 +443,16 @@ enums["MAV_RESULT"][5] = EnumEntry("MAV_RESULT_ENUM_END", """""")
 # MAV_CMD
 enums["MAV_CMD"] = Enum()
 enums["MAV_CMD"].bitmask = False
+MAV_CMD_PREFLIGHT_STORAGE = 245
+enums["MAV_CMD"][245] = EnumEntry("MAV_CMD_PREFLIGHT_STORAGE", """Parameters to or from storage, with the motor off.""")
+enums["MAV_CMD"][245].param[1] = """0: those that were saved; 1: save what stands; 2: defaults."""
+enums["MAV_CMD"][245].label[1] = """Parameter Storage"""
+enums["MAV_CMD"][245].param[2] = """Reserved (default:0)"""
+enums["MAV_CMD"][245].param[3] = """Reserved (default:0)"""
+enums["MAV_CMD"][245].param[4] = """Reserved (default:0)"""
+enums["MAV_CMD"][245].param[5] = """Reserved (default:0)"""
+enums["MAV_CMD"][245].param[6] = """Reserved (default:0)"""
+enums["MAV_CMD"][245].param[7] = """Reserved (default:0)"""
 MAV_CMD_COMPONENT_ARM_DISARM = 400
 enums["MAV_CMD"][400] = EnumEntry("MAV_CMD_COMPONENT_ARM_DISARM", """Switch the motor on or off.""")
 enums["MAV_CMD"][400].param[1] = """1 on; anything else off."""
@@ -443,7 +475,7 @@ enums["MAV_CMD"][511].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[7] = """Reserved (default:0)"""
 MAV_CMD_REQUEST_MESSAGE = 512
-enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO or ESEA_CLOCK.""")
+enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK or ESEA_TRAFFIC.""")
 enums["MAV_CMD"][512].param[1] = """Id of the message."""
 enums["MAV_CMD"][512].label[1] = """Message ID"""
 enums["MAV_CMD"][512].param[2] = """Reserved (default:0)"""
@@ -543,8 +575,65 @@ ESEA_FAULT_SELF_TEST = 104
 enums["ESEA_FAULT"][104] = EnumEntry("ESEA_FAULT_SELF_TEST", """Freshly started limits did not hold the motor at zero. Cure: service: program memory is not what was built. Found: at start, before the motor can be on.""")
 ESEA_FAULT_STATE_UNKNOWN = 105
 enums["ESEA_FAULT"][105] = EnumEntry("ESEA_FAULT_STATE_UNKNOWN", """The board's state was none of its list: memory was overwritten. Cure: reset; if it comes again, service. Found: 1 tick.""")
-ESEA_FAULT_ENUM_END = 106
-enums["ESEA_FAULT"][106] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+ESEA_FAULT_MOTOR_CURRENT = 106
+enums["ESEA_FAULT"][106] = EnumEntry("ESEA_FAULT_MOTOR_CURRENT", """The motor's current was not what was set. Cure: reset; look at the amplifier, its supply, the wires of motor and current. Found: 20 ticks beyond the bound, while the motor is on.""")
+ESEA_FAULT_WATCHDOG = 107
+enums["ESEA_FAULT"][107] = EnumEntry("ESEA_FAULT_WATCHDOG", """The watchdog reset the board: no control cycle had ended in time. Cure: read the black box, reset; if it comes again, service. Found: 68 to 188 ms after the last cycle, told after the start.""")
+ESEA_FAULT_BROWN_OUT = 108
+enums["ESEA_FAULT"][108] = EnumEntry("ESEA_FAULT_BROWN_OUT", """The board's supply is too low. Cure: look at the supply, then reset. Found: 1 tick.""")
+ESEA_FAULT_ENUM_END = 109
+enums["ESEA_FAULT"][109] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+
+# MAV_PARAM_TYPE
+enums["MAV_PARAM_TYPE"] = Enum()
+enums["MAV_PARAM_TYPE"].bitmask = False
+MAV_PARAM_TYPE_REAL32 = 9
+enums["MAV_PARAM_TYPE"][9] = EnumEntry("MAV_PARAM_TYPE_REAL32", """Single precision.""")
+MAV_PARAM_TYPE_ENUM_END = 10
+enums["MAV_PARAM_TYPE"][10] = EnumEntry("MAV_PARAM_TYPE_ENUM_END", """""")
+
+# MAV_PARAM_ERROR
+enums["MAV_PARAM_ERROR"] = Enum()
+enums["MAV_PARAM_ERROR"].bitmask = False
+MAV_PARAM_ERROR_NO_ERROR = 0
+enums["MAV_PARAM_ERROR"][0] = EnumEntry("MAV_PARAM_ERROR_NO_ERROR", """It was.""")
+MAV_PARAM_ERROR_DOES_NOT_EXIST = 1
+enums["MAV_PARAM_ERROR"][1] = EnumEntry("MAV_PARAM_ERROR_DOES_NOT_EXIST", """There is none of this id or index.""")
+MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE = 2
+enums["MAV_PARAM_ERROR"][2] = EnumEntry("MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE", """Outside its bounds, not a number, or not of type REAL32.""")
+MAV_PARAM_ERROR_PERMISSION_DENIED = 3
+enums["MAV_PARAM_ERROR"][3] = EnumEntry("MAV_PARAM_ERROR_PERMISSION_DENIED", """Not in this state, or not signed.""")
+MAV_PARAM_ERROR_READ_ONLY = 5
+enums["MAV_PARAM_ERROR"][5] = EnumEntry("MAV_PARAM_ERROR_READ_ONLY", """A calibration sets it.""")
+MAV_PARAM_ERROR_ENUM_END = 6
+enums["MAV_PARAM_ERROR"][6] = EnumEntry("MAV_PARAM_ERROR_ENUM_END", """""")
+
+# MAV_SEVERITY
+enums["MAV_SEVERITY"] = Enum()
+enums["MAV_SEVERITY"].bitmask = False
+MAV_SEVERITY_CRITICAL = 2
+enums["MAV_SEVERITY"][2] = EnumEntry("MAV_SEVERITY_CRITICAL", """A fault is latched.""")
+MAV_SEVERITY_WARNING = 4
+enums["MAV_SEVERITY"][4] = EnumEntry("MAV_SEVERITY_WARNING", """Something was refused.""")
+MAV_SEVERITY_INFO = 6
+enums["MAV_SEVERITY"][6] = EnumEntry("MAV_SEVERITY_INFO", """For information.""")
+MAV_SEVERITY_ENUM_END = 7
+enums["MAV_SEVERITY"][7] = EnumEntry("MAV_SEVERITY_ENUM_END", """""")
+
+# ESEA_PARAM
+enums["ESEA_PARAM"] = Enum()
+enums["ESEA_PARAM"].bitmask = False
+ESEA_PARAM_VELOCITY_BANDWIDTH_HZ = 0
+enums["ESEA_PARAM"][0] = EnumEntry("ESEA_PARAM_VELOCITY_BANDWIDTH_HZ", """bandwidth of the triple pole: higher follows faster and passes more noise""")
+enums["ESEA_PARAM"][0].param[1] = """velocity.bandwidth_Hz"""
+enums["ESEA_PARAM"][0].param[2] = """vlcty.bandwidth"""
+enums["ESEA_PARAM"][0].param[3] = """Hz"""
+enums["ESEA_PARAM"][0].param[4] = """2"""
+enums["ESEA_PARAM"][0].param[5] = """100"""
+enums["ESEA_PARAM"][0].param[6] = """15"""
+enums["ESEA_PARAM"][0].param[7] = """free"""
+ESEA_PARAM_ENUM_END = 1
+enums["ESEA_PARAM"][1] = EnumEntry("ESEA_PARAM_ENUM_END", """""")
 
 # ESEA_ELBOW_SENSOR_STATUS
 enums["ESEA_ELBOW_SENSOR_STATUS"] = Enum()
@@ -582,12 +671,24 @@ enums["ESEA_ELBOW_VELOCITY_STATUS"][5] = EnumEntry("ESEA_ELBOW_VELOCITY_STATUS_E
 MAVLINK_MSG_ID_BAD_DATA = -1
 MAVLINK_MSG_ID_UNKNOWN = -2
 MAVLINK_MSG_ID_HEARTBEAT = 0
+MAVLINK_MSG_ID_PARAM_REQUEST_READ = 20
+MAVLINK_MSG_ID_PARAM_REQUEST_LIST = 21
+MAVLINK_MSG_ID_PARAM_VALUE = 22
+MAVLINK_MSG_ID_PARAM_SET = 23
 MAVLINK_MSG_ID_COMMAND_LONG = 76
 MAVLINK_MSG_ID_COMMAND_ACK = 77
+MAVLINK_MSG_ID_TIMESYNC = 111
+MAVLINK_MSG_ID_STATUSTEXT = 253
+MAVLINK_MSG_ID_SETUP_SIGNING = 256
+MAVLINK_MSG_ID_PARAM_ERROR = 345
 MAVLINK_MSG_ID_ESEA_INFO = 42600
 MAVLINK_MSG_ID_ESEA_SENSE_IN = 42601
 MAVLINK_MSG_ID_ESEA_SENSE_OUT = 42602
 MAVLINK_MSG_ID_ESEA_CLOCK = 42661
+MAVLINK_MSG_ID_ESEA_STREAM = 42662
+MAVLINK_MSG_ID_ESEA_DATA = 42663
+MAVLINK_MSG_ID_ESEA_TRAFFIC = 42664
+MAVLINK_MSG_ID_ESEA_KEY = 42665
 
 
 class MAVLink_heartbeat_message(MAVLink_message):
@@ -633,6 +734,174 @@ class MAVLink_heartbeat_message(MAVLink_message):
 # Define name on the class for backwards compatibility (it is now msgname).
 # Done with setattr to hide the class variable from mypy.
 setattr(MAVLink_heartbeat_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_param_request_read_message(MAVLink_message):
+    """
+    Standard message: asks for a parameter by id, or by index.
+    """
+
+    id = MAVLINK_MSG_ID_PARAM_REQUEST_READ
+    msgname = "PARAM_REQUEST_READ"
+    fieldnames = ["target_system", "target_component", "param_id", "param_index"]
+    ordered_fieldnames = ["param_index", "target_system", "target_component", "param_id"]
+    fieldtypes = ["uint8_t", "uint8_t", "char", "int16_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<hBBc")
+    orders = [1, 2, 3, 0]
+    lengths = [1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 16]
+    crc_extra = 214
+    unpacker = struct.Struct("<hBB16s")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, target_system: int, target_component: int, param_id: bytes, param_index: int):
+        MAVLink_message.__init__(self, MAVLink_param_request_read_message.id, MAVLink_param_request_read_message.msgname)
+        self._fieldnames = MAVLink_param_request_read_message.fieldnames
+        self._instance_field = MAVLink_param_request_read_message.instance_field
+        self._instance_offset = MAVLink_param_request_read_message.instance_offset
+        self.target_system = target_system
+        self.target_component = target_component
+        self._param_id_raw = param_id
+        self.param_id = param_id.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+        self.param_index = param_index
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.param_index, self.target_system, self.target_component, self._param_id_raw), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_param_request_read_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_param_request_list_message(MAVLink_message):
+    """
+    Standard message: asks for all parameters.
+    """
+
+    id = MAVLINK_MSG_ID_PARAM_REQUEST_LIST
+    msgname = "PARAM_REQUEST_LIST"
+    fieldnames = ["target_system", "target_component"]
+    ordered_fieldnames = ["target_system", "target_component"]
+    fieldtypes = ["uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<BB")
+    orders = [0, 1]
+    lengths = [1, 1]
+    array_lengths = [0, 0]
+    crc_extra = 159
+    unpacker = struct.Struct("<BB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, target_system: int, target_component: int):
+        MAVLink_message.__init__(self, MAVLink_param_request_list_message.id, MAVLink_param_request_list_message.msgname)
+        self._fieldnames = MAVLink_param_request_list_message.fieldnames
+        self._instance_field = MAVLink_param_request_list_message.instance_field
+        self._instance_offset = MAVLink_param_request_list_message.instance_offset
+        self.target_system = target_system
+        self.target_component = target_component
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.target_system, self.target_component), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_param_request_list_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_param_value_message(MAVLink_message):
+    """
+    Standard message: the value of a parameter that is in force; the
+    answer to requests and to PARAM_SET.
+    """
+
+    id = MAVLINK_MSG_ID_PARAM_VALUE
+    msgname = "PARAM_VALUE"
+    fieldnames = ["param_id", "param_value", "param_type", "param_count", "param_index"]
+    ordered_fieldnames = ["param_value", "param_count", "param_index", "param_id", "param_type"]
+    fieldtypes = ["char", "float", "uint8_t", "uint16_t", "uint16_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"param_type": "MAV_PARAM_TYPE"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<fHHcB")
+    orders = [3, 0, 4, 1, 2]
+    lengths = [1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 16, 0]
+    crc_extra = 220
+    unpacker = struct.Struct("<fHH16sB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, param_id: bytes, param_value: float, param_type: int, param_count: int, param_index: int):
+        MAVLink_message.__init__(self, MAVLink_param_value_message.id, MAVLink_param_value_message.msgname)
+        self._fieldnames = MAVLink_param_value_message.fieldnames
+        self._instance_field = MAVLink_param_value_message.instance_field
+        self._instance_offset = MAVLink_param_value_message.instance_offset
+        self._param_id_raw = param_id
+        self.param_id = param_id.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+        self.param_value = param_value
+        self.param_type = param_type
+        self.param_count = param_count
+        self.param_index = param_index
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.param_value, self.param_count, self.param_index, self._param_id_raw, self.param_type), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_param_value_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_param_set_message(MAVLink_message):
+    """
+    Standard message: sets a parameter.
+    """
+
+    id = MAVLINK_MSG_ID_PARAM_SET
+    msgname = "PARAM_SET"
+    fieldnames = ["target_system", "target_component", "param_id", "param_value", "param_type"]
+    ordered_fieldnames = ["param_value", "target_system", "target_component", "param_id", "param_type"]
+    fieldtypes = ["uint8_t", "uint8_t", "char", "float", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"param_type": "MAV_PARAM_TYPE"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<fBBcB")
+    orders = [1, 2, 3, 0, 4]
+    lengths = [1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 16, 0]
+    crc_extra = 168
+    unpacker = struct.Struct("<fBB16sB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, target_system: int, target_component: int, param_id: bytes, param_value: float, param_type: int):
+        MAVLink_message.__init__(self, MAVLink_param_set_message.id, MAVLink_param_set_message.msgname)
+        self._fieldnames = MAVLink_param_set_message.fieldnames
+        self._instance_field = MAVLink_param_set_message.instance_field
+        self._instance_offset = MAVLink_param_set_message.instance_offset
+        self.target_system = target_system
+        self.target_component = target_component
+        self._param_id_raw = param_id
+        self.param_id = param_id.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+        self.param_value = param_value
+        self.param_type = param_type
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.param_value, self.target_system, self.target_component, self._param_id_raw, self.param_type), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_param_set_message, "name", mavlink_msg_deprecated_name_property())
 
 
 class MAVLink_command_long_message(MAVLink_message):
@@ -724,6 +993,173 @@ class MAVLink_command_ack_message(MAVLink_message):
 # Define name on the class for backwards compatibility (it is now msgname).
 # Done with setattr to hide the class variable from mypy.
 setattr(MAVLink_command_ack_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_timesync_message(MAVLink_message):
+    """
+    Standard message: with tc1 = 0 a request, answered with the device
+    clock in tc1.
+    """
+
+    id = MAVLINK_MSG_ID_TIMESYNC
+    msgname = "TIMESYNC"
+    fieldnames = ["tc1", "ts1"]
+    ordered_fieldnames = ["tc1", "ts1"]
+    fieldtypes = ["int64_t", "int64_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"tc1": "ns", "ts1": "ns"}
+    native_format = bytearray(b"<qq")
+    orders = [0, 1]
+    lengths = [1, 1]
+    array_lengths = [0, 0]
+    crc_extra = 34
+    unpacker = struct.Struct("<qq")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, tc1: int, ts1: int):
+        MAVLink_message.__init__(self, MAVLink_timesync_message.id, MAVLink_timesync_message.msgname)
+        self._fieldnames = MAVLink_timesync_message.fieldnames
+        self._instance_field = MAVLink_timesync_message.instance_field
+        self._instance_offset = MAVLink_timesync_message.instance_offset
+        self.tc1 = tc1
+        self.ts1 = ts1
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.tc1, self.ts1), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_timesync_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_statustext_message(MAVLink_message):
+    """
+    Standard message: a text for people; faults and what was refused.
+    """
+
+    id = MAVLINK_MSG_ID_STATUSTEXT
+    msgname = "STATUSTEXT"
+    fieldnames = ["severity", "text", "id", "chunk_seq"]
+    ordered_fieldnames = ["severity", "text", "id", "chunk_seq"]
+    fieldtypes = ["uint8_t", "char", "uint16_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"severity": "MAV_SEVERITY"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<BcHB")
+    orders = [0, 1, 2, 3]
+    lengths = [1, 1, 1, 1]
+    array_lengths = [0, 50, 0, 0]
+    crc_extra = 83
+    unpacker = struct.Struct("<B50sHB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, severity: int, text: bytes, id: int = 0, chunk_seq: int = 0):
+        MAVLink_message.__init__(self, MAVLink_statustext_message.id, MAVLink_statustext_message.msgname)
+        self._fieldnames = MAVLink_statustext_message.fieldnames
+        self._instance_field = MAVLink_statustext_message.instance_field
+        self._instance_offset = MAVLink_statustext_message.instance_offset
+        self.severity = severity
+        self._text_raw = text
+        self.text = text.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+        self.id = id
+        self.chunk_seq = chunk_seq
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.severity, self._text_raw, self.id, self.chunk_seq), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_statustext_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_setup_signing_message(MAVLink_message):
+    """
+    Standard message: pairs the board with a key; a key of zeros,
+    signed, takes it away.
+    """
+
+    id = MAVLINK_MSG_ID_SETUP_SIGNING
+    msgname = "SETUP_SIGNING"
+    fieldnames = ["target_system", "target_component", "secret_key", "initial_timestamp"]
+    ordered_fieldnames = ["initial_timestamp", "target_system", "target_component", "secret_key"]
+    fieldtypes = ["uint8_t", "uint8_t", "uint8_t", "uint64_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<QBBB")
+    orders = [1, 2, 3, 0]
+    lengths = [1, 1, 1, 32]
+    array_lengths = [0, 0, 0, 32]
+    crc_extra = 71
+    unpacker = struct.Struct("<QBB32B")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, target_system: int, target_component: int, secret_key: Sequence[int], initial_timestamp: int):
+        MAVLink_message.__init__(self, MAVLink_setup_signing_message.id, MAVLink_setup_signing_message.msgname)
+        self._fieldnames = MAVLink_setup_signing_message.fieldnames
+        self._instance_field = MAVLink_setup_signing_message.instance_field
+        self._instance_offset = MAVLink_setup_signing_message.instance_offset
+        self.target_system = target_system
+        self.target_component = target_component
+        self.secret_key = secret_key
+        self.initial_timestamp = initial_timestamp
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.initial_timestamp, self.target_system, self.target_component, self.secret_key[0], self.secret_key[1], self.secret_key[2], self.secret_key[3], self.secret_key[4], self.secret_key[5], self.secret_key[6], self.secret_key[7], self.secret_key[8], self.secret_key[9], self.secret_key[10], self.secret_key[11], self.secret_key[12], self.secret_key[13], self.secret_key[14], self.secret_key[15], self.secret_key[16], self.secret_key[17], self.secret_key[18], self.secret_key[19], self.secret_key[20], self.secret_key[21], self.secret_key[22], self.secret_key[23], self.secret_key[24], self.secret_key[25], self.secret_key[26], self.secret_key[27], self.secret_key[28], self.secret_key[29], self.secret_key[30], self.secret_key[31]), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_setup_signing_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_param_error_message(MAVLink_message):
+    """
+    Standard message: why a parameter was not read or set.
+    """
+
+    id = MAVLINK_MSG_ID_PARAM_ERROR
+    msgname = "PARAM_ERROR"
+    fieldnames = ["target_system", "target_component", "param_id", "param_index", "error"]
+    ordered_fieldnames = ["param_index", "target_system", "target_component", "param_id", "error"]
+    fieldtypes = ["uint8_t", "uint8_t", "char", "int16_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"error": "MAV_PARAM_ERROR"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<hBBcB")
+    orders = [1, 2, 3, 0, 4]
+    lengths = [1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 16, 0]
+    crc_extra = 209
+    unpacker = struct.Struct("<hBB16sB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, target_system: int, target_component: int, param_id: bytes, param_index: int, error: int):
+        MAVLink_message.__init__(self, MAVLink_param_error_message.id, MAVLink_param_error_message.msgname)
+        self._fieldnames = MAVLink_param_error_message.fieldnames
+        self._instance_field = MAVLink_param_error_message.instance_field
+        self._instance_offset = MAVLink_param_error_message.instance_offset
+        self.target_system = target_system
+        self.target_component = target_component
+        self._param_id_raw = param_id
+        self.param_id = param_id.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+        self.param_index = param_index
+        self.error = error
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.param_index, self.target_system, self.target_component, self._param_id_raw, self.error), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_param_error_message, "name", mavlink_msg_deprecated_name_property())
 
 
 class MAVLink_esea_info_message(MAVLink_message):
@@ -911,14 +1347,201 @@ class MAVLink_esea_clock_message(MAVLink_message):
 setattr(MAVLink_esea_clock_message, "name", mavlink_msg_deprecated_name_property())
 
 
+class MAVLink_esea_stream_message(MAVLink_message):
+    """
+    Chooses what a stream samples, and how often; the board answers
+    with the same.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_STREAM
+    msgname = "ESEA_STREAM"
+    fieldnames = ["interval", "stream", "task", "choice", "count", "samples", "result", "signals"]
+    ordered_fieldnames = ["interval", "stream", "task", "choice", "count", "samples", "result", "signals"]
+    fieldtypes = ["uint16_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"result": "MAV_RESULT"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<HBBBBBBB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 59]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 59]
+    crc_extra = 182
+    unpacker = struct.Struct("<HBBBBBB59B")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, interval: int, stream: int, task: int, choice: int, count: int, samples: int, result: int, signals: Sequence[int]):
+        MAVLink_message.__init__(self, MAVLink_esea_stream_message.id, MAVLink_esea_stream_message.msgname)
+        self._fieldnames = MAVLink_esea_stream_message.fieldnames
+        self._instance_field = MAVLink_esea_stream_message.instance_field
+        self._instance_offset = MAVLink_esea_stream_message.instance_offset
+        self.interval = interval
+        self.stream = stream
+        self.task = task
+        self.choice = choice
+        self.count = count
+        self.samples = samples
+        self.result = result
+        self.signals = signals
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.interval, self.stream, self.task, self.choice, self.count, self.samples, self.result, self.signals[0], self.signals[1], self.signals[2], self.signals[3], self.signals[4], self.signals[5], self.signals[6], self.signals[7], self.signals[8], self.signals[9], self.signals[10], self.signals[11], self.signals[12], self.signals[13], self.signals[14], self.signals[15], self.signals[16], self.signals[17], self.signals[18], self.signals[19], self.signals[20], self.signals[21], self.signals[22], self.signals[23], self.signals[24], self.signals[25], self.signals[26], self.signals[27], self.signals[28], self.signals[29], self.signals[30], self.signals[31], self.signals[32], self.signals[33], self.signals[34], self.signals[35], self.signals[36], self.signals[37], self.signals[38], self.signals[39], self.signals[40], self.signals[41], self.signals[42], self.signals[43], self.signals[44], self.signals[45], self.signals[46], self.signals[47], self.signals[48], self.signals[49], self.signals[50], self.signals[51], self.signals[52], self.signals[53], self.signals[54], self.signals[55], self.signals[56], self.signals[57], self.signals[58]), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_stream_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_esea_data_message(MAVLink_message):
+    """
+    Samples of a stream.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_DATA
+    msgname = "ESEA_DATA"
+    fieldnames = ["time", "sequence", "interval", "stream", "choice", "count", "data"]
+    ordered_fieldnames = ["time", "sequence", "interval", "stream", "choice", "count", "data"]
+    fieldtypes = ["uint64_t", "uint32_t", "uint16_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<QIHBBBB")
+    orders = [0, 1, 2, 3, 4, 5, 6]
+    lengths = [1, 1, 1, 1, 1, 1, 236]
+    array_lengths = [0, 0, 0, 0, 0, 0, 236]
+    crc_extra = 36
+    unpacker = struct.Struct("<QIHBBB236B")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, time: int, sequence: int, interval: int, stream: int, choice: int, count: int, data: Sequence[int]):
+        MAVLink_message.__init__(self, MAVLink_esea_data_message.id, MAVLink_esea_data_message.msgname)
+        self._fieldnames = MAVLink_esea_data_message.fieldnames
+        self._instance_field = MAVLink_esea_data_message.instance_field
+        self._instance_offset = MAVLink_esea_data_message.instance_offset
+        self.time = time
+        self.sequence = sequence
+        self.interval = interval
+        self.stream = stream
+        self.choice = choice
+        self.count = count
+        self.data = data
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time, self.sequence, self.interval, self.stream, self.choice, self.count, self.data[0], self.data[1], self.data[2], self.data[3], self.data[4], self.data[5], self.data[6], self.data[7], self.data[8], self.data[9], self.data[10], self.data[11], self.data[12], self.data[13], self.data[14], self.data[15], self.data[16], self.data[17], self.data[18], self.data[19], self.data[20], self.data[21], self.data[22], self.data[23], self.data[24], self.data[25], self.data[26], self.data[27], self.data[28], self.data[29], self.data[30], self.data[31], self.data[32], self.data[33], self.data[34], self.data[35], self.data[36], self.data[37], self.data[38], self.data[39], self.data[40], self.data[41], self.data[42], self.data[43], self.data[44], self.data[45], self.data[46], self.data[47], self.data[48], self.data[49], self.data[50], self.data[51], self.data[52], self.data[53], self.data[54], self.data[55], self.data[56], self.data[57], self.data[58], self.data[59], self.data[60], self.data[61], self.data[62], self.data[63], self.data[64], self.data[65], self.data[66], self.data[67], self.data[68], self.data[69], self.data[70], self.data[71], self.data[72], self.data[73], self.data[74], self.data[75], self.data[76], self.data[77], self.data[78], self.data[79], self.data[80], self.data[81], self.data[82], self.data[83], self.data[84], self.data[85], self.data[86], self.data[87], self.data[88], self.data[89], self.data[90], self.data[91], self.data[92], self.data[93], self.data[94], self.data[95], self.data[96], self.data[97], self.data[98], self.data[99], self.data[100], self.data[101], self.data[102], self.data[103], self.data[104], self.data[105], self.data[106], self.data[107], self.data[108], self.data[109], self.data[110], self.data[111], self.data[112], self.data[113], self.data[114], self.data[115], self.data[116], self.data[117], self.data[118], self.data[119], self.data[120], self.data[121], self.data[122], self.data[123], self.data[124], self.data[125], self.data[126], self.data[127], self.data[128], self.data[129], self.data[130], self.data[131], self.data[132], self.data[133], self.data[134], self.data[135], self.data[136], self.data[137], self.data[138], self.data[139], self.data[140], self.data[141], self.data[142], self.data[143], self.data[144], self.data[145], self.data[146], self.data[147], self.data[148], self.data[149], self.data[150], self.data[151], self.data[152], self.data[153], self.data[154], self.data[155], self.data[156], self.data[157], self.data[158], self.data[159], self.data[160], self.data[161], self.data[162], self.data[163], self.data[164], self.data[165], self.data[166], self.data[167], self.data[168], self.data[169], self.data[170], self.data[171], self.data[172], self.data[173], self.data[174], self.data[175], self.data[176], self.data[177], self.data[178], self.data[179], self.data[180], self.data[181], self.data[182], self.data[183], self.data[184], self.data[185], self.data[186], self.data[187], self.data[188], self.data[189], self.data[190], self.data[191], self.data[192], self.data[193], self.data[194], self.data[195], self.data[196], self.data[197], self.data[198], self.data[199], self.data[200], self.data[201], self.data[202], self.data[203], self.data[204], self.data[205], self.data[206], self.data[207], self.data[208], self.data[209], self.data[210], self.data[211], self.data[212], self.data[213], self.data[214], self.data[215], self.data[216], self.data[217], self.data[218], self.data[219], self.data[220], self.data[221], self.data[222], self.data[223], self.data[224], self.data[225], self.data[226], self.data[227], self.data[228], self.data[229], self.data[230], self.data[231], self.data[232], self.data[233], self.data[234], self.data[235]), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_data_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_esea_traffic_message(MAVLink_message):
+    """
+    Counters of the link; on request.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_TRAFFIC
+    msgname = "ESEA_TRAFFIC"
+    fieldnames = ["stream_messages", "stream_dropped", "paired", "unsigned_refused", "bad_signatures", "replayed", "parameters_refused"]
+    ordered_fieldnames = ["stream_messages", "stream_dropped", "paired", "unsigned_refused", "bad_signatures", "replayed", "parameters_refused"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<IIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6]
+    lengths = [1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 62
+    unpacker = struct.Struct("<IIIIIII")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int):
+        MAVLink_message.__init__(self, MAVLink_esea_traffic_message.id, MAVLink_esea_traffic_message.msgname)
+        self._fieldnames = MAVLink_esea_traffic_message.fieldnames
+        self._instance_field = MAVLink_esea_traffic_message.instance_field
+        self._instance_offset = MAVLink_esea_traffic_message.instance_offset
+        self.stream_messages = stream_messages
+        self.stream_dropped = stream_dropped
+        self.paired = paired
+        self.unsigned_refused = unsigned_refused
+        self.bad_signatures = bad_signatures
+        self.replayed = replayed
+        self.parameters_refused = parameters_refused
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.stream_messages, self.stream_dropped, self.paired, self.unsigned_refused, self.bad_signatures, self.replayed, self.parameters_refused), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_traffic_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_esea_key_message(MAVLink_message):
+    """
+    Part of a key frame: all that the next ticks come from.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_KEY
+    msgname = "ESEA_KEY"
+    fieldnames = ["sequence", "first", "total", "words"]
+    ordered_fieldnames = ["sequence", "first", "total", "words"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<IIII")
+    orders = [0, 1, 2, 3]
+    lengths = [1, 1, 1, 58]
+    array_lengths = [0, 0, 0, 58]
+    crc_extra = 247
+    unpacker = struct.Struct("<III58I")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, sequence: int, first: int, total: int, words: Sequence[int]):
+        MAVLink_message.__init__(self, MAVLink_esea_key_message.id, MAVLink_esea_key_message.msgname)
+        self._fieldnames = MAVLink_esea_key_message.fieldnames
+        self._instance_field = MAVLink_esea_key_message.instance_field
+        self._instance_offset = MAVLink_esea_key_message.instance_offset
+        self.sequence = sequence
+        self.first = first
+        self.total = total
+        self.words = words
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.first, self.total, self.words[0], self.words[1], self.words[2], self.words[3], self.words[4], self.words[5], self.words[6], self.words[7], self.words[8], self.words[9], self.words[10], self.words[11], self.words[12], self.words[13], self.words[14], self.words[15], self.words[16], self.words[17], self.words[18], self.words[19], self.words[20], self.words[21], self.words[22], self.words[23], self.words[24], self.words[25], self.words[26], self.words[27], self.words[28], self.words[29], self.words[30], self.words[31], self.words[32], self.words[33], self.words[34], self.words[35], self.words[36], self.words[37], self.words[38], self.words[39], self.words[40], self.words[41], self.words[42], self.words[43], self.words[44], self.words[45], self.words[46], self.words[47], self.words[48], self.words[49], self.words[50], self.words[51], self.words[52], self.words[53], self.words[54], self.words[55], self.words[56], self.words[57]), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_key_message, "name", mavlink_msg_deprecated_name_property())
+
+
 mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_HEARTBEAT: MAVLink_heartbeat_message,
+    MAVLINK_MSG_ID_PARAM_REQUEST_READ: MAVLink_param_request_read_message,
+    MAVLINK_MSG_ID_PARAM_REQUEST_LIST: MAVLink_param_request_list_message,
+    MAVLINK_MSG_ID_PARAM_VALUE: MAVLink_param_value_message,
+    MAVLINK_MSG_ID_PARAM_SET: MAVLink_param_set_message,
     MAVLINK_MSG_ID_COMMAND_LONG: MAVLink_command_long_message,
     MAVLINK_MSG_ID_COMMAND_ACK: MAVLink_command_ack_message,
+    MAVLINK_MSG_ID_TIMESYNC: MAVLink_timesync_message,
+    MAVLINK_MSG_ID_STATUSTEXT: MAVLink_statustext_message,
+    MAVLINK_MSG_ID_SETUP_SIGNING: MAVLink_setup_signing_message,
+    MAVLINK_MSG_ID_PARAM_ERROR: MAVLink_param_error_message,
     MAVLINK_MSG_ID_ESEA_INFO: MAVLink_esea_info_message,
     MAVLINK_MSG_ID_ESEA_SENSE_IN: MAVLink_esea_sense_in_message,
     MAVLINK_MSG_ID_ESEA_SENSE_OUT: MAVLink_esea_sense_out_message,
     MAVLINK_MSG_ID_ESEA_CLOCK: MAVLink_esea_clock_message,
+    MAVLINK_MSG_ID_ESEA_STREAM: MAVLink_esea_stream_message,
+    MAVLINK_MSG_ID_ESEA_DATA: MAVLink_esea_data_message,
+    MAVLINK_MSG_ID_ESEA_TRAFFIC: MAVLink_esea_traffic_message,
+    MAVLINK_MSG_ID_ESEA_KEY: MAVLink_esea_key_message,
 }
 
 
@@ -1347,6 +1970,104 @@ class MAVLink(object):
         """
         self.send(self.heartbeat_encode(type, autopilot, base_mode, custom_mode, system_status, mavlink_version), force_mavlink1=force_mavlink1)
 
+    def param_request_read_encode(self, target_system: int, target_component: int, param_id: bytes, param_index: int) -> MAVLink_param_request_read_message:
+        """
+        Standard message: asks for a parameter by id, or by index.
+
+        target_system             : System that is asked, 0 for all. (type:uint8_t)
+        target_component          : Component that is asked, 0 for all. (type:uint8_t)
+        param_id                  : Id, terminated by NULL if it is shorter than 16 characters. (type:char)
+        param_index               : Index; -1: the id is used. (type:int16_t)
+
+        """
+        return MAVLink_param_request_read_message(target_system, target_component, param_id, param_index)
+
+    def param_request_read_send(self, target_system: int, target_component: int, param_id: bytes, param_index: int, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: asks for a parameter by id, or by index.
+
+        target_system             : System that is asked, 0 for all. (type:uint8_t)
+        target_component          : Component that is asked, 0 for all. (type:uint8_t)
+        param_id                  : Id, terminated by NULL if it is shorter than 16 characters. (type:char)
+        param_index               : Index; -1: the id is used. (type:int16_t)
+
+        """
+        self.send(self.param_request_read_encode(target_system, target_component, param_id, param_index), force_mavlink1=force_mavlink1)
+
+    def param_request_list_encode(self, target_system: int, target_component: int) -> MAVLink_param_request_list_message:
+        """
+        Standard message: asks for all parameters.
+
+        target_system             : System that is asked, 0 for all. (type:uint8_t)
+        target_component          : Component that is asked, 0 for all. (type:uint8_t)
+
+        """
+        return MAVLink_param_request_list_message(target_system, target_component)
+
+    def param_request_list_send(self, target_system: int, target_component: int, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: asks for all parameters.
+
+        target_system             : System that is asked, 0 for all. (type:uint8_t)
+        target_component          : Component that is asked, 0 for all. (type:uint8_t)
+
+        """
+        self.send(self.param_request_list_encode(target_system, target_component), force_mavlink1=force_mavlink1)
+
+    def param_value_encode(self, param_id: bytes, param_value: float, param_type: int, param_count: int, param_index: int) -> MAVLink_param_value_message:
+        """
+        Standard message: the value of a parameter that is in force; the
+        answer to requests and to PARAM_SET.
+
+        param_id                  : Id, terminated by NULL if it is shorter than 16 characters. (type:char)
+        param_value               : Value. (type:float)
+        param_type                : Type. (type:uint8_t, values:MAV_PARAM_TYPE)
+        param_count               : Number of parameters. (type:uint16_t)
+        param_index               : Index of this one. (type:uint16_t)
+
+        """
+        return MAVLink_param_value_message(param_id, param_value, param_type, param_count, param_index)
+
+    def param_value_send(self, param_id: bytes, param_value: float, param_type: int, param_count: int, param_index: int, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: the value of a parameter that is in force; the
+        answer to requests and to PARAM_SET.
+
+        param_id                  : Id, terminated by NULL if it is shorter than 16 characters. (type:char)
+        param_value               : Value. (type:float)
+        param_type                : Type. (type:uint8_t, values:MAV_PARAM_TYPE)
+        param_count               : Number of parameters. (type:uint16_t)
+        param_index               : Index of this one. (type:uint16_t)
+
+        """
+        self.send(self.param_value_encode(param_id, param_value, param_type, param_count, param_index), force_mavlink1=force_mavlink1)
+
+    def param_set_encode(self, target_system: int, target_component: int, param_id: bytes, param_value: float, param_type: int) -> MAVLink_param_set_message:
+        """
+        Standard message: sets a parameter.
+
+        target_system             : System that is meant, 0 for all. (type:uint8_t)
+        target_component          : Component that is meant, 0 for all. (type:uint8_t)
+        param_id                  : Id, terminated by NULL if it is shorter than 16 characters. (type:char)
+        param_value               : Value. (type:float)
+        param_type                : Type. (type:uint8_t, values:MAV_PARAM_TYPE)
+
+        """
+        return MAVLink_param_set_message(target_system, target_component, param_id, param_value, param_type)
+
+    def param_set_send(self, target_system: int, target_component: int, param_id: bytes, param_value: float, param_type: int, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: sets a parameter.
+
+        target_system             : System that is meant, 0 for all. (type:uint8_t)
+        target_component          : Component that is meant, 0 for all. (type:uint8_t)
+        param_id                  : Id, terminated by NULL if it is shorter than 16 characters. (type:char)
+        param_value               : Value. (type:float)
+        param_type                : Type. (type:uint8_t, values:MAV_PARAM_TYPE)
+
+        """
+        self.send(self.param_set_encode(target_system, target_component, param_id, param_value, param_type), force_mavlink1=force_mavlink1)
+
     def command_long_encode(self, target_system: int, target_component: int, command: int, confirmation: int, param1: float, param2: float, param3: float, param4: float, param5: float, param6: float, param7: float) -> MAVLink_command_long_message:
         """
         Standard message: a command to the board.
@@ -1412,6 +2133,104 @@ class MAVLink(object):
 
         """
         self.send(self.command_ack_encode(command, result, progress, result_param2, target_system, target_component), force_mavlink1=force_mavlink1)
+
+    def timesync_encode(self, tc1: int, ts1: int) -> MAVLink_timesync_message:
+        """
+        Standard message: with tc1 = 0 a request, answered with the device
+        clock in tc1.
+
+        tc1                       : Device clock; 0 in a request. [ns] (type:int64_t)
+        ts1                       : Clock of who asks, given back. [ns] (type:int64_t)
+
+        """
+        return MAVLink_timesync_message(tc1, ts1)
+
+    def timesync_send(self, tc1: int, ts1: int, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: with tc1 = 0 a request, answered with the device
+        clock in tc1.
+
+        tc1                       : Device clock; 0 in a request. [ns] (type:int64_t)
+        ts1                       : Clock of who asks, given back. [ns] (type:int64_t)
+
+        """
+        self.send(self.timesync_encode(tc1, ts1), force_mavlink1=force_mavlink1)
+
+    def statustext_encode(self, severity: int, text: bytes, id: int = 0, chunk_seq: int = 0) -> MAVLink_statustext_message:
+        """
+        Standard message: a text for people; faults and what was refused.
+
+        severity                  : Severity. (type:uint8_t, values:MAV_SEVERITY)
+        text                      : Text, without terminator where it fills the field. (type:char)
+        id                        : Not used, 0. (type:uint16_t)
+        chunk_seq                 : Not used, 0. (type:uint8_t)
+
+        """
+        return MAVLink_statustext_message(severity, text, id, chunk_seq)
+
+    def statustext_send(self, severity: int, text: bytes, id: int = 0, chunk_seq: int = 0, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: a text for people; faults and what was refused.
+
+        severity                  : Severity. (type:uint8_t, values:MAV_SEVERITY)
+        text                      : Text, without terminator where it fills the field. (type:char)
+        id                        : Not used, 0. (type:uint16_t)
+        chunk_seq                 : Not used, 0. (type:uint8_t)
+
+        """
+        self.send(self.statustext_encode(severity, text, id, chunk_seq), force_mavlink1=force_mavlink1)
+
+    def setup_signing_encode(self, target_system: int, target_component: int, secret_key: Sequence[int], initial_timestamp: int) -> MAVLink_setup_signing_message:
+        """
+        Standard message: pairs the board with a key; a key of zeros, signed,
+        takes it away.
+
+        target_system             : System that is meant. (type:uint8_t)
+        target_component          : Component that is meant. (type:uint8_t)
+        secret_key                : Key. (type:uint8_t)
+        initial_timestamp         : Signatures must be younger, 10 us since 2015. (type:uint64_t)
+
+        """
+        return MAVLink_setup_signing_message(target_system, target_component, secret_key, initial_timestamp)
+
+    def setup_signing_send(self, target_system: int, target_component: int, secret_key: Sequence[int], initial_timestamp: int, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: pairs the board with a key; a key of zeros, signed,
+        takes it away.
+
+        target_system             : System that is meant. (type:uint8_t)
+        target_component          : Component that is meant. (type:uint8_t)
+        secret_key                : Key. (type:uint8_t)
+        initial_timestamp         : Signatures must be younger, 10 us since 2015. (type:uint64_t)
+
+        """
+        self.send(self.setup_signing_encode(target_system, target_component, secret_key, initial_timestamp), force_mavlink1=force_mavlink1)
+
+    def param_error_encode(self, target_system: int, target_component: int, param_id: bytes, param_index: int, error: int) -> MAVLink_param_error_message:
+        """
+        Standard message: why a parameter was not read or set.
+
+        target_system             : System that asked. (type:uint8_t)
+        target_component          : Component that asked. (type:uint8_t)
+        param_id                  : Id that was asked for. (type:char)
+        param_index               : Index that was asked for. (type:int16_t)
+        error                     : Why. (type:uint8_t, values:MAV_PARAM_ERROR)
+
+        """
+        return MAVLink_param_error_message(target_system, target_component, param_id, param_index, error)
+
+    def param_error_send(self, target_system: int, target_component: int, param_id: bytes, param_index: int, error: int, force_mavlink1: bool = False) -> None:
+        """
+        Standard message: why a parameter was not read or set.
+
+        target_system             : System that asked. (type:uint8_t)
+        target_component          : Component that asked. (type:uint8_t)
+        param_id                  : Id that was asked for. (type:char)
+        param_index               : Index that was asked for. (type:int16_t)
+        error                     : Why. (type:uint8_t, values:MAV_PARAM_ERROR)
+
+        """
+        self.send(self.param_error_encode(target_system, target_component, param_id, param_index, error), force_mavlink1=force_mavlink1)
 
     def esea_info_encode(self, tick_us: int, fault: int, steps: int, sequence_gaps: int, bad_frames: int, unknown_messages: int, lost_bytes: int, receive_buffer_bytes: int, empty_ticks: int, stack_bytes: int, stack_peak_bytes: int, content_hash: bytes, device: bytes, board: bytes) -> MAVLink_esea_info_message:
         """
@@ -1544,3 +2363,121 @@ class MAVLink(object):
 
         """
         self.send(self.esea_clock_encode(tick, lost_ticks, missed_runs, late_runs, dropped, refused, deadline_left, state), force_mavlink1=force_mavlink1)
+
+    def esea_stream_encode(self, interval: int, stream: int, task: int, choice: int, count: int, samples: int, result: int, signals: Sequence[int]) -> MAVLink_esea_stream_message:
+        """
+        Chooses what a stream samples, and how often; the board answers with
+        the same.
+
+        interval                  : Base ticks from one sample to the next; 0: no more. (type:uint16_t)
+        stream                    : Number of the stream, below 6. (type:uint8_t)
+        task                      : Number of the task whose runs are sampled. (type:uint8_t)
+        choice                    : Any number, to tell samples of this choice by. (type:uint8_t)
+        count                     : Values in a sample. (type:uint8_t)
+        samples                   : In the answer: samples that a message holds. (type:uint8_t)
+        result                    : In the answer: what became of it. (type:uint8_t, values:MAV_RESULT)
+        signals                   : What is sampled, by number: the values of the task's IN message, element by element, then those of its OUT message, both without the sequence. (type:uint8_t)
+
+        """
+        return MAVLink_esea_stream_message(interval, stream, task, choice, count, samples, result, signals)
+
+    def esea_stream_send(self, interval: int, stream: int, task: int, choice: int, count: int, samples: int, result: int, signals: Sequence[int], force_mavlink1: bool = False) -> None:
+        """
+        Chooses what a stream samples, and how often; the board answers with
+        the same.
+
+        interval                  : Base ticks from one sample to the next; 0: no more. (type:uint16_t)
+        stream                    : Number of the stream, below 6. (type:uint8_t)
+        task                      : Number of the task whose runs are sampled. (type:uint8_t)
+        choice                    : Any number, to tell samples of this choice by. (type:uint8_t)
+        count                     : Values in a sample. (type:uint8_t)
+        samples                   : In the answer: samples that a message holds. (type:uint8_t)
+        result                    : In the answer: what became of it. (type:uint8_t, values:MAV_RESULT)
+        signals                   : What is sampled, by number: the values of the task's IN message, element by element, then those of its OUT message, both without the sequence. (type:uint8_t)
+
+        """
+        self.send(self.esea_stream_encode(interval, stream, task, choice, count, samples, result, signals), force_mavlink1=force_mavlink1)
+
+    def esea_data_encode(self, time: int, sequence: int, interval: int, stream: int, choice: int, count: int, data: Sequence[int]) -> MAVLink_esea_data_message:
+        """
+        Samples of a stream.
+
+        time                      : Device clock at the first sample: base ticks since power-on, which no reset sets back. (type:uint64_t)
+        sequence                  : Base tick of the first sample's run. (type:uint32_t)
+        interval                  : Base ticks from one sample to the next. (type:uint16_t)
+        stream                    : Number of the stream. (type:uint8_t)
+        choice                    : Number that the stream was chosen with. (type:uint8_t)
+        count                     : Samples in this message. (type:uint8_t)
+        data                      : Samples, one behind the other; the four bytes of each value. (type:uint8_t)
+
+        """
+        return MAVLink_esea_data_message(time, sequence, interval, stream, choice, count, data)
+
+    def esea_data_send(self, time: int, sequence: int, interval: int, stream: int, choice: int, count: int, data: Sequence[int], force_mavlink1: bool = False) -> None:
+        """
+        Samples of a stream.
+
+        time                      : Device clock at the first sample: base ticks since power-on, which no reset sets back. (type:uint64_t)
+        sequence                  : Base tick of the first sample's run. (type:uint32_t)
+        interval                  : Base ticks from one sample to the next. (type:uint16_t)
+        stream                    : Number of the stream. (type:uint8_t)
+        choice                    : Number that the stream was chosen with. (type:uint8_t)
+        count                     : Samples in this message. (type:uint8_t)
+        data                      : Samples, one behind the other; the four bytes of each value. (type:uint8_t)
+
+        """
+        self.send(self.esea_data_encode(time, sequence, interval, stream, choice, count, data), force_mavlink1=force_mavlink1)
+
+    def esea_traffic_encode(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int) -> MAVLink_esea_traffic_message:
+        """
+        Counters of the link; on request.
+
+        stream_messages           : Messages of streams since power-on, filled. (type:uint32_t)
+        stream_dropped            : Messages of streams that found no room and were left out. (type:uint32_t)
+        paired                    : 1: only signed commands are taken, beside STOP. (type:uint32_t)
+        unsigned_refused          : Frames without a signature that needed one. (type:uint32_t)
+        bad_signatures            : Frames whose signature was wrong. (type:uint32_t)
+        replayed                  : Frames whose signature was good and old. (type:uint32_t)
+        parameters_refused        : Parameters that were not set. (type:uint32_t)
+
+        """
+        return MAVLink_esea_traffic_message(stream_messages, stream_dropped, paired, unsigned_refused, bad_signatures, replayed, parameters_refused)
+
+    def esea_traffic_send(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int, force_mavlink1: bool = False) -> None:
+        """
+        Counters of the link; on request.
+
+        stream_messages           : Messages of streams since power-on, filled. (type:uint32_t)
+        stream_dropped            : Messages of streams that found no room and were left out. (type:uint32_t)
+        paired                    : 1: only signed commands are taken, beside STOP. (type:uint32_t)
+        unsigned_refused          : Frames without a signature that needed one. (type:uint32_t)
+        bad_signatures            : Frames whose signature was wrong. (type:uint32_t)
+        replayed                  : Frames whose signature was good and old. (type:uint32_t)
+        parameters_refused        : Parameters that were not set. (type:uint32_t)
+
+        """
+        self.send(self.esea_traffic_encode(stream_messages, stream_dropped, paired, unsigned_refused, bad_signatures, replayed, parameters_refused), force_mavlink1=force_mavlink1)
+
+    def esea_key_encode(self, sequence: int, first: int, total: int, words: Sequence[int]) -> MAVLink_esea_key_message:
+        """
+        Part of a key frame: all that the next ticks come from.
+
+        sequence                  : Base tick at whose start it was taken. (type:uint32_t)
+        first                     : Number of the first word here. (type:uint32_t)
+        total                     : Words of the whole frame: params, then state, as in the C. (type:uint32_t)
+        words                     : As they lie in memory; 0 behind the last. (type:uint32_t)
+
+        """
+        return MAVLink_esea_key_message(sequence, first, total, words)
+
+    def esea_key_send(self, sequence: int, first: int, total: int, words: Sequence[int], force_mavlink1: bool = False) -> None:
+        """
+        Part of a key frame: all that the next ticks come from.
+
+        sequence                  : Base tick at whose start it was taken. (type:uint32_t)
+        first                     : Number of the first word here. (type:uint32_t)
+        total                     : Words of the whole frame: params, then state, as in the C. (type:uint32_t)
+        words                     : As they lie in memory; 0 behind the last. (type:uint32_t)
+
+        """
+        self.send(self.esea_key_encode(sequence, first, total, words), force_mavlink1=force_mavlink1)

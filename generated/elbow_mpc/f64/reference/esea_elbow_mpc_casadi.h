@@ -374,7 +374,7 @@ const casadi_int* esea_elbow_mpc_casadi_passivity_init_sparsity_out(casadi_int i
 int esea_elbow_mpc_casadi_passivity_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_passivity_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 #define esea_elbow_mpc_casadi_passivity_init_SZ_ARG 2
-#define esea_elbow_mpc_casadi_passivity_init_SZ_RES 11
+#define esea_elbow_mpc_casadi_passivity_init_SZ_RES 12
 #define esea_elbow_mpc_casadi_passivity_init_SZ_IW 0
 #define esea_elbow_mpc_casadi_passivity_init_SZ_W 0
 int esea_elbow_mpc_casadi_passivity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -391,8 +391,8 @@ const casadi_int* esea_elbow_mpc_casadi_passivity_step_sparsity_in(casadi_int i)
 const casadi_int* esea_elbow_mpc_casadi_passivity_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_passivity_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_passivity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_passivity_step_SZ_ARG 25
-#define esea_elbow_mpc_casadi_passivity_step_SZ_RES 19
+#define esea_elbow_mpc_casadi_passivity_step_SZ_ARG 26
+#define esea_elbow_mpc_casadi_passivity_step_SZ_RES 20
 #define esea_elbow_mpc_casadi_passivity_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_passivity_step_SZ_W 0
 int esea_elbow_mpc_casadi_cable_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -427,7 +427,7 @@ const casadi_int* esea_elbow_mpc_casadi_cable_step_sparsity_in(casadi_int i);
 const casadi_int* esea_elbow_mpc_casadi_cable_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_cable_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_cable_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_cable_step_SZ_ARG 14
+#define esea_elbow_mpc_casadi_cable_step_SZ_ARG 15
 #define esea_elbow_mpc_casadi_cable_step_SZ_RES 13
 #define esea_elbow_mpc_casadi_cable_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_cable_step_SZ_W 0

@@ -21,9 +21,9 @@ typedef struct __mavlink_esea_sense_out_t {
  float energy_J; /*<  energy given to the limb within the window; [J], range 0 to 269.306396*/
  float fault; /*<  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15*/
  float mode_held; /*<  mode that holds in this step; [dimensionless], range 0 to 2*/
- float damping_Nms_rad; /*<  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972*/
+ float damping_Nms_rad; /*<  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993*/
  float given_J; /*<  energy given beyond the wanted torque's; [J], range 0 to 120.119995*/
- float held_J; /*<  that, and what drive and command may still give; [J], range 0 to 172.595291*/
+ float held_J; /*<  that, and what drive and command may still give; [J], range 0 to 173.559555*/
  uint32_t encoder_motor_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_load_status; /*<  what is known of this sample; bits below*/
  uint32_t joint_status; /*<  what is known of this sample; bits below*/
@@ -156,9 +156,9 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
- * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
- * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -284,9 +284,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
- * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
- * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -415,9 +415,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
- * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
- * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -582,9 +582,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param energy_J  energy given to the limb within the window; [J], range 0 to 269.306396
  * @param fault  first reason of the latch, one of the FAULT numbers; 0 when released; [dimensionless], range 0 to 15
  * @param mode_held  mode that holds in this step; [dimensionless], range 0 to 2
- * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
- * @param held_J  that, and what drive and command may still give; [J], range 0 to 172.595291
+ * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -938,7 +938,7 @@ static inline float mavlink_msg_esea_sense_out_get_mode_held(const mavlink_messa
 /**
  * @brief Get field damping_Nms_rad from esea_sense_out message
  *
- * @return  damping added to what is wanted; [Nm s/rad], range 0 to 0.300299972
+ * @return  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  */
 static inline float mavlink_msg_esea_sense_out_get_damping_Nms_rad(const mavlink_message_t* msg)
 {
@@ -958,7 +958,7 @@ static inline float mavlink_msg_esea_sense_out_get_given_J(const mavlink_message
 /**
  * @brief Get field held_J from esea_sense_out message
  *
- * @return  that, and what drive and command may still give; [J], range 0 to 172.595291
+ * @return  that, and what drive and command may still give; [J], range 0 to 173.559555
  */
 static inline float mavlink_msg_esea_sense_out_get_held_J(const mavlink_message_t* msg)
 {
