@@ -13,7 +13,9 @@ run: setup
 	@$(BIN)/esea-gen build $(OUT)/hdrb/hdrb.toml --out $(OUT)/hdrb/generated
 	@$(BIN)/esea-gen report $(OUT)/hdrb/hdrb.toml --recording tests/data/hdrb/hdrb.toml --out $(OUT)/report.html --json $(OUT)/report.json
 	@$(BIN)/esea-gen report elbow --recording tests/data/hdrb/hdrb.toml --out $(OUT)/elbow.html --json $(OUT)/elbow.json
-	@echo "Open $(OUT)/report.html (the recorded rubber) and $(OUT)/elbow.html (the published elbow)."
+	@$(BIN)/esea-host demo --headless --seconds 8 --report $(OUT)/demo.png
+	@echo "Open $(OUT)/report.html (the recorded rubber), $(OUT)/elbow.html (the published elbow) and"
+	@echo "$(OUT)/demo.png (the controlled elbow on a simulated board, recorded in $(OUT)/demo.mcap and replayed to the bit)."
 
 test: setup style
 	@$(BIN)/esea-gen check
