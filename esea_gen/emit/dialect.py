@@ -27,8 +27,8 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.messages import (
     FIRST_ID,
     HEARTBEAT_EVERY,
-    STREAM_SPAN_MS,
     KEY_PART,
+    STREAM_SPAN_MS,
     STREAM_WORDS,
     STREAMS,
     ZERO_ROOM_RAD,
