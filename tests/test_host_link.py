@@ -281,14 +281,17 @@ class Proxy:
                 b.sendall(data)
         except OSError:
             pass
-        self.pull()
+        self._end((a, b))
 
     def close(self) -> None:
         self.listener.shutdown(socket.SHUT_RDWR)
         self.listener.close()
 
     def pull(self) -> None:
-        for link in self.links:
+        self._end(self.links)
+
+    def _end(self, links) -> None:
+        for link in links:
             with contextlib.suppress(OSError):
                 link.shutdown(socket.SHUT_RDWR)
             link.close()
