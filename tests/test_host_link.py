@@ -7,9 +7,11 @@ import contextlib
 import dataclasses
 import json
 import math
+import runpy
 import socket
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -279,14 +281,17 @@ class Proxy:
                 b.sendall(data)
         except OSError:
             pass
-        self.pull()
+        self._end((a, b))
 
     def close(self) -> None:
         self.listener.shutdown(socket.SHUT_RDWR)
         self.listener.close()
 
     def pull(self) -> None:
-        for link in self.links:
+        self._end(self.links)
+
+    def _end(self, links) -> None:
+        for link in links:
             with contextlib.suppress(OSError):
                 link.shutdown(socket.SHUT_RDWR)
             link.close()
@@ -379,3 +384,13 @@ def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
         assert recording.rows > 1000
     with pytest.raises(LinkError, match="did not start"):
         esea_host.open_device("sim:elbow_drive?person=tall")
+
+
+def test_the_example_runs(server, tmp_path):
+    example = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "host_trial.py"))
+    path = tmp_path / "a.mcap"
+    largest_Nm = asyncio.run(example["trial"](f"tcp:127.0.0.1:{server}", str(path)))
+    log = esea_host.open_log(path)
+    assert log.events("parameters")[0]["smc.lambda_1_s"] == 12
+    assert largest_Nm <= np.abs(log["sense_out"]["tau_Nm"]).max() + 0.5
+    assert len(log["sense_out"]) > 900

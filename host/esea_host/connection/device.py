@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import threading
+import time
 from collections.abc import Collection, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -95,8 +96,20 @@ class ConnectedDevice:
         return frame
 
     def _open_again(self) -> Transport:
+        # A link that breaks again while the board is asked who it is counts as not yet there.
+        deadline_s = time.monotonic() + MOST_AWAY_S
+        while True:
+            left_s = max(0.0, deadline_s - time.monotonic())
+            try:
+                return self._same_board(left_s)
+            except LinkError:
+                if self._closing or time.monotonic() + WAIT_S >= deadline_s:
+                    raise
+            time.sleep(0.2)
+
+    def _same_board(self, most_s: float) -> Transport:
         assert self.address is not None
-        transport = open_patiently(self.address, lambda: self._closing, MOST_AWAY_S)
+        transport = open_patiently(self.address, lambda: self._closing, most_s)
         try:
             found = identify(transport, self.identity.device.origin.removesuffix(".toml"))
             if found.content_hash != self.identity.content_hash:

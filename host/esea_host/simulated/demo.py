@@ -122,7 +122,7 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
         torque.plot(t_s, wanted, color=MODEL, lw=1.0, label="wanted")
         torque.plot(t_s, last["tau_Nm"], color=MEASURED, lw=1.3, label="sensed")
         torque.set(ylabel="torque [Nm]", title=f"Torque; error {rms_Nm:.3f} Nm rms")
-        torque.legend(ncols=2, loc="upper right")
+        torque.legend(ncols=2, loc="lower left")
         bend.plot(t_s, np.degrees(last["theta_rad"]), color=MEASURED, lw=1.2, label="deflection")
         joint_deg = np.degrees(last["theta_load_rad"])
         other = bend.twinx()
