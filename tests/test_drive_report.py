@@ -96,6 +96,11 @@ def test_per_cent_of_its_tables(findings, html):
             share = figure(row["error"]) / scales[row["Block"]][row["float32, worst"]]
             assert figure(row["% FS"]) == pytest.approx(100 * share, rel=0.06)
     assert shares >= 10
+    # The inverse is judged by the torque that its set-point gives back, of the device's full scale.
+    (inverse,) = (c for c in findings.to_dict()["checks"] if c.get("rule") == "residual")
+    assert inverse["block"] == "inverse"
+    assert inverse["percent"] == pytest.approx(100 * inverse["error"] / 4.47)
+    assert inverse["error"] > 0
     # A command that stands at its limit for a quarter of the time.
     tuning = findings.simulations["tuning"]
     (result,) = tuning.monte_carlo.results

@@ -116,7 +116,10 @@ def _checks(found: Findings) -> dict[str, Any]:
         row |= {"streams": len(of["f64"]), "steps": sum(c.steps for c in of["f64"])}
         row["bits_equal"] = all(c.bit_identical is not False for c in of["f64"])
         row["passed"] = all(c.passed for cs in of.values() for c in cs)
-        rows.append(row | _worst(found.verification.full_scales[block.name], of["f32"]))
+        # A residual is of the torque, which need be no output of the Block.
+        scales = {"tau_Nm": found.device.tau_full_scale_Nm}
+        scales |= found.verification.full_scales[block.name]
+        rows.append(row | _worst(scales, of["f32"]))
     return {"checks": rows}
 
 
@@ -124,7 +127,7 @@ def _worst(scales: dict[str, float], comparisons: list[Comparison]) -> dict[str,
     residuals = [(*c.residual, c.stream) for c in comparisons if c.residual is not None]
     if residuals:
         error, limit, stream = max(residuals, key=lambda r: r[:2])
-        percent = 100 * error / scales.get("tau_Nm", 1.0)
+        percent = 100 * error / scales["tau_Nm"]
         row = {"rule": "residual", "output": "tau_Nm", "error": error, "limit": limit}
         return row | {"percent": percent, "stream": stream}
     rules = ", ".join(sorted({c.rule for c in comparisons}))
