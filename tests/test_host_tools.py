@@ -14,7 +14,7 @@ from matplotlib.image import imread
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host import bench
+from esea_host.bench import link as bench
 from esea_host.cli import main
 from esea_host.recording.export import to_bids, to_csv, to_parquet
 from esea_host.recording.foreign import import_csv, read_mapping

@@ -19,8 +19,9 @@ from esea_gen.cli.options import (
     JsonOption,
     recorded_streams,
 )
-from esea_gen.cli.output import progress_bar, write_json
+from esea_gen.cli.output import progress_bar
 from esea_gen.errors import UserError
+from esea_gen.files import write_json
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
 
 if TYPE_CHECKING:

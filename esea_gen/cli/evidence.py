@@ -24,7 +24,8 @@ from esea_gen.cli.options import (
     chosen_formats,
     recorded_streams,
 )
-from esea_gen.cli.output import picture, progress_line, show, write_json
+from esea_gen.cli.output import picture, progress_line, show
+from esea_gen.files import write_json
 
 if TYPE_CHECKING:
     from esea_gen.device import Device

@@ -17,9 +17,10 @@ from esea_gen.cli.options import (
     chosen_formats,
     writable,
 )
-from esea_gen.cli.output import counted, picture, show, write_text
+from esea_gen.cli.output import counted, picture, show
 from esea_gen.cli.studies import CONTROLLER_HELP, Reproductions, SimulateCommand, StudyCommand
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 
 FEW_RUNS = 20  # a run takes half a second: a few are done before other processes have started
 ControllerOption = Annotated[
@@ -150,7 +151,7 @@ def simulate(
         )
     show(result, json_file)
     if csv_file is not None:
-        write_text(csv_file, result.csv())
+        write_whole(csv_file, result.csv())
     picture(figure, result.figure)
 
 

@@ -11,8 +11,9 @@ import typer
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
-from esea_gen.cli.output import progress_line, write_text
+from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 
 if TYPE_CHECKING:
     from esea_gen.device import Device
@@ -143,9 +144,9 @@ def new(
         raise UserError(f"{path} exists already.", "Give another file with --out, or move it away.")
     fresh = not beside.exists()
     if fresh:
-        write_text(beside, _schema_text())
+        write_whole(beside, _schema_text())
     # The first line tells editors where the schema is.
-    write_text(path, f"#:schema ./{SCHEMA_FILE}\n{device.toml()}")
+    write_whole(path, f"#:schema ./{SCHEMA_FILE}\n{device.toml()}")
     out.print(f"device file: {path}")
     out.print(f"schema for editors: {beside}{'' if fresh else ' (was there, left as it is)'}")
     out.print(f"Edit the numbers, their status and source, then: esea-gen build {path}")
@@ -168,4 +169,4 @@ def schema(
     if target is None:
         print(text, end="")
     else:
-        write_text(target, text)
+        write_whole(target, text)

@@ -11,9 +11,10 @@ import typer
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
-from esea_gen.cli.output import picture, progress_line, show, write_json, write_text
+from esea_gen.cli.output import picture, progress_line, show
 from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError
+from esea_gen.files import write_json, write_whole
 
 
 @app.command()
@@ -61,7 +62,7 @@ def identify(
     if page.is_dir():
         raise UserError(f"{page} is a folder.", "Give another --out folder.")
     path = result.write(target)
-    write_text(page, text)
+    write_whole(page, text)
     for line in [*result.summary(), *(refit.summary() if refit else [])]:
         out.print(line)
     out.print(f"device file: {path}")

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,26 +19,7 @@ from rich.progress import (
 
 from esea_gen.cli.app import err, out
 from esea_gen.errors import UserError
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", dir=path.parent, prefix=".esea-", delete=False, encoding="utf-8"
-        ) as scratch:
-            scratch.write(text)
-        os.chmod(scratch.name, 0o644)
-        try:
-            Path(scratch.name).replace(path)
-        except OSError:
-            Path(scratch.name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise UserError(
-            f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
-        ) from error
+from esea_gen.files import write_json
 
 
 @contextmanager
@@ -51,12 +29,6 @@ def progress_line() -> Iterator[Callable[[str], None]]:
     with Progress(*columns, console=err, transient=True) as p:
         task = p.add_task("starting", total=None)
         yield lambda text: p.update(task, description=text)
-
-
-def write_json(path: Path | None, content: Any) -> None:
-    """Write a result as JSON, if a file was named."""
-    if path is not None:
-        write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def progress_bar() -> Progress:

@@ -10,7 +10,8 @@ import typer
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import BoardOption, ControllerOption, DeviceArgument, JsonOption, writable
-from esea_gen.cli.output import progress_line, write_json, write_text
+from esea_gen.cli.output import progress_line
+from esea_gen.files import write_json, write_whole
 from esea_gen.targets import DEFAULT_BOARD
 
 
@@ -42,7 +43,7 @@ def report(
     target = page or Path(f"{loaded.name}.html")
     for line in found.summary():
         out.print(line)
-    write_text(target, found.html())
+    write_whole(target, found.html())
     out.print(f"report: {target}")
     write_json(json_file, found.to_dict())
     if not found.passed:

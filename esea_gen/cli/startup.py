@@ -10,9 +10,10 @@ import typer
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
-from esea_gen.cli.output import picture, progress_line, show, write_text
+from esea_gen.cli.output import picture, progress_line, show
 from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 
 
 def _folder(path: Path | None) -> Path | None:
@@ -80,7 +81,7 @@ def startup(
         if folder is not None:
             path = folder / result.updated.origin
             said = [result.verdict(), *(reason for reason, _ in result.reasons)]
-            write_text(path, device_text(loaded, result.updated, result.model, said))
+            write_whole(path, device_text(loaded, result.updated, result.model, said))
             out.print(f"device file: {path}")
         if figure is not None:
             from esea_gen.studies.startup.figure import startup_figure

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -65,21 +63,6 @@ def read_recording(
             "Needs torque_Nm, of the hands on the leg, positive towards bending.",
         )
     return LegRecording(time_s, angle, found[torque], height_m, mass_kg)
-
-
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file whole or not at all."""
-    data = content.encode() if isinstance(content, str) else content
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".esea-", delete=False) as scratch:
-            scratch.write(data)
-        os.chmod(scratch.name, 0o644)
-        Path(scratch.name).replace(path)
-    except OSError as error:
-        raise UserError(
-            f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
-        ) from error
 
 
 def from_recordings(folder: Path) -> ResponseDataBase:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen.errors import UserError
+from esea_gen.files import write_json, write_whole
 from esea_host.assess import NOTICE
 from esea_host.cli.app import app, out
 
@@ -43,13 +43,6 @@ def _data(path: Path | None) -> Any:
     from esea_host.assess.database import ResponseDataBase
 
     return ResponseDataBase.load(path) if path else cached(say=_say)
-
-
-def _write_json(path: Path | None, content: Any) -> None:
-    from esea_host.assess.files import write_whole
-
-    if path is not None:
-        write_whole(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 @assess.command()
@@ -93,7 +86,6 @@ def evaluate(
 ) -> None:
     """Judge the assessment on simulated patients drawn anew."""
     from esea_host.assess.evaluation import evaluate as meet_all
-    from esea_host.assess.files import write_whole
     from esea_host.assess.judge import judge, table
     from esea_host.assess.page import evaluation_page
 
@@ -103,7 +95,7 @@ def evaluate(
     out.print(NOTICE)
     for line in table(result):
         out.print(line)
-    _write_json(json_file, result)
+    write_json(json_file, result)
     if page is not None:
         write_whole(page, evaluation_page(result))
 
@@ -151,13 +143,12 @@ def run(
         sys.stdin if not recording else io.StringIO(),
         out.print,
     )
-    _write_json(json_file, session.to_dict())
+    write_json(json_file, session.to_dict())
     if page is not None:
         _write_page(page, session, who)
 
 
 def _write_page(path: Path, session: Any, who: str) -> None:
-    from esea_host.assess.files import write_whole
     from esea_host.assess.page import session_html
     from esea_host.assess.pictures import session_page
 
@@ -186,7 +177,7 @@ def pendulum(
     out.print("Not a medical device.")
     for line in found.sentences():
         out.print(line)
-    _write_json(json_file, {"notice": "Not a medical device."} | vars(found))
+    write_json(json_file, {"notice": "Not a medical device."} | vars(found))
 
 
 @assess.command("range")
@@ -200,7 +191,7 @@ def range_(
     ] = None,
 ) -> None:
     """Passive range of motion: how far, how stiff, and what the loop of torque loses."""
-    from esea_host.assess.files import read_recording, write_whole
+    from esea_host.assess.files import read_recording
     from esea_host.assess.motion_range import motion_range
     from esea_host.assess.pictures import loop_picture
 
@@ -209,7 +200,7 @@ def range_(
     for line in found.sentences():
         out.print(line)
     numbers = {k: v for k, v in vars(found).items() if isinstance(v, int | float)}
-    _write_json(json_file, {"notice": "Not a medical device."} | numbers)
+    write_json(json_file, {"notice": "Not a medical device."} | numbers)
     if figure is not None:
         buffer = io.BytesIO()
         loop_picture(found).savefig(buffer, format=figure.suffix[1:] or "png", dpi=150)
@@ -232,4 +223,4 @@ def validate(
     out.print(NOTICE)
     for line in table(found):
         out.print(line)
-    _write_json(json_file, found)
+    write_json(json_file, found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen.errors import UserError
+from esea_gen.files import write_json, write_whole
 from esea_host.cli.analyse import analyse
 from esea_host.cli.app import app, out
 
@@ -20,25 +20,6 @@ FigureOption = Annotated[
     Path | None, typer.Option("--figure", metavar="FILE", help="Picture: .png, .svg or .pdf.")
 ]
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file.")]
-
-
-def _write(path: Path | None, text: str) -> None:
-    if path is None:
-        return
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = path.with_name(f".{path.name}.part")
-        scratch.write_text(text, encoding="utf-8")
-        scratch.replace(path)
-    except OSError as error:
-        raise UserError(
-            f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
-        ) from None
-
-
-def _write_json(path: Path | None, content: Any) -> None:
-    if path is not None:
-        _write(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def _checked_figure(path: Path | None) -> None:
@@ -78,11 +59,11 @@ def interaction(
         raise UserError(f"{report}: a page ends in .html.", "Give another name.")
     found = analyse_interaction(folder)
     _say(lines(found))
-    _write_json(json_file, found.to_dict())
+    write_json(json_file, found.to_dict())
     if report is not None:
         from esea_host.interaction.page import render_report
 
-        _write(report, render_report(found))
+        write_whole(report, render_report(found))
 
 
 @analyse.command()
@@ -110,7 +91,7 @@ def loading(
         raise UserError(f"{file.name}: {error}.", "Give numbers.") from None
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
     _say(found.lines())
-    _write_json(json_file, found.to_dict())
+    write_json(json_file, found.to_dict())
     _draw(figure, loading_figure(theta - rest, tau, found))
 
 
@@ -122,7 +103,7 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
     _checked_figure(figure)
     found = read_survey(file)
     _say(found.lines())
-    _write_json(json_file, found.to_dict())
+    write_json(json_file, found.to_dict())
     _draw(figure, diverging_bars(found))
 
 
@@ -133,7 +114,7 @@ def comments(file: FileArgument, json_file: JsonOption = None) -> None:
 
     found = read_comments(file)
     _say(found.lines())
-    _write_json(json_file, found.to_dict())
+    write_json(json_file, found.to_dict())
 
 
 @analyse.command()
@@ -158,7 +139,7 @@ def power(
     for dz, p in found.powers.items():
         needed = found.needed.get(dz)
         out.print(f"  {dz} sd: power {p:.0%}; {needed or 'more than 2000'} people for 80 %")
-    _write_json(json_file, found.to_dict())
+    write_json(json_file, found.to_dict())
 
 
 @app.command()
@@ -179,4 +160,4 @@ def smoothness(
 
     found = measure_file(file, column, time, stop_Hz, last_s)
     _say(found.lines())
-    _write_json(json_file, found.to_dict())
+    write_json(json_file, found.to_dict())

@@ -13,6 +13,7 @@ from rich.live import Live
 from rich.table import Table as Grid
 
 from esea_gen.errors import UserError
+from esea_gen.files import write_json
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption, SecondsOption, StreamOption
 from esea_host.connection import ConnectedDevice, Subscription, open_device
@@ -165,7 +166,7 @@ def parameters(
             out.print(f"{full}: {values[full]:g} -> {value:g} {known[full].unit}")
             values[full] = board.set(full, value)
         if save is not None:
-            save.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+            write_json(save, values)
             out.print(f"{save}: {len(values)} parameters")
         if not wanted and save is None:
             for name, p in known.items():

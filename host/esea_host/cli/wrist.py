@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +10,7 @@ import typer
 from rich.table import Table
 
 from esea_gen.errors import UserError
+from esea_gen.files import write_json, write_whole
 from esea_host.cli.analyse import analyse as analyse_app
 from esea_host.cli.app import out
 from esea_host.cli.study import study_app
@@ -106,9 +106,7 @@ def _compare(folder: Path, participants: int, seed: int, jobs: int, to_json: Pat
     for x in found:
         for reason in x.refused:
             out.print(f"{x.method}: ended early: {reason}")
-    if to_json:
-        text = json.dumps({"simulated": True, "methods": [x.to_dict() for x in found]}, indent=1)
-        to_json.write_text(text + "\n", encoding="utf-8")
+    write_json(to_json, {"simulated": True, "methods": [x.to_dict() for x in found]})
 
 
 @analyse_app.command("wrist")
@@ -146,11 +144,9 @@ def _shown(
         "Medians; two-sided Wilcoxon signed-rank test, exact, zero differences dropped; Holm over "
         "each table; effect: rank-biserial correlation."
     )
-    if to_json:
-        text = json.dumps(result.to_dict(), indent=1, sort_keys=True)
-        to_json.write_text(text + "\n", encoding="utf-8")
+    write_json(to_json, result.to_dict())
     if report:
-        report.write_text(page(result), encoding="utf-8")
+        write_whole(report, page(result))
     if csv:
         import pandas as pd
 

@@ -1,4 +1,4 @@
-"""Figures of the host tool: ``python -m esea_host.bench --json FILE``.
+"""Figures of link and recording: ``python -m esea_host.bench --json FILE``.
 
 All on the simulated board.  What is compared is compared in the same run, on the same bytes.
 """
@@ -304,7 +304,3 @@ def main() -> None:
     print(text)
     if given.json is not None:
         given.json.write_text(text + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
