@@ -194,7 +194,7 @@ BOARDS = {
             ram_bytes=128 << 10,
             uses=("instructions",),
             # Of its memory the black box takes what the application and the stack leave.
-            app_flags=("-DESEA_BLACKBOX_BYTES=104000u",),
+            app_flags=("-DESEA_BLACKBOX_BYTES=96000u",),
         ),
         Board(
             "host",
