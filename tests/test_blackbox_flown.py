@@ -263,7 +263,7 @@ def test_its_size_is_known_before_it_is_built(drive, powered):
 def test_a_board_with_less_memory_remembers_less(drive, tmp_path):
     """The drive's two seconds fit; of predictive control, with its previews, less does."""
     require_tool("arm-none-eabi-gcc")
-    most = 104000
+    most = 96000
     assert f"-DESEA_BLACKBOX_BYTES={most}u" in BOARDS["netduinoplus2"].app_flags
     for device, held in ((drive, 2000), (load_device("elbow_mpc"), None)):
         image = build_firmware(device, "netduinoplus2", tmp_path)
