@@ -30,7 +30,9 @@ def element_library(element: str) -> HostLibrary:
     blocks = {"sensor": device.sensor}
     outputs = {"tau_Nm": "sensor.tau_Nm"}
     name = f"{device.name}_rig"
-    return compile_system(System(name, device.period_s, blocks, (task,), {}, inputs, outputs), "f64")
+    return compile_system(
+        System(name, device.period_s, blocks, (task,), {}, inputs, outputs), "f64"
+    )
 
 
 @cache

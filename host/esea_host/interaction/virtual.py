@@ -23,6 +23,8 @@ from esea_host.study.task import Situation, StudyTask
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 PREFIX = "interaction."
+# Analysed of each task, as published.
+LAST_S = 45.0
 
 
 class RigSource(PersonSource):
@@ -90,7 +92,7 @@ def run_crossover(
     jobs: int = 1,
     model: PersonModel | None = None,
     protocol: Protocol | None = None,
-    last_s: float = 45.0,
+    last_s: float | None = None,
 ) -> list[str]:
     """The cross-over with virtual participants, ready for ``analyse interaction``.
 
@@ -108,8 +110,8 @@ def run_crossover(
         The people, other than the default ones.
     protocol : Protocol, optional
         Another one of these tasks, with the same two groups.
-    last_s : float
-        Analysed of each task.
+    last_s : float, optional
+        Analysed of each task, other than the published 45 s.
 
     Returns
     -------
@@ -121,7 +123,7 @@ def run_crossover(
         element_library(element)  # compiled once, before the processes start
     people = RigPeople(seed, model or PersonModel(), folder)
     early = run_everybody(folder, asked, participants, people, jobs)
-    write_manifest(folder, last_s)
+    write_manifest(folder, LAST_S if last_s is None else last_s)
     return early
 
 
