@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from joblib import parallel_config
 from scipy.integrate import solve_ivp
 
 from esea_gen.errors import UserError
@@ -273,7 +274,7 @@ LIMP = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_a_hand_on_the_spring_is_an_oscillator(gcc):
-    """Published stiffness, no damping: its period, and a tenth of a second against scipy."""
+    """Published stiffness, no damping: its period, and its way by the closed form."""
     k, inertia = math.degrees(0.0502), FREE.inertia_kgm2 + HANDLE_KGM2
     rig = ElementRig("spring", FREE)
     rig.omega_rad_s = 2.0
@@ -282,7 +283,7 @@ def test_a_hand_on_the_spring_is_an_oscillator(gcc):
     t = np.arange(1, 1001) / 1000
     exact = 2.0 / w * np.sin(w * t)
     assert read == pytest.approx(exact, abs=0.035 * 2.0 / w)  # symplectic steps of 1 ms
-    half = np.flatnonzero(np.diff(np.sign(read)))
+    half = np.flatnonzero(np.diff(np.array(read) >= 0))
     assert np.mean(np.diff(half)) / 1000 == pytest.approx(math.pi / w, rel=2e-3)
     # Whole counts of 14 bits.
     counts = np.array(read) * 2**14 / (2 * np.pi)
@@ -307,9 +308,10 @@ def test_the_elastomer_damps_and_holds_as_stiffly(gcc):
 
 def test_more_than_the_law_knows_is_refused(gcc):
     rig = ElementRig("spring", FREE)
+    for _ in range(5):
+        rig.advance((8.0, 0.5, 0.3, 0.3, 9.0))
     with pytest.raises(UserError, match=r"its law goes to 20\.1 deg"):
-        for _ in range(100):
-            rig.advance((20.0, 0.5, 0.6, 0.6, 9.0))
+        _ = [rig.advance((20.0, 0.5, 0.6, 0.6, 9.0)) for _ in range(100)]
 
 
 def test_a_person_brings_a_lost_paddle_back_after_a_while(gcc):
@@ -402,18 +404,16 @@ def test_it_ends_in_the_analysis_and_says_what_it_is(studied):
     assert "(simulated)" not in render_report(real)
 
 
-def test_the_number_of_workers_changes_nothing(tmp_path, studied):
-    """And another seed does."""
+def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
+    """And another seed does.  Threads, who share more than processes do."""
     found = []
-    for name, seed, jobs in (("a", 1, 2), ("b", 2, 1)):
+    for name, seed, jobs in (("a", 1, 1), ("b", 1, 2), ("c", 2, 1)):
         folder = tmp_path / name
-        run_crossover(folder, 2, seed, jobs, protocol=short(seed, 2.0), last_s=1.0)
-        found.append(b"".join(p.read_bytes() for p in sorted(folder.glob("*/*/encoder-*.csv"))))
-    folder = tmp_path / "c"
-    run_crossover(folder, 2, 1, 1, protocol=short(1, 2.0), last_s=1.0)
-    again = b"".join(p.read_bytes() for p in sorted(folder.glob("*/*/encoder-*.csv")))
-    assert again == found[0]
-    assert again != found[1]
+        with parallel_config(backend="threading"):
+            run_crossover(folder, 2, seed, jobs, protocol=short(seed, 2.0), last_s=1.0)
+        found.append(b"".join(p.read_bytes() for p in sorted(folder.glob("*/*/*.*"))))
+    assert found[0] == found[1]
+    assert found[0] != found[2]
 
 
 def test_a_person_who_stopped_early_is_left_out_by_name(studied, tmp_path):

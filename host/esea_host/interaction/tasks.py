@@ -110,7 +110,7 @@ def screen_deg(target: str) -> float:
 
 
 @register
-class Tracking(_InteractionTask):
+class TargetTracking(_InteractionTask):
     """Trajectory tracking, and the familiarisation."""
 
     name = "interaction.tracking"
