@@ -277,7 +277,7 @@ class Pong(_InteractionTask):
         y, half = state.paddle_y, state.parameters.half_paddle
         ball = Shape("disc", "target", state.ball_x, state.ball_y, state.parameters.half_ball)
         bar = Shape("line", "cursor", PADDLE_X, y - half, 0.02, PADDLE_X, y + half)
-        return Scene((bar, ball), (), 1.0)
+        return Scene((bar, ball), (Text("pong"),), 1.0)
 
 
 def _served(state: PongState) -> PongState:
