@@ -22,7 +22,13 @@ from esea_host.interaction.page import render_report
 from esea_host.interaction.player import RigPlayer, _folded
 from esea_host.interaction.recordings import read_angle, read_manifest
 from esea_host.interaction.rig import HANDLE_KGM2, ElementRig
-from esea_host.interaction.virtual import PROTOCOL, run_crossover, write_manifest
+from esea_host.interaction.virtual import (
+    PROTOCOL,
+    RigPeople,
+    RigSource,
+    run_crossover,
+    write_manifest,
+)
 from esea_host.interaction.words import lines
 from esea_host.people.person import Limb, PersonModel, person
 from esea_host.statistics import standardised_difference
@@ -329,6 +335,33 @@ def test_a_person_brings_a_lost_paddle_back_after_a_while(gcc):
             when = time_s
             break
     assert when == pytest.approx(3.0, abs=0.1)
+
+
+def test_the_trial_says_which_element_is_in_and_only_whole_trials_are_kept(gcc, tmp_path):
+    source = RigSource(person(np.random.default_rng(1), PersonModel()), tmp_path)
+    for element in ("elastomer", "spring"):
+        task, state = begun("tracking", element=element)
+        hand = source.hand(task, Situation(state.parameters, element, (), 1), 1)
+        assert hand.rig.element == element
+        hand.react(Scene(), {})
+    for state in ("aborted", "failed"):
+        source.over(1, state)
+    assert list(tmp_path.iterdir()) == []
+    source.over(2, "completed")
+    (kept,) = tmp_path.iterdir()
+    assert kept.name == "encoder-2.csv"
+    assert kept.read_text().startswith("# simulated\ntime_s,theta_rad\n0.001,")
+    assert len(read_angle(kept)[0]) == 10
+
+
+def test_the_same_person_comes_to_both_blocks(tmp_path):
+    """Another participant, and another study's, is another person."""
+    source = RigPeople(1, PersonModel(), tmp_path)(0)
+    who = source(0, 0.0).who
+    assert source(1, 0.0).who is who
+    for seed, index in ((1, 1), (2, 0)):
+        other = RigPeople(seed, PersonModel(), tmp_path)(index)(0, 0.0).who
+        assert other.model.delay_s != who.model.delay_s
 
 
 def test_where_a_bouncing_ball_will_be():

@@ -63,7 +63,7 @@ class ElementRig:
         self._in, self._out = ffi.new(f"{prefix}_sense_in_t *"), ffi.new(f"{prefix}_sense_out_t *")
         self._h, self._counts = library.system.base_period_s, counts_per_rad(element)
         self._most_rad = element_device(element).sensor.inputs[0].high
-        self._element = element
+        self.element = element
         self.theta_rad = self.omega_rad_s = self.tau_Nm = 0.0
 
     @property
@@ -100,7 +100,7 @@ class ElementRig:
         self.omega_rad_s, self.tau_Nm = omega, tau
         if abs(theta) > self._most_rad:
             raise UserError(
-                f"The {self._element} is bent by {math.degrees(theta):.1f} deg, its law goes to "
+                f"The {self.element} is bent by {math.degrees(theta):.1f} deg, its law goes to "
                 f"{math.degrees(self._most_rad):.1f} deg.",
                 "Ask people for less motion.",
             )
