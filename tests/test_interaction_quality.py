@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from esea_gen.errors import UserError
 from esea_host.cli import main
-from esea_host.interaction import analysis, tasks
+from esea_host.interaction import analysis
 from esea_host.interaction.analysis import analyse_interaction
 from esea_host.interaction.comments import read_comments
 from esea_host.interaction.design import element_of
@@ -604,114 +603,3 @@ def test_the_other_commands(tmp_path, monkeypatch, capsys):
         code, shown, error = command(monkeypatch, capsys, *bad)
         assert (code, shown) == (2, "")
         assert "Traceback" not in error
-
-
-# -- tasks ----------------------------------------------------------------------------------------
-
-
-def test_the_target_is_equation_6_1():
-    for t in (0.0, 0.3, 1.0, 7.7):
-        expected = sum(0.04 * math.sin(2 * math.pi * f * t) for f in (0.1, 0.2, 0.4, 0.5))
-        assert tasks.tracked_rad(t) == pytest.approx(expected, abs=1e-15)
-    assert tasks.tracked_rad(10.0) == pytest.approx(0.0, abs=1e-12)  # it repeats
-    assert tasks.familiar_rad(1.25) == pytest.approx(math.radians(10))
-
-
-def test_the_paddle_is_its_equation():
-    """Against a stiff integrator, with one step and with a thousand."""
-    c, inertia, force = 0.011, 1e-5, 0.03
-
-    def right(_, y):
-        return [y[1], (force - c * y[1]) / inertia]
-
-    exact = solve_ivp(right, (0, 0.05), [0.2, -4.0], method="Radau", rtol=1e-10, atol=1e-12)
-    start = tasks.Paddle(0.2, -4.0)
-    once = tasks.paddle_step(start, force, 0.05)
-    many = start
-    for _ in range(1000):
-        many = tasks.paddle_step(many, force, 5e-5)
-    for found in (once, many):
-        assert found.x == pytest.approx(exact.y[0, -1], rel=1e-7)
-        assert found.speed_1_s == pytest.approx(exact.y[1, -1], rel=1e-7)
-    # Nearly x' = 90.9 F after a few milliseconds.
-    assert once.speed_1_s == pytest.approx(90.909 * force, rel=1e-4)
-
-
-@given(st.floats(-0.5, 0.5), st.floats(1e-6, 0.1), st.integers(1, 7))
-def test_a_step_may_be_cut_anywhere(force, step, parts):
-    whole = tasks.paddle_step(tasks.Paddle(0.1, 2.0), force, step)
-    piece = tasks.Paddle(0.1, 2.0)
-    for _ in range(parts):
-        piece = tasks.paddle_step(piece, force, step / parts)
-    assert piece.x == pytest.approx(whole.x, abs=1e-12)
-    assert piece.speed_1_s == pytest.approx(whole.speed_1_s, abs=1e-10)
-
-
-def play(seed, until_s=40.0, hand=None, step_s=0.01):
-    state, events = tasks.PongState(seed=seed), []
-    for k in range(1, round(until_s / step_s)):
-        theta = 0.0 if hand is None else hand(state)
-        done = tasks.pong_step(state, k * step_s, {"theta_rad": theta})
-        state, events = done.state, events + list(done.events)
-    return state, events
-
-
-def test_a_good_player_saves_more_and_the_game_replays():
-    still, _ = play(3)
-    good, events = play(3, hand=lambda s: 0.3 * (s.ball_y - s.paddle.x))
-    assert good.score > 0.9 > still.score
-    assert events.count("saved") == good.saved
-    assert events.count("served") == good.serves == good.missed + 1
-    assert play(3, hand=lambda s: 0.3 * (s.ball_y - s.paddle.x))[0] == good
-    assert play(4)[0] != still
-    assert abs(good.ball_y) <= 1
-    assert -1 <= good.ball_x <= 1
-
-
-def test_the_ball_does_not_pass_through_a_wall_at_a_late_step():
-    """Half a second in one step, or in fifty: the same place."""
-    hand = {"theta_rad": 0.0}
-    one = tasks.pong_step(tasks.PongState(seed=1), 0.0, hand).state
-    whole = tasks.pong_step(one, 1.1, hand).state
-    piece = one
-    for k in range(1, 111):
-        piece = tasks.pong_step(piece, k * 0.01, hand).state
-    assert whole.ball_x == pytest.approx(piece.ball_x, abs=1e-9)
-    assert whole.ball_y == pytest.approx(piece.ball_y, abs=1e-9)
-
-
-def test_a_lost_paddle_is_recentred_on_request():
-    state, events = play(1, until_s=3.0, hand=lambda _: 0.2)
-    assert state.lost
-    assert events.count("paddle_lost") == 1
-    done = tasks.pong_step(state, 3.0, {"theta_rad": 0.0, "recentre": 1.0})
-    assert done.events == ("paddle_recentred",)
-    assert done.state.paddle == tasks.Paddle()
-    assert done.requests == {}
-
-
-@pytest.mark.parametrize("step", [tasks.pong_step, tasks.tracking_step])
-def test_a_pause_stops_the_task_and_no_time_goes_back(step):
-    begin = tasks.PongState(seed=1) if step is tasks.pong_step else tasks.TrackingState()
-    moving = step(begin, 1.0, {"theta_rad": 0.01}).state
-    held = step(moving, 1.5, {"theta_rad": 0.2, "pause": 1.0})
-    assert held.events == ("paused",)
-    back = {"last_s": moving.last_s, "paused": False}
-    assert dataclasses.replace(held.state, **back) == moving
-    on = step(held.state, 1.5, {"theta_rad": 0.01})
-    assert on.events == ("resumed",)
-    with pytest.raises(ValueError, match="goes back"):
-        step(moving, 0.5, {"theta_rad": 0.0})
-
-
-def test_the_score_of_tracking():
-    """Perfect is 0; a steady offset is that offset."""
-    state = tasks.TrackingState()
-    for k in range(1, 500):
-        state = tasks.tracking_step(
-            state, k * 0.01, {"theta_rad": tasks.tracked_rad(k * 0.01) + 0.02}
-        ).state
-    assert state.rms_error_rad == pytest.approx(0.02)
-    scene = tasks.tracking_step(state, 5.0, {"theta_rad": 0.1}).scene
-    assert {m.role for m in scene} == {"target", "cursor"}
-    assert all(abs(m.x) <= 1 for m in scene)

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.cli import app
+from esea_host.people.person import Limb, PersonModel, minimum_jerk, person
 from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import parse_protocol
@@ -24,8 +25,7 @@ from esea_host.wrist.compared import outcome
 from esea_host.wrist.figures import distributions, maps
 from esea_host.wrist.metrics import after_effect_deg, dominant, learning, median_peak, tracking
 from esea_host.wrist.past import calibrated, cursor_maps
-from esea_host.wrist.person import PersonModel, minimum_jerk, person
-from esea_host.wrist.rig import Limb, Rig
+from esea_host.wrist.rig import Rig
 from esea_host.wrist.target import Moving, advance, target_distance_deg
 from esea_host.wrist.virtual import PROTOCOL, all_rows, run_study, wrist_protocol
 

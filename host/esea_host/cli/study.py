@@ -30,16 +30,22 @@ SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which sess
 SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
 
 
+def _known_tasks() -> None:
+    # The shipped tasks register themselves.
+    import esea_host.interaction
+    import esea_host.wrist  # noqa: F401
+
+
 @study_app.command("check")
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file.")],
     task: TaskOption = None,
 ) -> None:
     """Check a protocol file and say in plain words what it asks of people, with its duration."""
-    import esea_host.wrist  # noqa: F401  its tasks register themselves
     from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
 
+    _known_tasks()
     out.print(explain(load_protocol(file, task or [])))
 
 
@@ -51,10 +57,10 @@ def create(
     simulated: Annotated[bool, typer.Option("--simulated", help="No real people in it.")] = False,
 ) -> None:
     """Make a study's folder from a protocol."""
-    import esea_host.wrist  # noqa: F401
     from esea_host.study.folder import StudyFolder
     from esea_host.study.protocol import load_protocol
 
+    _known_tasks()
     StudyFolder.create(folder, load_protocol(file, task or []), simulated)
     out.print(f"{folder}: ready; next: esea-host study enrol {folder} P01 --consent")
 
@@ -223,7 +229,7 @@ def export(
 
 
 def _opened(folder: Path) -> StudyFolder:
-    import esea_host.wrist  # noqa: F401
     from esea_host.study.folder import StudyFolder
 
+    _known_tasks()
     return StudyFolder.open(folder)

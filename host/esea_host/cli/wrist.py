@@ -1,19 +1,16 @@
-"""``study virtual`` and ``analyse wrist``: virtual participants, and the wrist study's tables."""
+"""``analyse wrist``: the wrist study's tables, and its methods compared."""
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
-from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
 from esea_host.cli.analyse import analyse as analyse_app
 from esea_host.cli.app import out
-from esea_host.cli.study import study_app
 
 if TYPE_CHECKING:
     from esea_host.wrist.analysis import WristResult
@@ -27,59 +24,9 @@ CsvOption = Annotated[
 ]
 
 
-@study_app.command("virtual")
-def virtual(
-    study: Annotated[str, typer.Argument(metavar="STUDY", help="wrist, or a protocol file.")],
-    participants: Annotated[int, typer.Option("--participants", min=1, max=10000)] = 10,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed, the same study.")] = 1,
-    jobs: Annotated[
-        int, typer.Option("--jobs", help="Processes; the result does not depend on it.")
-    ] = -1,
-    method: Annotated[
-        str, typer.Option("--method", help="Wrist: normalisation none, linear, published or rbf.")
-    ] = "rbf",
-    compare: Annotated[
-        bool, typer.Option("--compare", help="Wrist: the study under every method.")
-    ] = False,
-    keep: Annotated[
-        Path | None, typer.Option("--keep", metavar="FOLDER", help="Keep the study's folder.")
-    ] = None,
-    to_json: JsonOption = None,
-    report: ReportOption = None,
+def compare_wrist(
+    folder: Path, participants: int, seed: int, jobs: int, to_json: Path | None
 ) -> None:
-    """A whole study with virtual participants; all that comes of it is simulated."""
-    from esea_host.wrist.analysis import analyse
-    from esea_host.wrist.past import METHODS
-    from esea_host.wrist.virtual import run_study
-
-    if method not in METHODS:
-        raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = keep or Path(scratch) / "study"
-        if study != "wrist":
-            early = _any_protocol(Path(study), folder, participants, seed, jobs)
-        elif compare:
-            _compare(folder, participants, seed, jobs, to_json)
-            return
-        else:
-            early = run_study(folder, participants, seed, jobs, method)
-            _shown(analyse(folder), to_json, report, None)
-        for reason in early:
-            out.print(f"ended early: {reason}")
-
-
-def _any_protocol(path: Path, folder: Path, participants: int, seed: int, jobs: int) -> list[str]:
-    from esea_host.study.folder import StudyFolder
-    from esea_host.study.many import EveryTask, run_everybody
-    from esea_host.study.protocol import load_protocol
-
-    early = run_everybody(folder, load_protocol(path), participants, EveryTask(seed), jobs)
-    rows = sum(len(StudyFolder.open(folder).rows(f"V{k + 1:03d}")) for k in range(participants))
-    out.print(f"{participants} SIMULATED participants: {rows} trials completed")
-    return early
-
-
-def _compare(folder: Path, participants: int, seed: int, jobs: int, to_json: Path | None) -> None:
     from esea_host.wrist.compared import compare_methods
     from esea_host.wrist.figures import number
 
@@ -120,12 +67,13 @@ def analyse_wrist(
     import esea_host.wrist  # noqa: F401
     from esea_host.wrist.analysis import analyse
 
-    _shown(analyse(folder), to_json, report, csv)
+    shown_wrist(analyse(folder), to_json, report, csv)
 
 
-def _shown(
+def shown_wrist(
     result: WristResult, to_json: Path | None, report: Path | None, csv: Path | None
 ) -> None:
+    """The wrist study's tables, on the screen and in files."""
     from esea_host.wrist.figures import COLUMNS, cells, page
 
     mark = "SIMULATED participants" if result.simulated else "participants"

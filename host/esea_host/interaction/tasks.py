@@ -1,47 +1,52 @@
-"""The tasks' mathematics: pure steps ``(state, time, inputs) -> (state, scene, requests, events)``.
+"""The tasks of the cross-over.  Input ``theta_rad``: the wrist's angle as the encoder has it.
 
-No clock, no window, no file; random numbers from the seed in the state.  Lengths in the scene are
-shares of half its width: 1 is the edge.  Requests are empty: both tasks only look at the wrist.
+``pause`` above 0 holds a task, ``recentre`` brings a lost paddle back; both may be left out.
+Lengths in a scene are shares of half its width: 1 is the edge.  Nothing is asked of the device,
+for it has no motor: what differs is the element that was built in.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-S = TypeVar("S")
+from esea_host.interaction.simple_player import SimplePlayer
+from esea_host.study.scene import Scene, Shape, Text
+from esea_host.study.task import (
+    Actor,
+    DataColumn,
+    Inputs,
+    Situation,
+    StudyTask,
+    TaskBrokenError,
+    TaskEvent,
+    TaskParameters,
+    TaskStep,
+    TrialOutcome,
+    register,
+)
 
 # Equation 6.1, rad (the unit is our reading), and Hz.
 TRACKED_RAD, TRACKED_HZ = 0.04, (0.1, 0.2, 0.4, 0.5)
 FAMILIAR_RAD, FAMILIAR_HZ = math.radians(10.0), 0.2
 # Equation 6.2.
 DAMPING_NMS_RAD, INERTIA_KGM2 = 0.011, 1e-5
+# Where the largest target stands on the screen.
+TARGET_SHARE = 0.8
+ELEMENT = DataColumn("element", str, "which compliant element was built in")
 
 
-@dataclass(frozen=True)
-class Mark:
-    """A shape of the scene: kind (disc, bar), role of colour, centre, half its size."""
+class WithElement(TaskParameters):
+    """What every task is told."""
 
-    kind: str
-    role: str
-    x: float
-    y: float
-    half_width: float
-    half_height: float
-
-
-@dataclass(frozen=True)
-class PureStep(Generic[S]):
-    """What a step gives: the next state and scene, requests to the device, events by name."""
-
-    state: S
-    scene: tuple[Mark, ...]
-    requests: Mapping[str, float]
-    events: tuple[str, ...]
+    element: Literal["spring", "elastomer", "equal"] = Field(
+        "spring", description="the element in the rig: spring, elastomer or equal"
+    )
+    seconds: float = Field(75.0, ge=1, le=600, description="how long, pauses left out")
 
 
 def tracked_rad(time_s: float) -> float:
@@ -54,17 +59,33 @@ def familiar_rad(time_s: float) -> float:
     return FAMILIAR_RAD * math.sin(2 * math.pi * FAMILIAR_HZ * time_s)
 
 
+class _InteractionTask(StudyTask):
+    def longest_s(self, parameters: Any) -> float:
+        return float(parameters.seconds)
+
+    def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
+        return SimplePlayer(rng)
+
+
 # -- tracking -------------------------------------------------------------------------------------
+
+
+class TrackingParameters(WithElement):
+    """Which target."""
+
+    target: Literal["four sines", "one sine"] = Field(
+        "four sines", description='"four sines" of equation 6.1, or "one sine" to get used to it'
+    )
 
 
 @dataclass(frozen=True)
 class TrackingState:
-    """State: the clock of the target stands still in a pause.
+    """The clock of the target stands still in a pause.
 
     elapsed_s: of the target; squared_rad2_s: integral of the squared error, for the score.
     """
 
-    familiarisation: bool = False
+    parameters: TrackingParameters
     last_s: float = 0.0
     elapsed_s: float = 0.0
     squared_rad2_s: float = 0.0
@@ -73,7 +94,8 @@ class TrackingState:
     @property
     def target_rad(self) -> float:
         """Where the wrist should be."""
-        return (familiar_rad if self.familiarisation else tracked_rad)(self.elapsed_s)
+        four = self.parameters.target == "four sines"
+        return (tracked_rad if four else familiar_rad)(self.elapsed_s)
 
     @property
     def rms_error_rad(self) -> float:
@@ -81,25 +103,48 @@ class TrackingState:
         return math.sqrt(self.squared_rad2_s / self.elapsed_s) if self.elapsed_s > 0 else 0.0
 
 
-def tracking_step(
-    state: TrackingState, time_s: float, inputs: Mapping[str, float]
-) -> PureStep[TrackingState]:
-    """One step of tracking.  Inputs: ``theta_rad``; ``pause`` above 0 holds the target."""
-    step_s = _elapsed(state.last_s, time_s)
-    paused = inputs.get("pause", 0.0) > 0
-    events = _paused(state.paused, paused)
-    moved = replace(state, last_s=time_s, paused=paused)
-    if not paused:
-        moved = replace(moved, elapsed_s=state.elapsed_s + step_s)
-        error = inputs["theta_rad"] - moved.target_rad
-        moved = replace(moved, squared_rad2_s=state.squared_rad2_s + error**2 * step_s)
-    # The largest target: four amplitudes, or one of the familiarisation's.
-    full = FAMILIAR_RAD if state.familiarisation else len(TRACKED_HZ) * TRACKED_RAD
-    scene = (
-        Mark("disc", "target", 0.8 * moved.target_rad / full, 0.0, 0.05, 0.05),
-        Mark("disc", "cursor", 0.8 * inputs["theta_rad"] / full, 0.0, 0.03, 0.03),
+def screen_deg(target: str) -> float:
+    """Angle at the edge of the screen."""
+    four = target == "four sines"
+    return math.degrees(len(TRACKED_HZ) * TRACKED_RAD if four else FAMILIAR_RAD) / TARGET_SHARE
+
+
+@register
+class TargetTracking(_InteractionTask):
+    """Trajectory tracking, and the familiarisation."""
+
+    name = "interaction.tracking"
+    title = "Follow a target with the wrist"
+    Parameters = TrackingParameters
+    columns = (
+        ELEMENT,
+        DataColumn("target", str, "four sines or one sine"),
+        DataColumn("seconds", float, "how long, pauses left out"),
+        DataColumn("rms_error_deg", float, "the score: root mean square error"),
     )
-    return PureStep(moved, scene, {}, events)
+
+    def begin(self, situation: Situation) -> TrackingState:
+        return TrackingState(situation.parameters)
+
+    def step(self, state: TrackingState, time_s: float, inputs: Inputs) -> TaskStep:
+        step_s, theta, p = _elapsed(state.last_s, time_s), inputs["theta_rad"], state.parameters
+        paused = inputs.get("pause", 0.0) > 0
+        events = _paused(state.paused, paused)
+        state = replace(state, last_s=time_s, paused=paused)
+        if not paused:
+            state = replace(state, elapsed_s=state.elapsed_s + step_s)
+            squared = (theta - state.target_rad) ** 2 * step_s
+            state = replace(state, squared_rad2_s=state.squared_rad2_s + squared)
+        full = math.radians(screen_deg(p.target))
+        shapes = (
+            Shape("disc", "target", state.target_rad / full, 0.0, 0.05),
+            Shape("disc", "cursor", theta / full, 0.0, 0.03),
+        )
+        outcome = None
+        if _over(state.elapsed_s, p.seconds):
+            row = {"element": p.element, "target": p.target, "seconds": state.elapsed_s}
+            outcome = TrialOutcome(row | {"rms_error_deg": math.degrees(state.rms_error_rad)})
+        return TaskStep(state, Scene(shapes, (Text("follow"),), 1.0), {}, events, outcome)
 
 
 # -- pong -----------------------------------------------------------------------------------------
@@ -107,7 +152,7 @@ def tracking_step(
 
 @dataclass(frozen=True)
 class Paddle:
-    """Mass-damper driven by the wrist's angle: J x'' = F - c x'."""
+    """Mass-damper driven by the wrist's angle: J x'' = F - c x'.  The unit of x is not printed."""
 
     x: float = 0.0
     speed_1_s: float = 0.0
@@ -129,13 +174,25 @@ def paddle_step(paddle: Paddle, force_Nm: float, step_s: float) -> Paddle:
     )
 
 
+class PongParameters(WithElement):
+    """The game; all of it but equation 6.2 is assumed."""
+
+    half_screen: float = Field(
+        10.0, gt=0, description="half the screen's height in the paddle's unit"
+    )
+    speed_1_s: float = Field(0.8, gt=0, le=5, description="of the ball, half screens a second")
+    half_paddle: float = Field(0.18, gt=0, lt=0.9, description="half its length, in half screens")
+    half_ball: float = Field(0.03, gt=0, lt=0.3, description="radius of the ball, in half screens")
+
+
 @dataclass(frozen=True)
 class PongState:
     """State of the game: paddle at the left edge, ball, counts, seed of the serves.
 
-    lost: the paddle is off the screen.  half_paddle, half_ball: sizes.
+    lost: the paddle is off the screen.
     """
 
+    parameters: PongParameters
     seed: int
     paddle: Paddle = Paddle()
     ball_x: float = 0.0
@@ -143,74 +200,104 @@ class PongState:
     ball_x_1_s: float = 0.0
     ball_y_1_s: float = 0.0
     last_s: float = 0.0
+    elapsed_s: float = 0.0
     serves: int = 0
     saved: int = 0
     missed: int = 0
+    times_lost: int = 0
     lost: bool = False
     paused: bool = False
-    speed_1_s: float = 0.8
-    half_paddle: float = 0.18
-    half_ball: float = 0.03
 
     @property
-    def score(self) -> float:
-        """Share of the balls that were stopped."""
+    def paddle_y(self) -> float:
+        """Where the paddle is on the screen."""
+        return self.paddle.x / self.parameters.half_screen
+
+    @property
+    def score(self) -> float | None:
+        """Share of the balls that were stopped; None before the first."""
         done = self.saved + self.missed
-        return self.saved / done if done else 0.0
+        return self.saved / done if done else None
 
 
-_PADDLE_X = -0.95
+PADDLE_X = -0.95
 # In one step the ball and its walls are met at most this often, however late the step comes.
 _MOST_BOUNCES = 64
 
 
-def pong_step(state: PongState, time_s: float, inputs: Mapping[str, float]) -> PureStep[PongState]:
-    """One step of Pong.  Inputs: ``theta_rad``, ``pause``, and ``recentre`` for a lost paddle.
+@register
+class Pong(_InteractionTask):
+    """Events: served, saved, missed, paddle_lost, paddle_recentred, paused, resumed."""
 
-    Events: served, saved, missed, paddle_lost, paddle_recentred, paused, resumed.
-    """
-    step_s = _elapsed(state.last_s, time_s)
-    paused = inputs.get("pause", 0.0) > 0
-    events = list(_paused(state.paused, paused))
-    moved = replace(state, last_s=time_s, paused=paused)
-    if not paused:
-        moved = replace(moved, paddle=paddle_step(state.paddle, inputs["theta_rad"], step_s))
-        if moved.serves == 0:
-            moved = _served(moved)
-            events.append("served")
-        moved, more = _ball(moved, step_s)
-        events += more
-        lost = abs(moved.paddle.x) > 1 + moved.half_paddle
-        if lost and not moved.lost:
-            events.append("paddle_lost")
-        moved = replace(moved, lost=lost)
-    if moved.lost and inputs.get("recentre", 0.0) > 0:
-        moved = replace(moved, paddle=Paddle(), lost=False)
-        events.append("paddle_recentred")
-    scene = (
-        Mark("bar", "cursor", _PADDLE_X, moved.paddle.x, 0.02, moved.half_paddle),
-        Mark("disc", "target", moved.ball_x, moved.ball_y, moved.half_ball, moved.half_ball),
+    name = "interaction.pong"
+    title = "Stop the ball with the paddle"
+    Parameters = PongParameters
+    columns = (
+        ELEMENT,
+        DataColumn("seconds", float, "how long, pauses left out"),
+        DataColumn("saved", int, "balls that were stopped"),
+        DataColumn("missed", int, "balls that were not"),
+        DataColumn("score", float, "share that was stopped; none without a ball"),
+        DataColumn("times_lost", int, "how often the paddle left the screen"),
     )
-    return PureStep(moved, scene, {}, tuple(events))
+
+    def begin(self, situation: Situation) -> PongState:
+        return PongState(situation.parameters, situation.seed)
+
+    def step(self, state: PongState, time_s: float, inputs: Inputs) -> TaskStep:
+        step_s, p = _elapsed(state.last_s, time_s), state.parameters
+        paused = inputs.get("pause", 0.0) > 0
+        events = list(_paused(state.paused, paused))
+        state = replace(state, last_s=time_s, paused=paused)
+        if not paused:
+            paddle = paddle_step(state.paddle, inputs["theta_rad"], step_s)
+            state = replace(state, paddle=paddle, elapsed_s=state.elapsed_s + step_s)
+            if state.serves == 0:
+                state = _served(state)
+                events.append(TaskEvent("served"))
+            state, more = _ball(state, step_s)
+            events += [TaskEvent(n) for n in more]
+            lost = abs(state.paddle_y) > 1 + p.half_paddle
+            if lost and not state.lost:
+                events.append(TaskEvent("paddle_lost"))
+                state = replace(state, times_lost=state.times_lost + 1)
+            state = replace(state, lost=lost)
+        if state.lost and inputs.get("recentre", 0.0) > 0:
+            state = replace(state, paddle=Paddle(), lost=False)
+            events.append(TaskEvent("paddle_recentred"))
+        outcome = self._outcome(state) if _over(state.elapsed_s, p.seconds) else None
+        return TaskStep(state, self._scene(state), {}, tuple(events), outcome)
+
+    def _outcome(self, state: PongState) -> TrialOutcome:
+        row = {"element": state.parameters.element, "seconds": state.elapsed_s}
+        counts = {"saved": state.saved, "missed": state.missed, "times_lost": state.times_lost}
+        return TrialOutcome(row | counts | {"score": state.score})
+
+    def _scene(self, state: PongState) -> Scene:
+        y, half = state.paddle_y, state.parameters.half_paddle
+        ball = Shape("disc", "target", state.ball_x, state.ball_y, state.parameters.half_ball)
+        bar = Shape("line", "cursor", PADDLE_X, y - half, 0.02, PADDLE_X, y + half)
+        return Scene((bar, ball), (Text("pong"),), 1.0)
 
 
 def _served(state: PongState) -> PongState:
     # From the seed and the number of the serve: no generator is carried along.
     angle = float(np.random.default_rng([state.seed, state.serves]).uniform(-0.9, 0.9))
+    speed = state.parameters.speed_1_s
     return replace(
         state,
         serves=state.serves + 1,
         ball_x=0.0,
         ball_y=0.0,
-        ball_x_1_s=-state.speed_1_s * math.cos(angle),
-        ball_y_1_s=state.speed_1_s * math.sin(angle),
+        ball_x_1_s=-speed * math.cos(angle),
+        ball_y_1_s=speed * math.sin(angle),
     )
 
 
 def _ball(state: PongState, step_s: float) -> tuple[PongState, list[str]]:
     # From wall to wall within the step: no speed and no step carries the ball through one.
-    left, events, s = step_s, [], state
-    low, high = _PADDLE_X + s.half_ball, 1 - s.half_ball
+    left, events, s, p = step_s, [], state, state.parameters
+    low, high = PADDLE_X + p.half_ball, 1 - p.half_ball
     for _ in range(_MOST_BOUNCES):
         to_x = _until(s.ball_x, s.ball_x_1_s, low, high)
         to_y = _until(s.ball_y, s.ball_y_1_s, -high, high)
@@ -223,7 +310,7 @@ def _ball(state: PongState, step_s: float) -> tuple[PongState, list[str]]:
             s = replace(s, ball_y_1_s=-s.ball_y_1_s)
         elif s.ball_x_1_s > 0:
             s = replace(s, ball_x_1_s=-s.ball_x_1_s)
-        elif abs(s.ball_y - s.paddle.x) <= s.half_paddle + s.half_ball:
+        elif abs(s.ball_y - s.paddle_y) <= p.half_paddle + p.half_ball:
             s = replace(s, ball_x_1_s=-s.ball_x_1_s, saved=s.saved + 1)
             events.append("saved")
         else:
@@ -238,13 +325,21 @@ def _until(at: float, speed: float, low: float, high: float) -> float:
     return max(0.0, ((high if speed > 0 else low) - at) / speed)
 
 
+# -- both -----------------------------------------------------------------------------------------
+
+
 def _elapsed(last_s: float, time_s: float) -> float:
     if not time_s >= last_s:
-        raise ValueError(f"time goes back from {last_s} s to {time_s} s")
+        raise TaskBrokenError(f"time goes back from {last_s} s to {time_s} s")
     return time_s - last_s
 
 
-def _paused(before: bool, now: bool) -> tuple[str, ...]:
+def _over(elapsed_s: float, seconds: float) -> bool:
+    # Sums of steps: a rounding short of the end is the end.
+    return elapsed_s >= seconds - 1e-6
+
+
+def _paused(before: bool, now: bool) -> tuple[TaskEvent, ...]:
     if before == now:
         return ()
-    return ("paused",) if now else ("resumed",)
+    return (TaskEvent("paused" if now else "resumed"),)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from esea_host.interaction.analysis import ElementComparison, InteractionAnalysis, printed
 
 
@@ -14,19 +16,72 @@ def lines(found: InteractionAnalysis) -> list[str]:
     if found.left_out:
         out.append(f"left out, one element missing: {', '.join(found.left_out)}")
     for c in found.comparisons:
-        out += ["", *comparison_lines(c)]
+        out += ["", *comparison_lines(c, found.simulated)]
     for extra in (found.survey, found.comments):
         if extra is not None:
             out += ["", *extra.lines()]
+    return [*out, *beside_lines(found), *answer_lines(found)]
+
+
+def beside_lines(found: InteractionAnalysis) -> list[str]:
+    """Tables 6.2 and 6.3: medians and p, ours and the published ones."""
+    ours = "SIMULATED" if found.simulated else "here"
+    out = []
+    for title, key, names in (
+        ("6.2", "inter_block", ("block_1", "block_2")),
+        ("6.3", "inter_device", ("spring", "elastomer")),
+    ):
+        first, second = (n.replace("_", " ") for n in names)
+        out += [
+            "",
+            f"Table {title}, {first} and {second}, medians in the thesis' convention",
+            f"  {'':27s}{ours:>26s}{'published':>26s}",
+        ]
+        for c in found.comparisons:
+            row = printed(c.task, c.metric)
+            if row is not None:
+                a, b = (c.thesis_medians[n] for n in names)
+                p = (c.block if key == "inter_block" else c.device).p
+                there = row[key]
+                out.append(
+                    f"  {c.task + ', ' + c.metric:27s}{a:9.4g}{b:9.4g}{p:8.2g}"
+                    f"{there['first']:9.4g}{there['second']:9.4g}{there['p']:8.2g}"
+                )
     return out
 
 
-def comparison_lines(c: ElementComparison) -> list[str]:
+def answer_lines(found: InteractionAnalysis) -> list[str]:
+    """How large a difference so many people could have shown."""
+    first = found.comparisons[0]
+    whose = "SIMULATED people" if found.simulated else "people"
+    out = [
+        "",
+        f"How large a difference could {first.power.n} {whose} have shown, with 80 % power?",
+        f"  {'':27s}{'one test':>11s}{'of ' + str(len(found.comparisons)):>11s}"
+        f"{'of a median of':>16s}   unit",
+    ]
+    for c in found.comparisons:
+        sizes = [c.power.difference, c.family_power.difference]
+        said = "".join(f"{x:11.3g}" if math.isfinite(x) else f"{'none':>11s}" for x in sizes)
+        out.append(
+            f"  {c.task + ', ' + c.metric:27s}{said}{c.medians['spring']:16.4g}   {c.made.unit}"
+        )
+    if math.isfinite(first.power.dz):
+        family = f"{first.family_power.dz:.2f}" if math.isfinite(first.family_power.dz) else "no"
+        out.append(
+            f"  {first.power.dz:.2f} standard deviations of the differences in one test, {family} "
+            "in the family at the first step of Holm's procedure; a smaller one less often."
+        )
+    return out
+
+
+def comparison_lines(c: ElementComparison, simulated: bool) -> list[str]:
     """One metric of one task."""
     m, d, b = c.medians, c.device, c.block
     unit = "" if c.made.unit == "1" else f" {c.made.unit}"
     out = [
-        f"{c.task}, {c.metric} ({c.made.convention}; {c.made.sign})",
+        f"{c.task}, {c.metric} ({c.made.convention}; {c.made.sign})"
+        + (", SIMULATED" if simulated else ""),
         f"  spring {m['spring']:.4g}, elastomer {m['elastomer']:.4g}{unit};  p {d.p:.3g} "
         f"({d.method}), Holm {c.device_holm:.3g}",
         f"  difference {d.hodges_lehmann:.3g} ({d.low:.3g} to {d.high:.3g}, {d.confidence:.1%}), "
@@ -56,12 +111,4 @@ def comparison_lines(c: ElementComparison) -> list[str]:
         f"{c.band.spring[1]:.4g}, elastomer {c.band.elastomer[0]:.4g} to "
         f"{c.band.elastomer[1]:.4g}, p {c.band.p[0]:.3g} to {c.band.p[1]:.3g}"
     )
-    beside = printed(c.task, c.metric)
-    if beside is not None:
-        ours, row = c.thesis_medians, beside["inter_device"]
-        out.append(
-            f"  thesis' convention: spring {ours['spring']:.4g}, elastomer "
-            f"{ours['elastomer']:.4g}; published {row['first']:g}, {row['second']:g}, "
-            f"p {row['p']:g}"
-        )
     return out + [f"  note: {n}" for n in c.notes]

@@ -89,9 +89,10 @@ def standardised_difference(
 
     def end(tail: float) -> float:
         def off(delta: float) -> float:
-            return float(nct.cdf(statistic, n - 1, delta)) - tail
+            found = float(nct.cdf(statistic, n - 1, delta))
+            # Far off, where the noncentral distribution is not a number, it is at its end.
+            return (found if math.isfinite(found) else float(delta < statistic)) - tail
 
-        # Step by step: far off, the noncentral distribution is not a number.
         step = math.sqrt(1 + statistic**2 / (2 * (n - 1))) * (1 if tail < 0.5 else -1)
         far = statistic + step
         while off(far) * step > 0:

@@ -19,6 +19,11 @@ from esea_host.study.session import InputSource
 Sources = Callable[[int], Callable[[int, float], InputSource]]
 
 
+def code_of(index: int) -> str:
+    """Code of a simulated participant, numbered from 0."""
+    return f"V{index + 1:03d}"
+
+
 @dataclass(frozen=True)
 class EveryTask:
     """Participants as each task simulates them itself."""
@@ -59,7 +64,7 @@ def run_everybody(
         Sessions that ended early, with the reason.
     """
     study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
-    codes = [f"V{k + 1:03d}" for k in range(participants)]
+    codes = [code_of(k) for k in range(participants)]
     for code in codes:
         study.enrol(code, consent=True)
     found = Parallel(n_jobs=jobs)(

@@ -48,6 +48,10 @@ class InputSource(ABC):
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """Who acts in the coming trial."""
 
+    def over(self, number: int, state: str) -> None:
+        """The trial has ended, completed or not: the device's own recording ends with it."""
+        return
+
     @abstractmethod
     def rest(self, seconds: float) -> None:
         """Wait as long."""
@@ -280,6 +284,7 @@ class StudySession:
         except (TaskBrokenError, UserError) as error:
             ended, row, reason = FAILED, None, str(error)
         frames.flush()
+        self.source.over(trial.number, ended)
         self._end(trial.number, ended, reason, row)
         return ended, row, reason
 

@@ -19,6 +19,7 @@ import esea_gen
 from esea_gen.control.impairment import impairment
 from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.language.system import System, Task
+from esea_host.people.person import Limb
 
 NAMES = ("fe", "ru")
 STEPS = 10  # of 1 ms in a frame of 10 ms
@@ -64,25 +65,6 @@ class AxisState:
     deflection_rad_s: float = 0.0
     tau_Nm: float = 0.0
     tau_set_Nm: float = 0.0
-
-
-@dataclass(frozen=True)
-class Limb:
-    """A wrist on one axis, without what its owner does.
-
-    inertia_kgm2: of the hand.  stiffness_Nm_rad, damping_Nms_rad: passive, about rest_rad.
-    low_rad, high_rad: anatomical range, with a stiff end.
-    """
-
-    inertia_kgm2: float
-    stiffness_Nm_rad: float
-    damping_Nms_rad: float
-    rest_rad: float
-    low_rad: float
-    high_rad: float
-
-
-END_NM_RAD = 40.0
 
 
 class Rig:
@@ -149,17 +131,9 @@ class Rig:
                 self._axis(axis, limb, m, share, h)
 
     def _axis(self, x: AxisState, limb: Limb, m: Sequence[float], share: float, h: float) -> None:
-        stiffness, damping, start, end, most = m
         theta, omega = x.theta_rad, x.omega_rad_s
-        rate = (end - start) / (STEPS * h)
-        own = stiffness * (start + share * (end - start) - theta) + damping * (rate - omega)
-        own = most if own > most else -most if own < -most else own
-        passive = -limb.stiffness_Nm_rad * (theta - limb.rest_rad) - limb.damping_Nms_rad * omega
-        if theta < limb.low_rad:
-            passive -= END_NM_RAD * (theta - limb.low_rad)
-        elif theta > limb.high_rad:
-            passive -= END_NM_RAD * (theta - limb.high_rad)
-        omega += h * (own + passive + x.tau_Nm) / (limb.inertia_kgm2 + HANDLE_KGM2)
+        hand = limb.torque_Nm(theta, omega, m, share, STEPS * h)
+        omega += h * (hand + x.tau_Nm) / (limb.inertia_kgm2 + HANDLE_KGM2)
         x.omega_rad_s = omega
         x.theta_rad = theta + h * omega
         motor = self._gain * (x.tau_set_Nm - x.tau_Nm)

@@ -1,0 +1,149 @@
+"""Virtual participants do the cross-over, through the same engine and tasks.  Simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_host.interaction.design import ELEMENTS
+from esea_host.interaction.player import RigPlayer
+from esea_host.interaction.recordings import MANIFEST
+from esea_host.interaction.rig import ElementRig, element_library
+from esea_host.people.hand import MovingHand
+from esea_host.people.person import PersonModel, VirtualParticipant
+from esea_host.people.source import PersonSource, VirtualPeople
+from esea_host.study.folder import StudyFolder
+from esea_host.study.many import code_of, run_everybody
+from esea_host.study.plan import group_of
+from esea_host.study.protocol import Protocol, parse_protocol
+from esea_host.study.session import COMPLETED
+from esea_host.study.task import Situation, StudyTask
+
+PROTOCOL = Path(__file__).parent / "protocol.toml"
+PREFIX = "interaction."
+# Analysed of each task, as published.
+LAST_S = 45.0
+
+
+class RigSource(PersonSource):
+    """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz.
+
+    Parameters
+    ----------
+    who : VirtualParticipant
+        The person.
+    folder : Path
+        Where the recordings of the session go.
+    """
+
+    def __init__(self, who: VirtualParticipant, folder: Path) -> None:
+        super().__init__(who)
+        self.folder = folder
+        self.aims = [0.0]
+        self._player: RigPlayer | None = None
+
+    def ready(self) -> Mapping[str, Any]:
+        """Nothing can be wrong with what is simulated."""
+        return {"simulated": True}
+
+    def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
+        """The person, told what to do, on the rig with the element of this trial."""
+        self.aims[0] = 0.0  # between trials the hand is let go
+        rig = ElementRig(situation.parameters.element, self.who.limbs[0])
+        self._player = RigPlayer(self.who, rig, self.aims, situation)
+        return self._player
+
+    def over(self, number: int, state: str) -> None:
+        """Keep the recording of a trial that was completed."""
+        if state == COMPLETED and self._player is not None:
+            rows = (f"{k / 1000:.3f},{x:.9g}\n" for k, x in enumerate(self._player.read, 1))
+            text = "# simulated\ntime_s,theta_rad\n" + "".join(rows)
+            (self.folder / recording_name(number)).write_text(text, encoding="utf-8")
+
+
+def recording_name(trial: int) -> str:
+    """File of a trial's recording, beside the session's log."""
+    return f"encoder-{trial}.csv"
+
+
+@dataclass(frozen=True)
+class RigPeople(VirtualPeople):
+    """Participants of the cross-over."""
+
+    folder: Path
+
+    def source(self, who: VirtualParticipant, index: int, session: int) -> PersonSource:
+        """On the rig; recordings go where the session's log is."""
+        return RigSource(who, self.folder / code_of(index) / f"session-{session + 1}")
+
+
+def interaction_protocol(seed: int) -> Protocol:
+    """The shipped protocol, with a seed of the study."""
+    text = PROTOCOL.read_text(encoding="utf-8").replace("seed = 1\n", f"seed = {seed}\n", 1)
+    return parse_protocol(text, PROTOCOL.name)
+
+
+def run_crossover(
+    folder: Path,
+    participants: int,
+    seed: int,
+    jobs: int = 1,
+    model: PersonModel | None = None,
+    protocol: Protocol | None = None,
+    last_s: float | None = None,
+) -> list[str]:
+    """The cross-over with virtual participants, ready for ``analyse interaction``.
+
+    Parameters
+    ----------
+    folder : Path
+        A new folder.
+    participants : int
+        How many.
+    seed : int
+        Of the study and of the people: the same seed is the same study.
+    jobs : int
+        Processes; the data does not depend on it.
+    model : PersonModel, optional
+        The people, other than the default ones.
+    protocol : Protocol, optional
+        Another one of these tasks, with the same two groups.
+    last_s : float, optional
+        Analysed of each task, other than the published 45 s.
+
+    Returns
+    -------
+    list of str
+        Sessions that ended early, with the reason.
+    """
+    asked = protocol or interaction_protocol(seed)
+    for element in ELEMENTS:
+        element_library(element)  # compiled once, before the processes start
+    people = RigPeople(seed, model or PersonModel(), folder)
+    early = run_everybody(folder, asked, participants, people, jobs)
+    write_manifest(folder, LAST_S if last_s is None else last_s)
+    return early
+
+
+def write_manifest(folder: Path, last_s: float) -> None:
+    """Name the recordings of a study for the analysis; familiarisation is left out."""
+    study = StudyFolder.open(folder, durable=False)
+    lines = ["# SIMULATED: no person took part.", "simulated = true", f"last_s = {last_s:g}", ""]
+    for code, index in study.participants().items():
+        for row in study.rows(code):
+            if row["familiarisation"]:
+                continue
+            block = row["session"] + 1
+            lines += [
+                "[[recording]]",
+                f'file = "{code}/session-{block}/{recording_name(row["trial"])}"',
+                f'participant = "{code}"',
+                f'group = "{group_of(study.protocol, index)}"',
+                f"block = {block}",
+                f'element = "{row["element"]}"',
+                f'task = "{row["task"].removeprefix(PREFIX)}"',
+                "",
+            ]
+    (folder / MANIFEST).write_text("\n".join(lines), encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Virtual participants: how they see, move and learn, whatever the study.  Simulated."""

@@ -1,0 +1,196 @@
+"""A virtual participant: sees the scene late, moves in submovements, is noisy, adapts.  Simulated.
+
+The numbers were fixed from the literature before the first study was run, and none was set by a
+published median of chapter 6 or 7.
+
+References
+----------
+[1] T. Flash, N. Hogan, J. Neuroscience 5, 1985: minimum-jerk movements.
+[2] D. Meyer et al., Psychological Review 95, 1988; R. Miall, D. Weir, J. Stein, J. Motor Behavior
+    25, 1993: intermittent submovements, two to three a second.
+[3] J. Saunders, D. Knill, Experimental Brain Research 152, 2003: corrections of the hand begin
+    about 160 ms after what is seen.
+[4] R. van Beers, P. Haggard, D. Wolpert, J. Neurophysiology 91, 2004; C. Harris, D. Wolpert, Nature
+    394, 1998: noise in proportion to the command.
+[5] M. Smith, A. Ghazizadeh, R. Shadmehr, PLoS Biology 4, 2006: two processes of adaptation.
+[6] J. Ryu et al., J. Hand Surgery 16A, 1991: range of the wrist, 40 people.
+[7] D. Formica et al., J. Neurophysiology 108, 2012: passive stiffness of the wrist.
+[8] S. Delp, A. Grinspan, R. Buchanan, J. Biomechanics 29, 1996: moments of 7 to 12 Nm at most.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+END_NM_RAD = 40.0
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A wrist on one axis, without what its owner does.
+
+    inertia_kgm2: of the hand.  stiffness_Nm_rad, damping_Nms_rad: passive, about rest_rad.
+    low_rad, high_rad: anatomical range, with a stiff end.
+    """
+
+    inertia_kgm2: float
+    stiffness_Nm_rad: float
+    damping_Nms_rad: float
+    rest_rad: float
+    low_rad: float
+    high_rad: float
+
+    def torque_Nm(
+        self, theta: float, omega: float, muscle: Sequence[float], share: float, frame_s: float
+    ) -> float:
+        """Of muscles and passive wrist, at a share of a frame.
+
+        muscle: stiffness and damping, Nm/rad and Nms/rad, the aim at the frame's start and end,
+        rad, and the largest torque, Nm.
+        """
+        stiffness, damping, start, end, most = muscle
+        rate = (end - start) / frame_s
+        own = stiffness * (start + share * (end - start) - theta) + damping * (rate - omega)
+        own = most if own > most else -most if own < -most else own
+        passive = -self.stiffness_Nm_rad * (theta - self.rest_rad) - self.damping_Nms_rad * omega
+        if theta < self.low_rad:
+            passive -= END_NM_RAD * (theta - self.low_rad)
+        elif theta > self.high_rad:
+            passive -= END_NM_RAD * (theta - self.high_rad)
+        return own + passive
+
+
+@dataclass(frozen=True)
+class PersonModel:
+    """Numbers of the people, before they differ.
+
+    Parameters
+    ----------
+    delay_s : float
+        From the screen to a correction [3].
+    reaction_s : float
+        To a target that appears; a simple choice takes about 0.25 s.
+    submovement_s, every_s : float
+        Length of a submovement of a few degrees, and least time between two [2].
+    sweep_s : float
+        From end to end, comfortably; assumed.
+    noise : float
+        Standard deviation of a submovement's size over its size [4].
+    retain, learn : tuple of float
+        Fast and slow process [5].
+    stiffness_Nm_rad, damping_ratio : float
+        Of the hand on its aim; wrists reach some 3 to 10 Nm/rad when they work.
+    effort_Nm : float
+        The torque at which people stop; assumed, a third of the most [8].
+    gain_rate : float
+        Share by which the sense of how far the cursor goes is corrected in a trial; assumed.
+    spread : float
+        Between people: coefficient of variation of each of these; assumed.
+    range_deg : tuple of float
+        Flexion, extension, ulnar, radial [6].
+    """
+
+    delay_s: float = 0.16
+    reaction_s: float = 0.25
+    submovement_s: float = 0.40
+    every_s: float = 0.35
+    sweep_s: float = 0.9
+    noise: float = 0.08
+    retain: tuple[float, float] = (0.59, 0.992)
+    learn: tuple[float, float] = (0.21, 0.02)
+    stiffness_Nm_rad: float = 8.0
+    damping_ratio: float = 0.6
+    effort_Nm: float = 3.0
+    gain_rate: float = 0.3
+    spread: float = 0.10
+    range_deg: tuple[float, float, float, float] = (79.0, 59.0, 38.0, 21.0)
+    passive_Nm_rad: tuple[float, float] = (0.8, 1.7)  # [7], FE and RU
+    inertia_kgm2: float = 0.003
+
+
+@dataclass
+class VirtualParticipant:
+    """One participant, between trials.
+
+    fast, slow: what is known of how far a target runs away, 1 all of it [5].
+    gain: of the cursor over the hand, as it is felt, per axis.
+    """
+
+    model: PersonModel
+    limbs: tuple[Limb, Limb]
+    rng: np.random.Generator
+    fast: float = 0.0
+    slow: float = 0.0
+    gain: list[float] = field(default_factory=lambda: [1.0, 1.0])
+
+    @property
+    def known(self) -> float:
+        """What is expected of a target: 0 that it stands, 1 that it moves as equation 7.7."""
+        return self.fast + self.slow
+
+    def learn(self, moved: bool) -> None:
+        """A target was seen to move, or to stand."""
+        error = float(moved) - self.known
+        m = self.model
+        self.fast = m.retain[0] * self.fast + m.learn[0] * error
+        self.slow = m.retain[1] * self.slow + m.learn[1] * error
+
+    def forget(self, days: float) -> None:
+        """Time passes: the fast process is gone; the slow one, as in a trial a day (assumed)."""
+        self.fast, self.slow = 0.0, self.slow * self.model.retain[1] ** (10 * days)
+
+
+def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
+    """Draw a person.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Its own.
+    model : PersonModel
+        The people it comes from.
+
+    Returns
+    -------
+    VirtualParticipant
+        Each number by a normal factor, cut at two deviations.
+    """
+
+    def about(value: float) -> float:
+        return value * (1.0 + model.spread * float(np.clip(rng.normal(), -2, 2)))
+
+    flexion, extension, ulnar, radial = (about(x) for x in model.range_deg)
+    one = PersonModel(
+        delay_s=about(model.delay_s),
+        reaction_s=about(model.reaction_s),
+        submovement_s=about(model.submovement_s),
+        every_s=about(model.every_s),
+        sweep_s=about(model.sweep_s),
+        noise=about(model.noise),
+        retain=model.retain,
+        learn=(about(model.learn[0]), about(model.learn[1])),
+        stiffness_Nm_rad=about(model.stiffness_Nm_rad),
+        damping_ratio=about(model.damping_ratio),
+        effort_Nm=about(model.effort_Nm),
+        gain_rate=model.gain_rate,
+        spread=model.spread,
+        range_deg=(flexion, extension, ulnar, radial),
+        inertia_kgm2=about(model.inertia_kgm2),
+    )
+    ends = ((-flexion, extension), (-ulnar, radial))
+    limbs = []
+    for (low, high), stiffness in zip(ends, model.passive_Nm_rad, strict=True):
+        k = about(stiffness)
+        damping = 2 * 0.3 * math.sqrt(k * one.inertia_kgm2)
+        limbs.append(Limb(one.inertia_kgm2, k, damping, 0.0, math.radians(low), math.radians(high)))
+    return VirtualParticipant(one, (limbs[0], limbs[1]), rng)
+
+
+def minimum_jerk(share: float) -> float:
+    """Way of a minimum-jerk movement over its time [1]."""
+    s = min(max(share, 0.0), 1.0)
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
