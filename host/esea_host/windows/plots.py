@@ -1,0 +1,203 @@
+"""The plots of the live view: curves over time, which limit acts, and torque over deflection."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+
+from esea_host.windows.history import Floats, Stretch, curve, spans
+from esea_host.windows.meanings import LimitFlag
+from esea_host.windows.theme import Theme
+
+MOST_POINTS = 2000  # of a curve: two for each column of pixels
+MOST_BANDS = 6
+DEG = 180 / math.pi
+Shown = Mapping[str, Stretch]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A column of a stream, as it is shown.
+
+    scale: from the column's unit to the shown one.
+    """
+
+    stream: str
+    column: str
+    label: str
+    unit: str
+    scale: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Stream and column."""
+        return f"{self.stream}.{self.column}"
+
+    def values(self, shown: Shown) -> Floats:
+        """Of the rows that are shown."""
+        return np.asarray(shown[self.stream].rows[self.column], np.float64) * self.scale
+
+
+def signal_of(stream: str, column: str, unit: str, label: str = "") -> Signal:
+    """A signal; angles in degrees."""
+    if unit.startswith("rad"):
+        name = (label or column).replace("_rad", "_deg")
+        return Signal(stream, column, name, unit.replace("rad", "deg", 1), DEG)
+    return Signal(stream, column, label or column, unit)
+
+
+class TimePlot:
+    """Some signals over time, in one plot of a column of them."""
+
+    def __init__(self, area: Any, row: int, title: str, unit: str) -> None:
+        self.item = area.addPlot(row=row, col=0)
+        self.title, self.unit = title, unit
+        self.item.setMenuEnabled(False)
+        self.item.hideButtons()
+        self.item.setClipToView(False)
+        self.item.getAxis("left").setWidth(74)
+        self.signals: list[Signal] = []
+        self._curves: list[Any] = []
+        self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
+        for line in self.cursors:
+            line.setVisible(False)
+            self.item.addItem(line, ignoreBounds=True)
+
+    def show(self, signals: list[Signal], theme: Theme, colours: list[str]) -> None:
+        """Draw these from now on."""
+        for drawn in self._curves:
+            self.item.removeItem(drawn)
+        self.signals = signals
+        widths = [2.2 if c == theme.measured else 1.5 for c in colours]
+        self._curves = [
+            self.item.plot(pen=pg.mkPen(c, width=w), connect="finite")
+            for c, w in zip(colours, widths, strict=True)
+        ]
+        said = " &nbsp; ".join(
+            f'<span style="color:{c}">&#9473; {s.label}</span>'
+            for s, c in zip(signals, colours, strict=True)
+        )
+        self.item.setTitle(f"<b>{self.title}</b> &nbsp; {said}", color=theme.ink, size="9pt")
+        dress(self.item, theme)
+        self.item.setLabel("left", self.unit, color=theme.ink)
+        for line in self.cursors:
+            line.setPen(pg.mkPen(theme.ink, style=Qt.PenStyle.DashLine))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw what has come."""
+        for signal, drawn in zip(self.signals, self._curves, strict=True):
+            time_s, values = curve(shown[signal.stream], signal.values(shown), MOST_POINTS)
+            drawn.setData(time_s, values)
+
+    def at(self, time_s: float, shown: Shown) -> list[str]:
+        """The signals' values at a time."""
+        found = []
+        for signal in self.signals:
+            times = shown[signal.stream].time_s
+            if len(times) and times[0] <= time_s <= times[-1] + 0.01:
+                i = min(int(np.searchsorted(times, time_s)), len(times) - 1)
+                found.append(f"{signal.label} {signal.values(shown)[i]:.4g} {signal.unit}")
+        return found
+
+
+class LimitBands:
+    """When which limit acted: a row each, of those that did."""
+
+    def __init__(self, area: Any, row: int, flags: list[LimitFlag], stream: str) -> None:
+        self.item = area.addPlot(row=row, col=0)
+        self.item.setMenuEnabled(False)
+        self.item.hideButtons()
+        self.item.getAxis("left").setWidth(74)
+        self.item.setMouseEnabled(y=False)
+        self.item.setYRange(-0.6, MOST_BANDS - 0.4, padding=0)
+        self.item.invertY(True)
+        self.item.getAxis("left").setTicks([[]])
+        self.flags = [(stream, f) for f in flags]
+        self._bands = self.item.plot(connect="pairs")
+        self._names = [pg.TextItem(anchor=(0, 0.5)) for _ in range(MOST_BANDS)]
+        for text in self._names:
+            self.item.addItem(text, ignoreBounds=True)
+
+    def show(self, theme: Theme) -> None:
+        """In these colours."""
+        self._bands.setPen(pg.mkPen(theme.limit, width=7, cap=Qt.PenCapStyle.FlatCap))
+        for text in self._names:
+            text.setColor(theme.ink)
+        self.item.setTitle("<b>Which limit acts</b>", color=theme.ink, size="9pt")
+        dress(self.item, theme)
+        self.item.setLabel("bottom", "time on the board's clock [s]", color=theme.ink)
+
+    def acting(self, shown: Shown) -> list[LimitFlag]:
+        """What acts in the newest row."""
+        return [f for s, f in self.flags if len(shown[s].rows) and f.held(shown[s].rows[-1:])[0]]
+
+    def draw(self, shown: Shown, left_s: float, right_s: float) -> None:
+        """Draw those that acted between two times; the latest to begin come first."""
+        x: list[float] = []
+        y: list[float] = []
+        found = []
+        for stream, flag in self.flags:
+            part = shown[stream]
+            seen = flag.held(part.rows) & (part.time_s >= left_s) & (part.time_s <= right_s)
+            if seen.any():
+                joined_s = (right_s - left_s) / 500
+                found.append((spans(part.time_s, seen, joined_s), flag))
+        found.sort(key=lambda one: -one[0][-1][1])
+        least_s = (right_s - left_s) / 300
+        for row, text in enumerate(self._names):
+            text.setVisible(row < len(found))
+            if row >= len(found):
+                continue
+            stretches, flag = found[row]
+            for start_s, end_s in stretches:
+                x += [start_s, max(end_s, start_s + least_s)]
+                y += [row + 0.28, row + 0.28]
+            text.setText(flag.name)
+            text.setPos(left_s, row - 0.18)
+        self._bands.setData(np.array(x), np.array(y))
+
+
+class LoopPlot:
+    """Torque over deflection: the hysteresis of the elastomer."""
+
+    def __init__(self, area: Any, x: Signal, y: Signal) -> None:
+        self.item = area.addPlot(row=0, col=0)
+        self.item.setMenuEnabled(False)
+        self.item.hideButtons()
+        self.x, self.y = x, y
+        self._past, self._now = self.item.plot(connect="finite"), self.item.plot()
+
+    def show(self, theme: Theme) -> None:
+        """In these colours."""
+        self._past.setPen(pg.mkPen(theme.measured, width=1.5))
+        self._now.setSymbol("o")
+        self._now.setSymbolBrush(theme.measured)
+        self._now.setSymbolPen(theme.ink)
+        self.item.setTitle("<b>Torque over deflection</b>", color=theme.ink, size="9pt")
+        dress(self.item, theme)
+        self.item.setLabel("bottom", f"{self.x.label} [{self.x.unit}]", color=theme.ink)
+        self.item.setLabel("left", f"{self.y.label} [{self.y.unit}]", color=theme.ink)
+
+    def draw(self, shown: Shown) -> None:
+        """Draw what has come; here rows are thinned, for a peak has two values."""
+        part = shown[self.x.stream]
+        step = max(1, len(part.rows) // MOST_POINTS)
+        x, y = self.x.values(shown)[::step], self.y.values(shown)[::step]
+        self._past.setData(x, y)
+        self._now.setData(x[-1:], y[-1:])
+
+
+def dress(item: Any, theme: Theme) -> None:
+    """Axes and grid of a plot."""
+    for side in ("left", "bottom"):
+        axis = item.getAxis(side)
+        axis.setPen(theme.soft)
+        axis.setTextPen(theme.ink)
+        axis.enableAutoSIPrefix(False)
+    item.showGrid(x=True, y=True, alpha=theme.grid_alpha)
