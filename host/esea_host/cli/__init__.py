@@ -1,6 +1,6 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
-from esea_host.cli import analyse, assess, demo, interaction, live, logs, study, wrist
+from esea_host.cli import analyse, assess, demo, interaction, live, logs, study, view, wrist
 from esea_host.cli.app import app, main
 
 __all__ = [
@@ -13,5 +13,6 @@ __all__ = [
     "logs",
     "main",
     "study",
+    "view",
     "wrist",
 ]

@@ -1,4 +1,4 @@
-"""The last minutes of a stream in a memory of fixed size, and curves of it that a screen can hold."""
+"""The last minutes of a stream in a memory of fixed size, and curves that a screen can hold."""
 
 from __future__ import annotations
 
@@ -99,9 +99,7 @@ def curve(stretch: Stretch, values: Floats, most_points: int) -> tuple[Floats, F
     return np.stack([time_s[:, 0], time_s[:, -1]], axis=1).ravel(), drawn.ravel()
 
 
-def spans(
-    time_s: Floats, held: npt.NDArray[np.bool_], joined_s: float
-) -> list[tuple[float, float]]:
+def spans(time_s: Floats, held: Array, joined_s: float) -> list[tuple[float, float]]:
     """From when to when something held; nearer than ``joined_s`` they count as one."""
     edges = np.flatnonzero(np.diff(held.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
     if not len(edges):

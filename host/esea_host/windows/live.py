@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from esea_host.windows.counting import take_many_nones
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.history import Stretch
 from esea_host.windows.meanings import limit_flags, mode_text, state_text
@@ -33,7 +35,8 @@ from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import LimitBands, LoopPlot, Signal, TimePlot, signal_of
 from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
 
-FRAME_MS = 33
+take_many_nones()
+FRAME_MS = 40
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 UNCONFIRMED_S = 1.0
 ALARMING = ("FAULT", "STOPPED")
@@ -52,9 +55,13 @@ PANELS = (
 )
 # What the health of a link counts, as it is shown.
 COUNTED = {
-    "gaps": "gaps", "lost_frames": "frames lost", "bad_frames": "damaged", "reconnects": "reconnects",
-    "dropped_rows": "rows not recorded", "not_shown": "rows not shown",
-}  # fmt: skip
+    "gaps": "gaps",
+    "lost_frames": "frames lost",
+    "bad_frames": "damaged",
+    "reconnects": "reconnects",
+    "dropped_rows": "rows not recorded",
+    "not_shown": "rows not shown",
+}
 
 
 class LiveWindow(QMainWindow):
@@ -90,6 +97,8 @@ class LiveWindow(QMainWindow):
         self.state, self.link, self.fault = QLabel(), QLabel(), QLabel()
         self.readout, self.said = QLabel(), QLabel()
         self.fault.setWordWrap(True)
+        for label in (self.state, self.link, self.fault, self.readout):
+            label.setTextFormat(Qt.TextFormat.RichText)
         self.stop_button = QPushButton("STOP  (Space)")
         self.stop_button.setStyleSheet(STOP_STYLE)
         self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -137,8 +146,8 @@ class LiveWindow(QMainWindow):
         flags = limit_flags(self.feed.device.identity.device)
         flags = [f for f in flags if ("sense_out", f.word) in self._columns]
         self.bands = LimitBands(self._area, len(self.panels) + 1, flags, "sense_out")
-        for plot in (*(p.item for p in (*self.panels, self.chosen)),):
-            plot.setXLink(self.bands.item)
+        for panel in (*self.panels, self.chosen):
+            panel.item.setXLink(self.bands.item)
         for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
             # Who zooms wants to look: the picture stands still.
             plot.vb.sigRangeChangedManually.connect(partial(self.pause, True))
@@ -340,8 +349,8 @@ class LiveWindow(QMainWindow):
         if recording is None:
             parts.append("not recorded")
         elif recording.error is not None:
-            parts.append(f'<b style="color:{self.theme.alarm}">RECORDING ENDED: '
-                         f"{recording.error}</b>")  # fmt: skip
+            said = f"RECORDING ENDED: {recording.error}"
+            parts.append(f'<b style="color:{self.theme.alarm}">{said}</b>')
         else:
             parts.append(f"recording: {recording.rows} rows, {recording.gaps} gaps")
         return " &nbsp;|&nbsp; ".join(parts)
@@ -471,4 +480,9 @@ def run_live(
     if screenshot is not None:
         before_ms = max(0, int((seconds or 5.0) * 1000) - 300)
         QTimer.singleShot(before_ms, lambda: window.grab().save(str(screenshot)))
-    application.exec()
+    # Ctrl+C closes the window, so that the recording is ended well.
+    before = signal.signal(signal.SIGINT, lambda *_: window.close())
+    try:
+        application.exec()
+    finally:
+        signal.signal(signal.SIGINT, before)

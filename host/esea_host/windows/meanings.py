@@ -33,15 +33,15 @@ class LimitFlag:
 
 def limit_flags(device: Device) -> list[LimitFlag]:
     """All flags that say which limit acts."""
-    found = []
-    for output in device.system.outputs:
+    found: dict[str, LimitFlag] = {}
+    for output in sorted(device.system.outputs, key=lambda x: x.name):
         if output.name in LIMIT_WORDS:
-            block = output.name.removesuffix("_status")
             for i, flag in enumerate(output.port.flags):
                 name = flag.name.lower().replace("_", " ")
-                name = name if block == "limits" else f"{block}: {name}"
-                found.append(LimitFlag(output.name, 1 << i, name, flag.meaning))
-    return found
+                if name in found:
+                    name = f"{output.name.removesuffix('_status')} {name}"
+                found[name] = LimitFlag(output.name, 1 << i, name, flag.meaning)
+    return list(found.values())
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The parameter editor: what is in force, bounds, units; what changes is shown before it is sent."""
+"""The parameter editor: values in force, bounds, units; a change is shown before it is sent."""
 
 from __future__ import annotations
 
@@ -38,7 +38,6 @@ def wrong(parameter: BoardParameter, text: str) -> str:
 class _Answers(QObject):
     # From the thread that asks the board to the one that draws.
     read = Signal(dict)
-    written = Signal(str)
 
 
 class ParameterEditor(QWidget):

@@ -15,8 +15,8 @@ from esea_host.windows.history import Floats, Stretch, curve, spans
 from esea_host.windows.meanings import LimitFlag
 from esea_host.windows.theme import Theme
 
-MOST_POINTS = 2000  # of a curve: two for each column of pixels
-MOST_BANDS = 6
+MOST_POINTS = 1400  # of a curve: two for each column of pixels
+MOST_BANDS, AXIS_PX = 6, 140
 DEG = 180 / math.pi
 Shown = Mapping[str, Stretch]
 
@@ -60,8 +60,8 @@ class TimePlot:
         self.title, self.unit = title, unit
         self.item.setMenuEnabled(False)
         self.item.hideButtons()
-        self.item.setClipToView(False)
-        self.item.getAxis("left").setWidth(74)
+        self.item.getAxis("bottom").setStyle(showValues=False)
+        self.item.getAxis("left").setWidth(AXIS_PX)
         self.signals: list[Signal] = []
         self._curves: list[Any] = []
         self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
@@ -70,11 +70,12 @@ class TimePlot:
             self.item.addItem(line, ignoreBounds=True)
 
     def show(self, signals: list[Signal], theme: Theme, colours: list[str]) -> None:
-        """Draw these from now on."""
+        """Draw these from now on, the last on top."""
         for drawn in self._curves:
             self.item.removeItem(drawn)
         self.signals = signals
-        widths = [2.2 if c == theme.measured else 1.5 for c in colours]
+        # The lowest of several is wider: where two agree, both are seen.  Wide lines are slow.
+        widths = [3.0 if i == 0 and len(signals) > 1 else 1.0 for i in range(len(signals))]
         self._curves = [
             self.item.plot(pen=pg.mkPen(c, width=w), connect="finite")
             for c, w in zip(colours, widths, strict=True)
@@ -113,22 +114,20 @@ class LimitBands:
         self.item = area.addPlot(row=row, col=0)
         self.item.setMenuEnabled(False)
         self.item.hideButtons()
-        self.item.getAxis("left").setWidth(74)
+        self.item.getAxis("left").setWidth(AXIS_PX)
         self.item.setMouseEnabled(y=False)
         self.item.setYRange(-0.6, MOST_BANDS - 0.4, padding=0)
         self.item.invertY(True)
-        self.item.getAxis("left").setTicks([[]])
         self.flags = [(stream, f) for f in flags]
         self._bands = self.item.plot(connect="pairs")
-        self._names = [pg.TextItem(anchor=(0, 0.5)) for _ in range(MOST_BANDS)]
-        for text in self._names:
-            self.item.addItem(text, ignoreBounds=True)
+        self._names: list[tuple[int, str]] = []
+        self.item.getAxis("left").setTicks([[]])
 
     def show(self, theme: Theme) -> None:
         """In these colours."""
-        self._bands.setPen(pg.mkPen(theme.limit, width=7, cap=Qt.PenCapStyle.FlatCap))
-        for text in self._names:
-            text.setColor(theme.ink)
+        pen = pg.mkPen(theme.limit, width=9)
+        pen.setCapStyle(Qt.PenCapStyle.FlatCap)
+        self._bands.setPen(pen)
         self.item.setTitle("<b>Which limit acts</b>", color=theme.ink, size="9pt")
         dress(self.item, theme)
         self.item.setLabel("bottom", "time on the board's clock [s]", color=theme.ink)
@@ -150,16 +149,15 @@ class LimitBands:
                 found.append((spans(part.time_s, seen, joined_s), flag))
         found.sort(key=lambda one: -one[0][-1][1])
         least_s = (right_s - left_s) / 300
-        for row, text in enumerate(self._names):
-            text.setVisible(row < len(found))
-            if row >= len(found):
-                continue
-            stretches, flag = found[row]
+        del found[MOST_BANDS:]
+        for row, (stretches, _) in enumerate(found):
             for start_s, end_s in stretches:
                 x += [start_s, max(end_s, start_s + least_s)]
-                y += [row + 0.28, row + 0.28]
-            text.setText(flag.name)
-            text.setPos(left_s, row - 0.18)
+                y += [row, row]
+        names = [(row, flag.name) for row, (_, flag) in enumerate(found)]
+        if names != self._names:
+            self._names = names
+            self.item.getAxis("left").setTicks([names])
         self._bands.setData(np.array(x), np.array(y))
 
 
@@ -175,7 +173,7 @@ class LoopPlot:
 
     def show(self, theme: Theme) -> None:
         """In these colours."""
-        self._past.setPen(pg.mkPen(theme.measured, width=1.5))
+        self._past.setPen(pg.mkPen(theme.measured, width=1))
         self._now.setSymbol("o")
         self._now.setSymbolBrush(theme.measured)
         self._now.setSymbolPen(theme.ink)
