@@ -13,6 +13,7 @@ from esea_host.recording.layout import Array, StreamLayout
 
 Floats = npt.NDArray[np.float64]
 LAST_ROWS = 120_000  # two minutes at 1 kHz
+SAME_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,13 @@ class Stretch:
     time_s: Floats
     rows: Array
     after_gap: npt.NDArray[np.bool_]
+
+    def between(self, start_s: float, end_s: float) -> Stretch:
+        """The part between two times, both included; no copy."""
+        a = int(np.searchsorted(self.time_s, start_s - SAME_S, "left"))
+        b = max(a, int(np.searchsorted(self.time_s, end_s + SAME_S, "right")))
+        rows = self.rows[a:b]
+        return Stretch(self.first + a, self.time_s[a:b], rows, self.after_gap[a:b])
 
 
 class RowRing:

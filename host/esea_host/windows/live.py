@@ -36,7 +36,7 @@ from esea_host.windows.plots import LimitBands, LoopPlot, Signal, TimePlot, sign
 from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
 
 take_many_nones()
-FRAME_MS = 40
+FRAME_MS = 50
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 UNCONFIRMED_S = 1.0
 ALARMING = ("FAULT", "STOPPED")
@@ -289,11 +289,11 @@ class LiveWindow(QMainWindow):
         now_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
         if not self.paused:
             self.bands.item.setXRange(now_s - self.window_s, now_s, padding=0)
-        for panel in self.panels:
-            panel.draw(shown)
-        if self.chosen.signals:
-            self.chosen.draw(shown)
+        # Who zooms into a still picture sees every row there.
         left_s, right_s = self.bands.item.viewRange()[0]
+        shown = {n: s.between(left_s, right_s) for n, s in shown.items()}
+        for panel in (*self.panels, self.chosen):
+            panel.draw(shown)
         self.bands.draw(shown, left_s, right_s)
         if self.loop is not None and self._loop_area.isVisible():
             self.loop.draw(shown)

@@ -198,4 +198,6 @@ def dress(item: Any, theme: Theme) -> None:
         axis.setPen(theme.soft)
         axis.setTextPen(theme.ink)
         axis.enableAutoSIPrefix(False)
+        # Half the time of a picture went into finer lines.
+        axis.setStyle(maxTickLevel=0)
     item.showGrid(x=True, y=True, alpha=theme.grid_alpha)
