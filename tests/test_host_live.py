@@ -194,6 +194,12 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
     assert "mode: torque" in window.state.text()
     assert "nothing lost" in window.link.text()
     assert any(name == "rate limited" for _, name in window.bands._names)
+    # A motor command of 0.2 Nm stands at 0.2 of its axis.
+    command = window.panels[3].item.getAxis("left")
+    assert 0 < max(map(abs, command.range)) < 1
+    step, values = command.tickValues(*command.range, 100)[0]
+    labels = command.tickStrings(values, command.scale * command.autoSIPrefixScale, step)
+    assert [float(x) for x in labels] == pytest.approx(values)
     qtbot.keyClick(window, Qt.Key.Key_P)
     assert window.paused
     held, total = torque._curves[2].getData()[1].copy(), feed.rings["sense_out"].total

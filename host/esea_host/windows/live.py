@@ -32,7 +32,7 @@ from esea_host.windows.feed import LiveFeed
 from esea_host.windows.history import Stretch
 from esea_host.windows.meanings import limit_flags, mode_text, state_text
 from esea_host.windows.parameters import ParameterEditor
-from esea_host.windows.plots import LimitBands, LoopPlot, Signal, TimePlot, signal_of
+from esea_host.windows.plots import LimitBands, LoopPlot, ShownSignal, TimePlot, signal_of
 from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
 
 take_many_nones()
@@ -135,7 +135,7 @@ class LiveWindow(QMainWindow):
     def _build_plots(self) -> None:
         self._area = pg.GraphicsLayoutWidget()
         self.panels: list[TimePlot] = []
-        self._signals: list[list[Signal]] = []
+        self._signals: list[list[ShownSignal]] = []
         for (title, unit), *wanted in PANELS:
             signals = [signal_of(*w) for w in wanted if (w[0], w[1]) in self._columns]
             if signals:
@@ -465,9 +465,16 @@ def _typing() -> bool:
 
 
 def run_live(
-    feed: LiveFeed, dark: bool | None, seconds: float | None, screenshot: Path | None
+    feed: LiveFeed,
+    dark: bool | None = None,
+    seconds: float | None = None,
+    screenshot: Path | None = None,
 ) -> None:
-    """Open the view, and return when it is closed, or after some seconds."""
+    """Open the view, and return when it is closed, or after some seconds.
+
+    dark: None: as the desktop has it.
+    screenshot: a picture, just before it closes.
+    """
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     if dark is None:

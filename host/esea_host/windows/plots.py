@@ -22,7 +22,7 @@ Shown = Mapping[str, Stretch]
 
 
 @dataclass(frozen=True)
-class Signal:
+class ShownSignal:
     """A column of a stream, as it is shown.
 
     scale: from the column's unit to the shown one.
@@ -44,12 +44,12 @@ class Signal:
         return np.asarray(shown[self.stream].rows[self.column], np.float64) * self.scale
 
 
-def signal_of(stream: str, column: str, unit: str, label: str = "") -> Signal:
+def signal_of(stream: str, column: str, unit: str, label: str = "") -> ShownSignal:
     """A signal; angles in degrees."""
     if unit.startswith("rad"):
         name = (label or column).replace("_rad", "_deg")
-        return Signal(stream, column, name, unit.replace("rad", "deg", 1), DEG)
-    return Signal(stream, column, label or column, unit)
+        return ShownSignal(stream, column, name, unit.replace("rad", "deg", 1), DEG)
+    return ShownSignal(stream, column, label or column, unit)
 
 
 class TimePlot:
@@ -62,14 +62,14 @@ class TimePlot:
         self.item.hideButtons()
         self.item.getAxis("bottom").setStyle(showValues=False)
         self.item.getAxis("left").setWidth(AXIS_PX)
-        self.signals: list[Signal] = []
+        self.signals: list[ShownSignal] = []
         self._curves: list[Any] = []
         self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
         for line in self.cursors:
             line.setVisible(False)
             self.item.addItem(line, ignoreBounds=True)
 
-    def show(self, signals: list[Signal], theme: Theme, colours: list[str]) -> None:
+    def show(self, signals: list[ShownSignal], theme: Theme, colours: list[str]) -> None:
         """Draw these from now on, the last on top."""
         for drawn in self._curves:
             self.item.removeItem(drawn)
@@ -77,7 +77,7 @@ class TimePlot:
         # The lowest of several is wider: where two agree, both are seen.  Wide lines are slow.
         widths = [3.0 if i == 0 and len(signals) > 1 else 1.0 for i in range(len(signals))]
         self._curves = [
-            self.item.plot(pen=pg.mkPen(c, width=w), connect="finite")
+            self.item.plot(pen=pg.mkPen(c, width=w), connect="finite", antialias=True)
             for c, w in zip(colours, widths, strict=True)
         ]
         said = " &nbsp; ".join(
@@ -85,8 +85,8 @@ class TimePlot:
             for s, c in zip(signals, colours, strict=True)
         )
         self.item.setTitle(f"<b>{self.title}</b> &nbsp; {said}", color=theme.ink, size="9pt")
-        dress(self.item, theme)
         self.item.setLabel("left", self.unit, color=theme.ink)
+        dress(self.item, theme)
         for line in self.cursors:
             line.setPen(pg.mkPen(theme.ink, style=Qt.PenStyle.DashLine))
 
@@ -129,8 +129,8 @@ class LimitBands:
         pen.setCapStyle(Qt.PenCapStyle.FlatCap)
         self._bands.setPen(pen)
         self.item.setTitle("<b>Which limit acts</b>", color=theme.ink, size="9pt")
-        dress(self.item, theme)
         self.item.setLabel("bottom", "time on the board's clock [s]", color=theme.ink)
+        dress(self.item, theme)
 
     def acting(self, shown: Shown) -> list[LimitFlag]:
         """What acts in the newest row."""
@@ -164,12 +164,12 @@ class LimitBands:
 class LoopPlot:
     """Torque over deflection: the hysteresis of the elastomer."""
 
-    def __init__(self, area: Any, x: Signal, y: Signal) -> None:
+    def __init__(self, area: Any, x: ShownSignal, y: ShownSignal) -> None:
         self.item = area.addPlot(row=0, col=0)
         self.item.setMenuEnabled(False)
         self.item.hideButtons()
         self.x, self.y = x, y
-        self._past, self._now = self.item.plot(connect="finite"), self.item.plot()
+        self._past, self._now = self.item.plot(antialias=True), self.item.plot()
 
     def show(self, theme: Theme) -> None:
         """In these colours."""
@@ -178,9 +178,9 @@ class LoopPlot:
         self._now.setSymbolBrush(theme.measured)
         self._now.setSymbolPen(theme.ink)
         self.item.setTitle("<b>Torque over deflection</b>", color=theme.ink, size="9pt")
-        dress(self.item, theme)
         self.item.setLabel("bottom", f"{self.x.label} [{self.x.unit}]", color=theme.ink)
         self.item.setLabel("left", f"{self.y.label} [{self.y.unit}]", color=theme.ink)
+        dress(self.item, theme)
 
     def draw(self, shown: Shown) -> None:
         """Draw what has come; here rows are thinned, for a peak has two values."""
@@ -197,6 +197,8 @@ def dress(item: Any, theme: Theme) -> None:
         axis = item.getAxis(side)
         axis.setPen(theme.soft)
         axis.setTextPen(theme.ink)
+        # Numbers in the unit that stands there, whatever their size: the switch alone does not do.
+        axis.setSIPrefixEnableRanges(())
         axis.enableAutoSIPrefix(False)
         # Half the time of a picture went into finer lines.
         axis.setStyle(maxTickLevel=0)
