@@ -21,7 +21,7 @@ from esea_host.windows.feed import LiveFeed
 from esea_link.parameters import BoardParameter
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
-NEW = 2
+NEW, MOST_HEIGHT_PX = 2, 210
 
 
 def wrong(parameter: BoardParameter, text: str) -> str:
@@ -64,6 +64,7 @@ class ParameterEditor(QWidget):
         below = QHBoxLayout()
         below.addWidget(self.changes, 1)
         below.addWidget(self.write_button)
+        self.setMaximumHeight(MOST_HEIGHT_PX)  # the plots need the rest
         column = QVBoxLayout(self)
         column.addWidget(self.table)
         column.addLayout(below)

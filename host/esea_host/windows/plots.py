@@ -16,7 +16,7 @@ from esea_host.windows.meanings import LimitFlag
 from esea_host.windows.theme import Theme
 
 MOST_POINTS = 1400  # of a curve: two for each column of pixels
-MOST_BANDS, AXIS_PX = 6, 140
+MOST_BANDS, AXIS_PX, BANDS_PX = 6, 140, 150
 DEG = 180 / math.pi
 Shown = Mapping[str, Stretch]
 
@@ -49,7 +49,7 @@ def signal_of(stream: str, column: str, unit: str, label: str = "") -> ShownSign
     if unit.startswith("rad"):
         name = (label or column).replace("_rad", "_deg")
         return ShownSignal(stream, column, name, unit.replace("rad", "deg", 1), DEG)
-    return ShownSignal(stream, column, label or column, unit)
+    return ShownSignal(stream, column, label or column, "" if unit == "1" else unit)
 
 
 class TimePlot:
@@ -118,6 +118,7 @@ class LimitBands:
         self.item.setMouseEnabled(y=False)
         self.item.setYRange(-0.6, MOST_BANDS - 0.4, padding=0)
         self.item.invertY(True)
+        area.ci.layout.setRowMinimumHeight(row, BANDS_PX)  # so that the names stay apart
         self.flags = [(stream, f) for f in flags]
         self._bands = self.item.plot(connect="pairs")
         self._names: list[tuple[int, str]] = []
