@@ -27,7 +27,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from esea_host.windows.counting import take_many_nones
+from esea_host.windows.counting import take_many
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.history import Stretch
 from esea_host.windows.meanings import limit_flags, mode_text, state_text
@@ -35,7 +35,7 @@ from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import LimitBands, LoopPlot, ShownSignal, TimePlot, signal_of
 from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
 
-take_many_nones()
+take_many()
 FRAME_MS = 50
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 UNCONFIRMED_S = 1.0
