@@ -1,6 +1,17 @@
 """``esea-host``: the command line.  One file a group of commands; each registers itself."""
 
-from esea_host.cli import analyse, assess, demo, interaction, live, logs, study, virtual, wrist
+from esea_host.cli import (
+    analyse,
+    assess,
+    demo,
+    interaction,
+    live,
+    logs,
+    study,
+    view,
+    virtual,
+    wrist,
+)
 from esea_host.cli.app import app, main
 
 __all__ = [
@@ -13,6 +24,7 @@ __all__ = [
     "logs",
     "main",
     "study",
+    "view",
     "virtual",
     "wrist",
 ]

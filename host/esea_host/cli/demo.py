@@ -7,15 +7,18 @@ from typing import Annotated
 
 import typer
 
-from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
+from esea_host.cli.view import watch_demo
 
 
 @app.command()
 def demo(
     device: Annotated[str, typer.Option("--device", help="With a drive.")] = "elbow_drive",
     headless: Annotated[bool, typer.Option("--headless", help="Without a window.")] = False,
-    seconds: Annotated[float, typer.Option("--seconds", help="Of torque control.")] = 10.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", help="Of torque control; default: 10, or until it is closed."),
+    ] = None,
     report: Annotated[Path, typer.Option("--report", help="Page to draw (.png).")] = Path(
         "demo.png"
     ),
@@ -25,12 +28,15 @@ def demo(
     person: Annotated[str, typer.Option("--person", help="Who is in the joint.")] = "uncertain",
     seed: Annotated[int, typer.Option("--seed")] = 0,
 ) -> None:
-    """Simulated board, simulated person, a recording, its replay proven, one page."""
+    """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
     from esea_host.simulated.demo import run_demo
 
     if not headless:
-        raise UserError("There is no window yet.", "Add --headless.")
-    done = run_demo(device, seconds, report, recording, person, seed, out.print)
+        watch_demo(f"sim:{device}?person={person}&seed={seed}", recording, seconds)
+        return
+    done = run_demo(
+        device, 10.0 if seconds is None else seconds, report, recording, person, seed, out.print
+    )
     v = done.verdict
     out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
     out.print("every bit is the C's" if v.same else "NOT THE SAME: esea-host replay --verify")

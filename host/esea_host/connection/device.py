@@ -154,6 +154,17 @@ class ConnectedDevice:
         """Whether no hardware is behind it."""
         return self.identity.simulated
 
+    def fault(self) -> int:
+        """Number of the latched fault, as the dialect's ESEA_FAULT; 0: none.
+
+        Returns
+        -------
+        int
+            Asked of the board.
+        """
+        with self._lock:
+            return int(self.session.info().fault)
+
     @property
     def _layouts(self) -> list[StreamLayout]:
         return list(self.receiver.decoder.layouts.values())
@@ -307,8 +318,7 @@ class ConnectedDevice:
         """
         if not names:
             raise UserError("No signal is named.", "Name one, such as tau_Nm.")
-        found = {self._stream_of(n) for n in names}
-        if len(found) > 1:
+        if len(found := {self._stream_of(n) for n in names}) > 1:
             raise UserError(
                 f"{', '.join(names)} are of several streams: {', '.join(sorted(found))}.",
                 "Ask for each stream by itself.",

@@ -1,0 +1,84 @@
+"""``view``: the live view of a board."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from esea_gen.errors import UserError
+from esea_host.cli.app import app, out
+from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.connection import open_device
+
+
+@app.command()
+def view(
+    address: AddressArgument,
+    device: DeviceOption = None,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Record meanwhile (.mcap).")
+    ] = None,
+    dark: Annotated[
+        bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", min=1.0, help="Close after so long.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", metavar="FILE", help="Picture before it closes.")
+    ] = None,
+) -> None:
+    """See a board live: curves, limits, faults; Space or Escape stops the motor."""
+    _watch(address, device, record, dark, seconds, screenshot, operated=False)
+
+
+def watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
+    """See a simulated board that somebody operates."""
+    _watch(address, None, record, None, seconds, None, operated=True)
+
+
+def _watch(
+    address: str,
+    device: str | None,
+    record: Path | None,
+    dark: bool | None,
+    seconds: float | None,
+    screenshot: Path | None,
+    operated: bool,
+) -> None:
+    _need_a_screen()
+    from esea_host.windows.feed import LiveFeed
+    from esea_host.windows.live import run_live
+    from esea_host.windows.operator import DemoOperator
+
+    with ExitStack() as held:
+        board = held.enter_context(open_device(address, device))
+        recording = held.enter_context(board.record(record)) if record else None
+        feed = LiveFeed(board, recording)
+        held.callback(feed.close)
+        if operated:
+            held.callback(DemoOperator(board).close)
+        run_live(feed, dark, seconds, screenshot)
+    if recording is not None:
+        out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
+        if recording.error is not None:
+            raise recording.error
+
+
+def _need_a_screen() -> None:
+    # Qt ends the whole program where it finds none.
+    missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
+    if missing:
+        raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
+    screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+    if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
+        raise UserError(
+            "There is no screen here.",
+            "Use esea-host monitor, or esea-host demo --headless.",
+        )

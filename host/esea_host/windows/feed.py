@@ -1,0 +1,155 @@
+"""What a live view shows, gathered beside it: rows, state, fault, health.  No window needed."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from esea_host.connection import ConnectedDevice
+from esea_host.connection.receiver import KEY
+from esea_host.connection.recording import LiveRecording
+from esea_host.windows.history import LAST_ROWS, RowRing
+from esea_host.windows.meanings import FaultText, fault_text
+from esea_host.windows.stopping import StopSender
+
+TAKE_S, ASK_S = 0.05, 0.2
+SILENT_S = 1.0
+
+
+@dataclass
+class BoardNews:
+    """What is known of a board now.
+
+    said: the answer to what was asked last, or why it was refused.
+    """
+
+    state: str = "UNKNOWN"
+    fault: FaultText | None = None
+    health: dict[str, int] = field(default_factory=dict)
+    said: str = ""
+    error: str = ""
+
+
+class LiveFeed:
+    """Fills rings from a connected board, and asks it what one sees.
+
+    Parameters
+    ----------
+    device : ConnectedDevice
+        Listened to.
+    recording : LiveRecording, optional
+        That runs; notes go into it.
+    most_rows : int
+        Kept of each stream.
+    threaded : bool
+        Gather by itself; otherwise by :meth:`gather` and :meth:`ask`.
+    """
+
+    def __init__(
+        self,
+        device: ConnectedDevice,
+        recording: LiveRecording | None = None,
+        most_rows: int = LAST_ROWS,
+        threaded: bool = True,
+    ) -> None:
+        self.device, self.recording = device, recording
+        layouts = [x for x in device.receiver.decoder.layouts.values() if x.name != KEY]
+        self.rings = {x.name: RowRing(x, most_rows) for x in layouts}
+        self._queue = device.subscribe(list(self.rings))
+        device.listen(list(self.rings))
+        self.news = BoardNews()
+        self.stopper = StopSender(device)
+        self.came_s = time.monotonic()
+        self._jobs: queue.SimpleQueue[tuple[str, Callable[[], Any]]] = queue.SimpleQueue()
+        self._closed = threading.Event()
+        self._threads: list[threading.Thread] = []
+        for name, turn in (("esea-view-rows", self._take), ("esea-view-asks", self._asks)):
+            if threaded:
+                self._threads.append(threading.Thread(target=turn, name=name, daemon=True))
+                self._threads[-1].start()
+
+    @property
+    def dropped_rows(self) -> int:
+        """For which the view had no room."""
+        return self._queue.dropped_rows
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has come for a while."""
+        return time.monotonic() - self.came_s > SILENT_S
+
+    def gather(self, timeout_s: float = 0.0) -> None:
+        """Put what has come into the rings."""
+        for batch in self._queue.take(timeout_s):
+            self.came_s = time.monotonic()
+            self.rings[batch.layout.name].extend(batch)
+
+    def ask(self) -> None:
+        """Do what was asked for, then look at state, fault and health."""
+        while not self._jobs.empty():
+            what, job = self._jobs.get()
+            try:
+                answer = job()
+                self.news.said = what if answer is None else f"{what}: {answer}"
+            except Exception as error:
+                self.news.said = f"{what}: {error}"
+        self.news.state = self.device.state()
+        number = self._fault_now()
+        self.news.fault = fault_text(self.device.session.dialect, number) if number else None
+        self.news.health = self.device.health() | {"not_shown": self.dropped_rows}
+
+    def _fault_now(self) -> int:
+        if self.news.state not in ("FAULT", "STOPPED"):
+            return 0
+        return self.device.fault()
+
+    def do(self, what: str, job: Callable[[], Any]) -> None:
+        """Have something done that may wait for the board or for the disk; returns at once."""
+        self._jobs.put((what, job))
+
+    def stop(self) -> None:
+        """Stop the motor: past everything that waits; returns at once."""
+        self.stopper.stop()
+
+    def note(self, text: str) -> None:
+        """An annotation into the recording."""
+        recording = self.recording
+        if recording is None:
+            self.news.said = "not recorded: start with --record FILE to keep notes"
+            return
+        facts = {"board_s": self.now_s()}
+        self.do(f"noted '{text}'", lambda: recording.note(text, **facts))
+
+    def now_s(self) -> float:
+        """Board time of the newest row."""
+        newest = (ring.last(1).time_s for ring in self.rings.values())
+        return max((float(t[0]) for t in newest if len(t)), default=0.0)
+
+    def _take(self) -> None:
+        try:
+            while not self._closed.is_set():
+                self.gather(TAKE_S)
+        except Exception as error:
+            self.news.error = str(error)
+
+    def _asks(self) -> None:
+        while not self._closed.is_set():
+            try:
+                self.ask()
+            except Exception as error:
+                self.news.error = str(error)
+                if self.device.receiver.error is not None:
+                    return
+            self._closed.wait(ASK_S)
+
+    def close(self) -> None:
+        """Let go; the connection and its recording go on."""
+        self._closed.set()
+        self.stopper.close()
+        for thread in self._threads:
+            thread.join(2.0)
+        self.device.receiver.unsubscribe(self._queue)

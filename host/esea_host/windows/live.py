@@ -1,0 +1,495 @@
+"""The live view of a board."""
+
+from __future__ import annotations
+
+import signal
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer
+from PySide6.QtGui import QAction, QCloseEvent, QGuiApplication, QKeyEvent, QKeySequence
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QApplication,
+    QDockWidget,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QMainWindow,
+    QPushButton,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from esea_host.windows.counting import take_many
+from esea_host.windows.feed import LiveFeed
+from esea_host.windows.history import Stretch
+from esea_host.windows.meanings import limit_flags, mode_text, state_text
+from esea_host.windows.parameters import ParameterEditor
+from esea_host.windows.plots import LimitBands, LoopPlot, ShownSignal, TimePlot, signal_of
+from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
+
+take_many()
+FRAME_MS = 50
+WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
+UNCONFIRMED_S = 1.0
+ALARMING = ("FAULT", "STOPPED")
+MOVING = ("ARMED", "ACTIVE", "LETTING_GO")
+# Title, unit, and of each signal its stream, column, unit and label.
+PANELS = (
+    (
+        ("Torque", "Nm"),
+        ("sense_in", "tau_desired_Nm", "Nm", "wanted"),
+        ("sense_out", "tau_set_Nm", "Nm", "set"),
+        ("sense_out", "tau_Nm", "Nm", "measured"),
+    ),
+    (("Deflection", "deg"), ("sense_out", "theta_rad", "rad", "deflection")),
+    (("Joint", "deg"), ("sense_out", "theta_load_rad", "rad", "angle")),
+    (("Motor", "Nm"), ("sense_out", "u_Nm", "Nm", "command")),
+)
+# What the health of a link counts, as it is shown.
+COUNTED = {
+    "gaps": "gaps",
+    "lost_frames": "frames lost",
+    "bad_frames": "damaged",
+    "reconnects": "reconnects",
+    "dropped_rows": "rows not recorded",
+    "not_shown": "rows not shown",
+}
+
+
+class LiveWindow(QMainWindow):
+    """A window on a :class:`LiveFeed`; it only reads, and what it asks for is done beside it."""
+
+    def __init__(self, feed: LiveFeed, dark: bool = False) -> None:
+        super().__init__()
+        self.feed, self.theme = feed, DARK if dark else LIGHT
+        device = feed.device.identity.device
+        self._seconds = {t.name: t.every * device.system.base_period_s for t in device.system.tasks}
+        self._columns = {(n, c.name): c for n, r in feed.rings.items() for c in r.layout.columns}
+        self.window_s, self._frozen = 10.0, dict[str, Stretch]()
+        self._stop_asked_s = 0.0
+        self._active_cursor = 0
+        self.drawn_frames = 0
+        kind = "SIMULATED " if feed.device.simulated else ""
+        self._who = f"{kind}{device.name} on {feed.device.identity.board}"
+        self.setWindowTitle(f"{self._who} - esea-host")
+        self._build()
+        self._actions()
+        self.set_theme(self.theme)
+        application = QApplication.instance()
+        assert application is not None
+        application.installEventFilter(self)
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.timeout.connect(self._turn)
+        self._timer.start(FRAME_MS)
+
+    # -- what there is -----------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        self.state, self.link, self.fault = QLabel(), QLabel(), QLabel()
+        self.readout, self.said = QLabel(), QLabel()
+        self.fault.setWordWrap(True)
+        for label in (self.state, self.link, self.fault, self.readout):
+            label.setTextFormat(Qt.TextFormat.RichText)
+        self.stop_button = QPushButton("STOP  (Space)")
+        self.stop_button.setStyleSheet(STOP_STYLE)
+        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        # When it goes down, not when it comes up again.
+        self.stop_button.pressed.connect(self.stop)
+        words = QVBoxLayout()
+        for label in (self.state, self.fault, self.link):
+            words.addWidget(label)
+        top = QHBoxLayout()
+        top.addLayout(words, 1)
+        top.addWidget(self.stop_button)
+        self.note = QLineEdit()
+        recorded = self.feed.recording is not None
+        self.note.setPlaceholderText(
+            "N: a note into the recording, then Return"
+            if recorded
+            else "not recorded: start with --record FILE to keep notes"
+        )
+        self.note.setEnabled(recorded)
+        self.note.returnPressed.connect(self._noted)
+        self._build_plots()
+        column = QVBoxLayout()
+        for part in (top, self._split, self.readout, self.note, self.said):
+            if isinstance(part, QHBoxLayout):
+                column.addLayout(part)
+            else:
+                column.addWidget(part, 1 if part is self._split else 0)
+        middle = QWidget()
+        middle.setLayout(column)
+        self.setCentralWidget(middle)
+        self.readout.setVisible(False)
+        self._build_docks()
+
+    def _build_plots(self) -> None:
+        self._area = pg.GraphicsLayoutWidget()
+        self.panels: list[TimePlot] = []
+        self._signals: list[list[ShownSignal]] = []
+        for (title, unit), *wanted in PANELS:
+            signals = [signal_of(*w) for w in wanted if (w[0], w[1]) in self._columns]
+            if signals:
+                self.panels.append(TimePlot(self._area, len(self.panels), title, unit))
+                self._signals.append(signals)
+        self.chosen = TimePlot(self._area, len(self.panels), "Chosen", "")
+        self.chosen.item.setVisible(False)
+        flags = limit_flags(self.feed.device.identity.device)
+        flags = [f for f in flags if ("sense_out", f.word) in self._columns]
+        self.bands = LimitBands(self._area, len(self.panels) + 1, flags, "sense_out")
+        for panel in (*self.panels, self.chosen):
+            panel.item.setXLink(self.bands.item)
+        for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
+            # Who zooms wants to look: the picture stands still.
+            plot.vb.sigRangeChangedManually.connect(partial(self.pause, True))
+        for panel in (*self.panels, self.chosen):
+            for which, line in enumerate(panel.cursors):
+                line.sigPositionChanged.connect(partial(self._cursor_moved, which))
+        self._loop_area = pg.GraphicsLayoutWidget()
+        columns = ("sense_out", "theta_rad"), ("sense_out", "tau_Nm")
+        self.loop: LoopPlot | None = None
+        if all(c in self._columns for c in columns):
+            deflection = signal_of("sense_out", "theta_rad", "rad", "deflection")
+            torque = signal_of("sense_out", "tau_Nm", "Nm", "measured torque")
+            self.loop = LoopPlot(self._loop_area, deflection, torque)
+        self._split = QSplitter()
+        self._split.addWidget(self._area)
+        self._split.addWidget(self._loop_area)
+        self._split.setSizes([760, 340])
+
+    def _build_docks(self) -> None:
+        self.channels = QListWidget()
+        for (stream, name), c in self._columns.items():
+            if c.kind == "f4" and c.size == 1:
+                item = QListWidgetItem(f"{stream}.{name}")
+                item.setToolTip(f"{c.meaning} [{c.unit}]")
+                item.setCheckState(Qt.CheckState.Unchecked)
+                self.channels.addItem(item)
+        self.channels.itemChanged.connect(self._choose)
+        self.channels.itemActivated.connect(_toggle)
+        self.parameters = ParameterEditor(self.feed)
+        areas = Qt.DockWidgetArea
+        self._docks: dict[str, QDockWidget] = {}
+        for title, widget, area in (
+            ("Channels", self.channels, areas.LeftDockWidgetArea),
+            ("Parameters", self.parameters, areas.BottomDockWidgetArea),
+        ):
+            dock = QDockWidget(title)
+            dock.setWidget(widget)
+            # In this window always: so the stop keeps its key and its place.
+            dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
+            self.addDockWidget(area, dock)
+            dock.hide()
+            self._docks[title] = dock
+
+    def _actions(self) -> None:
+        device = self.feed.device
+        look = self.menuBar().addMenu("&Look")
+        for name, keys, job in (
+            ("Pause, go on", "P", self.pause),
+            ("Shorter time", "+", partial(self.zoom, -1)),
+            ("Longer time", "-", partial(self.zoom, 1)),
+            ("Cursors", "C", self.toggle_cursors),
+            ("Cursor to the left", "Left", partial(self.move_cursor, -0.01)),
+            ("Cursor to the right", "Right", partial(self.move_cursor, 0.01)),
+            ("The other cursor", "Tab", self.other_cursor),
+            ("Torque over deflection", "X", self.toggle_loop),
+            ("Channels (Return chooses)", "K", partial(self.toggle_dock, "Channels")),
+            ("Parameters", "E", partial(self.toggle_dock, "Parameters")),
+            ("Note", "N", self.note.setFocus),
+            ("Dark, light", "T", self.toggle_theme),
+        ):
+            self._action(look, name, keys, job)
+        board = self.menuBar().addMenu("&Board")
+        self._action(board, "STOP: Space or Escape", "F12", self.stop)
+        for name, keys, job in (
+            ("Release the stop", "Ctrl+R", device.release),
+            ("Zero", "Ctrl+0", device.zero),
+            ("Arm: the motor may move", "Ctrl+Shift+A", device.arm),
+            ("Disarm", "Ctrl+D", device.disarm),
+            ("Fault has been seen to", "Ctrl+L", device.clear),
+        ):
+            self._action(board, name, keys, partial(self.feed.do, name, job))
+
+    def _action(self, menu: Any, name: str, keys: str, job: Any) -> None:
+        action = QAction(name, self)
+        action.setShortcut(QKeySequence(keys))
+        action.triggered.connect(lambda _checked=False: job())
+        menu.addAction(action)
+
+    # -- stop ------------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """Stop the motor."""
+        self.feed.stop()
+        self._stop_asked_s = time.monotonic()
+
+    def eventFilter(self, _: QObject, event: QEvent) -> bool:
+        """Space and Escape stop, whatever has the focus; only into text a space is typed."""
+        if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
+            if event.key() == Qt.Key.Key_Escape:
+                self.stop()
+            if event.key() == Qt.Key.Key_Space and not _typing():
+                self.stop()
+                return True
+        return False
+
+    # -- looking ---------------------------------------------------------------------------------
+
+    @property
+    def paused(self) -> bool:
+        """Whether the picture stands still."""
+        return bool(self._frozen)
+
+    def pause(self, on: bool | None = None, *_: Any) -> None:
+        """Hold the picture, or go on; rows are kept and recorded meanwhile."""
+        hold = not self.paused if on is None else on
+        if hold != self.paused:
+            self._frozen = {n: r.last() for n, r in self.feed.rings.items()} if hold else {}
+
+    def zoom(self, step: int) -> None:
+        """To the next shorter or longer time."""
+        place = min(range(len(WINDOWS_S)), key=lambda i: abs(WINDOWS_S[i] - self.window_s))
+        self.window_s = WINDOWS_S[min(max(place + step, 0), len(WINDOWS_S) - 1)]
+        if self.paused:
+            left_s, right_s = self.bands.item.viewRange()[0]
+            middle_s, half_s = (left_s + right_s) / 2, self.window_s / 2
+            self.bands.item.setXRange(middle_s - half_s, middle_s + half_s, padding=0)
+
+    def _shown(self) -> dict[str, Stretch]:
+        if self.paused:
+            return self._frozen
+        found = {}
+        for name, ring in self.feed.rings.items():
+            period_s = self._seconds[name.rpartition("_")[0]]
+            found[name] = ring.last(int(self.window_s / period_s) + 1)
+        return found
+
+    def _turn(self) -> None:
+        started_s = time.monotonic()
+        try:
+            self.draw()
+        finally:
+            # At least as long for keys and buttons as for drawing.
+            spent_ms = (time.monotonic() - started_s) * 1e3
+            self._timer.start(max(FRAME_MS, int(2 * spent_ms)))
+
+    def draw(self) -> None:
+        """One picture of what there is now."""
+        shown = self._shown()
+        now_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
+        if not self.paused:
+            self.bands.item.setXRange(now_s - self.window_s, now_s, padding=0)
+        # Who zooms into a still picture sees every row there.
+        left_s, right_s = self.bands.item.viewRange()[0]
+        shown = {n: s.between(left_s, right_s) for n, s in shown.items()}
+        for panel in (*self.panels, self.chosen):
+            panel.draw(shown)
+        self.bands.draw(shown, left_s, right_s)
+        if self.loop is not None and self._loop_area.isVisible():
+            self.loop.draw(shown)
+        if self.panels[0].cursors[0].isVisible():
+            self._read_cursors(shown)
+        self._tell(shown)
+        self.drawn_frames += 1
+
+    def _tell(self, shown: dict[str, Stretch]) -> None:
+        news, theme = self.feed.news, self.theme
+        dialect = self.feed.device.session.dialect
+        mode = self._mode()
+        acts = ", ".join(f.name for f in self.bands.acting(shown))
+        colour = theme.alarm if news.state in ALARMING else theme.good
+        colour = theme.measured if news.state in MOVING else colour
+        parts = [f'<b style="color:{colour}; font-size:16px">{news.state}</b> &nbsp; {self._who}']
+        parts += [f"mode: {mode}"] if mode else []
+        parts += [f"acts: {acts}"] if acts else []
+        parts += ["PAUSED (P)"] if self.paused else []
+        self.state.setText(" &nbsp;|&nbsp; ".join(parts))
+        self.fault.setText(self._alarm() or state_text(dialect, news.state))
+        self.link.setText(self._health())
+        self.said.setText(news.said)
+
+    def _mode(self) -> str:
+        newest = self.feed.rings["sense_out"].newest() if "sense_out" in self.feed.rings else None
+        if newest is None or "mode_held" not in (newest.dtype.names or ()):
+            return ""
+        return mode_text(self.feed.device.identity.device, float(newest["mode_held"]))
+
+    def _alarm(self) -> str:
+        news = self.feed.news
+        lines = []
+        waited_s = time.monotonic() - self._stop_asked_s
+        if self._stop_asked_s and news.state == "STOPPED":
+            self._stop_asked_s = 0.0
+        elif self._stop_asked_s and waited_s > UNCONFIRMED_S:
+            lines.append("STOP was sent, and the board has not confirmed it: switch its power off.")
+        if news.error:
+            lines.append(news.error)
+        if self.feed.silent:
+            lines.append("Nothing comes from the board: what is shown is old.")
+        if news.fault is not None:
+            f = news.fault
+            lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
+        said = "<br>".join(lines)
+        return f'<b style="color:{self.theme.alarm}">{said}</b>' if said else ""
+
+    def _health(self) -> str:
+        news, recording = self.feed.news, self.feed.recording
+        lost = [f"{news.health[k]} {said}" for k, said in COUNTED.items() if news.health.get(k)]
+        parts = [f"link: {', '.join(lost)}" if lost else "link: nothing lost"]
+        if recording is None:
+            parts.append("not recorded")
+        elif recording.error is not None:
+            said = f"RECORDING ENDED: {recording.error}"
+            parts.append(f'<b style="color:{self.theme.alarm}">{said}</b>')
+        else:
+            parts.append(f"recording: {recording.rows} rows, {recording.gaps} gaps")
+        return " &nbsp;|&nbsp; ".join(parts)
+
+    # -- choosing --------------------------------------------------------------------------------
+
+    def _choose(self) -> None:
+        signals = []
+        for i in range(self.channels.count()):
+            item = self.channels.item(i)
+            if item.checkState() == Qt.CheckState.Checked:
+                stream, _, name = item.text().partition(".")
+                signals.append(signal_of(stream, name, self._columns[stream, name].unit))
+        units = {s.unit for s in signals}
+        self.chosen.unit = units.pop() if len(units) == 1 else ""
+        colours = self.theme.curves
+        self.chosen.show(signals, self.theme, [colours[i % 8] for i in range(len(signals))])
+        self.chosen.item.setVisible(bool(signals))
+
+    def toggle_dock(self, title: str) -> None:
+        """Show or hide the channels, or the parameters."""
+        dock = self._docks[title]
+        dock.setVisible(not dock.isVisible())
+        widget = dock.widget()
+        if dock.isVisible():
+            widget.setFocus()
+            if widget is self.parameters:
+                self.parameters.read()
+
+    def toggle_loop(self) -> None:
+        """Show or hide torque over deflection."""
+        self._loop_area.setVisible(not self._loop_area.isVisible())
+
+    def toggle_theme(self) -> None:
+        """Dark or light."""
+        self.set_theme(LIGHT if self.theme is DARK else DARK)
+
+    def set_theme(self, theme: Theme) -> None:
+        """All in these colours."""
+        self.theme = theme
+        self.setPalette(theme.palette())
+        for area in (self._area, self._loop_area):
+            area.setBackground(theme.ground)
+        for panel, signals in zip(self.panels, self._signals, strict=True):
+            own = {"wanted": theme.wanted, "set": theme.good}
+            panel.show(signals, theme, [own.get(s.label, theme.measured) for s in signals])
+        self._choose()
+        self.bands.show(theme)
+        if self.loop is not None:
+            self.loop.show(theme)
+
+    def _noted(self) -> None:
+        if self.note.text().strip():
+            self.feed.note(self.note.text().strip())
+        self.note.clear()
+        self._area.setFocus()
+
+    # -- cursors ---------------------------------------------------------------------------------
+
+    def toggle_cursors(self) -> None:
+        """Two lines across all plots, and what is there."""
+        on = not self.panels[0].cursors[0].isVisible()
+        left_s, right_s = self.bands.item.viewRange()[0]
+        for panel in (*self.panels, self.chosen):
+            for i, line in enumerate(panel.cursors):
+                line.setVisible(on)
+                line.setValue(left_s + (right_s - left_s) * (0.4 + 0.2 * i))
+        self.readout.setVisible(on)
+        if on:
+            self.pause(True)
+
+    def _cursor_moved(self, which: int, line: Any) -> None:
+        for panel in (*self.panels, self.chosen):
+            if panel.cursors[which].value() != line.value():
+                panel.cursors[which].setValue(line.value())
+
+    def move_cursor(self, part: float) -> None:
+        """Move the chosen cursor by a part of what is seen."""
+        left_s, right_s = self.bands.item.viewRange()[0]
+        line = self.panels[0].cursors[self._active_cursor]
+        line.setValue(line.value() + part * (right_s - left_s))
+
+    def other_cursor(self) -> None:
+        """Choose the other one."""
+        self._active_cursor = 1 - self._active_cursor
+
+    def _read_cursors(self, shown: dict[str, Stretch]) -> None:
+        first_s, second_s = (line.value() for line in self.panels[0].cursors)
+        lines = []
+        for i, at_s in enumerate((first_s, second_s)):
+            values = [v for p in (*self.panels, self.chosen) for v in p.at(at_s, shown)]
+            mark = "&#9656; " if i == self._active_cursor else ""
+            lines.append(f"{mark}<b>{at_s:.3f} s</b>: {', '.join(values)}")
+        self.readout.setText("<br>".join(lines) + f"<br>apart: {second_s - first_s:.3f} s")
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """The connection and the recording are not the window's to end."""
+        self._timer.stop()
+        application = QApplication.instance()
+        if application is not None:
+            application.removeEventFilter(self)
+        super().closeEvent(event)
+
+
+def _toggle(item: QListWidgetItem) -> None:
+    checked = item.checkState() == Qt.CheckState.Checked
+    item.setCheckState(Qt.CheckState.Unchecked if checked else Qt.CheckState.Checked)
+
+
+def _typing() -> bool:
+    return isinstance(QApplication.focusWidget(), QLineEdit | QAbstractSpinBox)
+
+
+def run_live(
+    feed: LiveFeed,
+    dark: bool | None = None,
+    seconds: float | None = None,
+    screenshot: Path | None = None,
+) -> None:
+    """Open the view, and return when it is closed, or after some seconds.
+
+    dark: None: as the desktop has it.
+    screenshot: a picture, just before it closes.
+    """
+    application = QApplication.instance() or QApplication([])
+    assert isinstance(application, QApplication)
+    if dark is None:
+        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
+    window = LiveWindow(feed, dark)
+    window.resize(1280, 860)
+    window.show()
+    if seconds is not None:
+        QTimer.singleShot(int(seconds * 1000), window.close)
+    if screenshot is not None:
+        before_ms = max(0, int((seconds or 5.0) * 1000) - 300)
+        QTimer.singleShot(before_ms, lambda: window.grab().save(str(screenshot)))
+    # Ctrl+C closes the window, so that the recording is ended well.
+    before = signal.signal(signal.SIGINT, lambda *_: window.close())
+    try:
+        application.exec()
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,87 @@
+"""What numbers of a board mean, in words: flags of limits, faults and their cure, states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_host.recording.layout import Array
+
+# Words whose flags say that something holds the drive back.
+LIMIT_WORDS = ("limits_status", "passivity_status")
+
+
+@dataclass(frozen=True)
+class LimitFlag:
+    """A bit of a status word.
+
+    word: the column that it is in.
+    """
+
+    word: str
+    bit: int
+    name: str
+    meaning: str
+
+    def held(self, rows: Array) -> Array:
+        """In which rows it is set."""
+        return np.asarray((rows[self.word] & self.bit) != 0)
+
+
+def limit_flags(device: Device) -> list[LimitFlag]:
+    """All flags that say which limit acts."""
+    found: dict[str, LimitFlag] = {}
+    for output in sorted(device.system.outputs, key=lambda x: x.name):
+        if output.name in LIMIT_WORDS:
+            for i, flag in enumerate(output.port.flags):
+                name = flag.name.lower().replace("_", " ")
+                if name in found:
+                    name = f"{output.name.removesuffix('_status')} {name}"
+                found[name] = LimitFlag(output.name, 1 << i, name, flag.meaning)
+    return list(found.values())
+
+
+@dataclass(frozen=True)
+class FaultText:
+    """A fault in words.
+
+    cure: what to do.
+    """
+
+    number: int
+    name: str
+    meaning: str
+    cure: str
+
+
+def fault_text(dialect: Any, number: int) -> FaultText:
+    """What a fault means and what to do, as the device's dialect has it."""
+    entry = dialect.enums["ESEA_FAULT"].get(number)
+    if entry is None or entry.name.endswith("_ENUM_END"):
+        return FaultText(number, f"FAULT {number}", "not in this dialect", "service")
+    said, _, _ = str(entry.description).partition("Found:")
+    meaning, _, cure = said.partition("Cure:")
+    name = str(entry.name).removeprefix("ESEA_FAULT_")
+    return FaultText(number, name, meaning.strip(), cure.strip().rstrip("."))
+
+
+def state_text(dialect: Any, name: str) -> str:
+    """What a state means; empty for one that is unknown."""
+    for entry in dialect.enums["ESEA_STATE"].values():
+        if entry.name == f"ESEA_STATE_{name}":
+            return str(entry.description)
+    return ""
+
+
+def mode_text(device: Device, mode: float) -> str:
+    """A mode by the name that the meaning of the input gives it: ``0 off, 1 torque, ...``."""
+    for port in device.system.inputs:
+        if port.name == "mode":
+            for part in port.port.meaning.partition(" (")[0].split(","):
+                number, _, name = part.strip().partition(" ")
+                if number == f"{mode:.0f}":
+                    return name
+    return f"{mode:g}"

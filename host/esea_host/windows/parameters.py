@@ -1,0 +1,127 @@
+"""The parameter editor: values in force, bounds, units; a change is shown before it is sent."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from esea_host.windows.feed import LiveFeed
+from esea_link.parameters import BoardParameter
+
+HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
+NEW, MOST_HEIGHT_PX = 2, 210
+
+
+def wrong(parameter: BoardParameter, text: str) -> str:
+    """Why a text is no value of a parameter; empty when it is one."""
+    try:
+        value = float(text)
+    except ValueError:
+        return f"{parameter.name}: '{text}' is no number"
+    if not math.isfinite(value) or not parameter.low <= value <= parameter.high:
+        return f"{parameter.name}: {text} is outside [{parameter.low:g}, {parameter.high:g}]"
+    return ""
+
+
+class _Answers(QObject):
+    # From the thread that asks the board to the one that draws.
+    read = Signal(dict)
+
+
+class ParameterEditor(QWidget):
+    """A table to edit; the board is asked beside it."""
+
+    def __init__(self, feed: LiveFeed) -> None:
+        super().__init__()
+        self._feed = feed
+        self.known = [p for p in feed.device.session.known_parameters() if not p.fixed]
+        self._values: dict[str, float] = {}
+        self._answers = _Answers()
+        self._answers.read.connect(self._show)
+        self.table = QTableWidget(len(self.known), len(HEADS))
+        self.table.setHorizontalHeaderLabels(HEADS)
+        self.table.verticalHeader().hide()
+        self.table.horizontalHeader().setStretchLastSection(True)
+        self.table.cellChanged.connect(self._compared)
+        self.changes = QLabel("Nothing is changed.")
+        self.changes.setWordWrap(True)
+        self.write_button = QPushButton("Write changes (Ctrl+Return)")
+        self.write_button.setEnabled(False)
+        self.write_button.clicked.connect(self.write)
+        QShortcut(QKeySequence("Ctrl+Return"), self).activated.connect(self.write)
+        below = QHBoxLayout()
+        below.addWidget(self.changes, 1)
+        below.addWidget(self.write_button)
+        self.setMaximumHeight(MOST_HEIGHT_PX)  # the plots need the rest
+        column = QVBoxLayout(self)
+        column.addWidget(self.table)
+        column.addLayout(below)
+
+    def read(self) -> None:
+        """Ask the board for what is in force."""
+
+        def job() -> str:
+            values = self._feed.device.parameters()
+            self._answers.read.emit(values)
+            return f"{len(values)} parameters"
+
+        self._feed.do("read", job)
+
+    def _show(self, values: dict[str, float]) -> None:
+        self._values = values
+        self.table.blockSignals(True)
+        for row, p in enumerate(self.known):
+            value = f"{values[p.name]:.7g}"
+            cells = (p.name, value, value, p.unit, f"{p.low:g} to {p.high:g}", p.meaning)
+            for place, text in enumerate(cells):
+                item = QTableWidgetItem(text)
+                item.setToolTip(p.meaning)
+                if place != NEW:
+                    item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEditable)
+                self.table.setItem(row, place, item)
+        self.table.blockSignals(False)
+        self.table.resizeColumnsToContents()
+        self._compared()
+
+    def differences(self) -> tuple[dict[str, float], list[str]]:
+        """What would be written, and what is wrong with the rest."""
+        wanted, faults = {}, []
+        for row, p in enumerate(self.known):
+            new, held = self.table.item(row, NEW), self.table.item(row, NEW - 1)
+            if new is None or held is None or new.text() == held.text():
+                continue
+            fault = wrong(p, new.text())
+            if fault:
+                faults.append(fault)
+            else:
+                wanted[p.name] = float(new.text())
+        return wanted, faults
+
+    def _compared(self) -> None:
+        wanted, faults = self.differences()
+        units = {p.name: p.unit for p in self.known}
+        lines = [f"{n}: {self._values[n]:g} -> {v:g} {units[n]}" for n, v in wanted.items()]
+        self.changes.setText("; ".join(faults or lines) or "Nothing is changed.")
+        self.write_button.setEnabled(bool(wanted) and not faults)
+
+    def write(self) -> None:
+        """Send what is shown as changed; the board refuses while the motor is on."""
+        wanted, faults = self.differences()
+        if faults:
+            return
+        for name, value in wanted.items():
+            self._feed.do(f"set {name}", partial(self._feed.device.set, name, value))
+        if wanted:
+            self.read()

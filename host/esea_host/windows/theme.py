@@ -1,0 +1,63 @@
+"""Colours, dark and light; curves keep theirs apart for people with any common colour blindness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from PySide6.QtGui import QColor, QPalette
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours by what they are for.
+
+    curves: one after another.
+    """
+
+    name: str
+    ground: str
+    panel: str
+    ink: str
+    soft: str
+    grid_alpha: float
+    wanted: str
+    measured: str
+    limit: str
+    alarm: str
+    good: str
+    curves: tuple[str, ...]
+
+    def palette(self) -> QPalette:
+        """For all widgets."""
+        made = QPalette()
+        role = QPalette.ColorRole
+        for place in (role.Window, role.Button):
+            made.setColor(place, QColor(self.panel))
+        for place in (role.Base, role.AlternateBase, role.ToolTipBase):
+            made.setColor(place, QColor(self.ground))
+        for place in (role.WindowText, role.Text, role.ButtonText, role.ToolTipText):
+            made.setColor(place, QColor(self.ink))
+        made.setColor(role.PlaceholderText, QColor(self.soft))
+        made.setColor(role.Highlight, QColor(self.wanted))
+        made.setColor(role.HighlightedText, QColor(self.ground))
+        off = QPalette.ColorGroup.Disabled
+        for place in (role.WindowText, role.Text, role.ButtonText):
+            made.setColor(off, place, QColor(self.soft))
+        return made
+
+
+LIGHT = Theme(
+    *("light", "#ffffff", "#f2f4f6", "#26303a", "#5f6b76", 0.25),
+    *("#00558c", "#b5611b", "#9a3f78", "#b3261e", "#00775a"),
+    ("#00775a", "#9a3f78", "#00558c", "#b5611b", "#5b4bb3", "#6b6b00", "#26303a", "#008a9e"),
+)
+DARK = Theme(
+    *("dark", "#12171c", "#1c232a", "#e4e9ee", "#9aa6b1", 0.2),
+    *("#56b4e9", "#f0a04b", "#e08cc0", "#ff6b5e", "#3fc79a"),
+    ("#3fc79a", "#e08cc0", "#56b4e9", "#f0a04b", "#b3a6ff", "#e6df5a", "#e4e9ee", "#62d6e8"),
+)
+STOP_STYLE = (
+    "QPushButton {background: #b3261e; color: white; font-size: 20px; font-weight: bold;"
+    " border-radius: 6px; padding: 10px 26px;}"
+    "QPushButton:pressed {background: #7d1410;}"
+)

@@ -1,0 +1,400 @@
+"""The live view: what it keeps and says, without a window; then the window, and its stop."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import esea_host
+from esea_gen.errors import UserError
+from esea_host.cli import main
+from esea_host.connection.receiver import Batch
+from esea_host.recording.gaps import Gap
+from esea_host.recording.layout import StreamColumn, StreamLayout
+from esea_host.simulated import LockstepDevice
+from esea_host.simulated.server import serve_hosts
+from esea_host.windows.feed import LiveFeed
+from esea_host.windows.history import RowRing, curve, spans
+from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state_text
+from esea_host.windows.operator import DemoOperator
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+LAYOUT = StreamLayout("sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm")))
+
+
+def batch(first: int, count: int, *gaps: Gap) -> Batch:
+    rows = np.zeros(count, LAYOUT.dtype)
+    rows["sequence"] = np.arange(first, first + count)
+    rows["tau_Nm"] = rows["sequence"] % 1000
+    return Batch(LAYOUT, rows, rows["sequence"].astype(np.int64) * 1_000_000, 0, gaps)
+
+
+def test_a_ring_holds_the_newest_rows_in_a_memory_that_never_grows():
+    ring = RowRing(LAYOUT, 1000)
+    held = ring.nbytes
+    first = 0
+    for count in [1, 999, 1000, 7, 2500, 333] * 30:  # 145 000 rows
+        ring.extend(batch(first, count))
+        first += count
+        assert ring.nbytes == held
+    assert ring.total == first == 145_200
+    part = ring.last()
+    assert part.rows["sequence"].tolist() == list(range(first - 1000, first))
+    assert part.first == first - 1000
+    assert np.allclose(part.time_s, part.rows["sequence"] * 1e-3)
+    assert ring.last(3).rows["sequence"].tolist() == [first - 3, first - 2, first - 1]
+    inner = part.between((first - 10) * 1e-3, (first - 5) * 1e-3)
+    assert inner.rows["sequence"].tolist() == list(range(first - 10, first - 4))
+    assert inner.first == first - 10
+    assert len(part.between(0.0, 1.0).rows) == 0
+    # A copy: what comes afterwards does not change a picture that is held.
+    ring.extend(batch(first, 1000))
+    assert part.rows["sequence"][0] == first - 1000
+
+
+def test_a_curve_shows_every_peak_and_every_gap_and_does_not_flicker():
+    ring = RowRing(LAYOUT, 20_000)
+    ring.extend(batch(0, 9_000))
+    ring.extend(batch(9_100, 10_900, Gap("sense_out", 8_999, 9_100, 100, "link")))
+    part = ring.last()
+    values = np.zeros(len(part.rows))
+    values[[1234, 7777]] = 5.0, -3.0
+    time_s, drawn = curve(part, values, 1000)
+    assert len(time_s) == len(drawn) <= 1000
+    assert np.nanmax(drawn) == 5.0
+    assert np.nanmin(drawn) == -3.0
+    assert time_s[np.nanargmax(drawn)] == pytest.approx(1.234, abs=0.04)
+    hole = time_s[np.isnan(drawn)]
+    assert hole.min() - 1e-6 <= 9.1 <= hole.max() + 0.04
+    # One row later every group but those at the ends is the same.
+    ring.extend(batch(20_000, 1))
+    moved_s, _ = curve(ring.last(), np.append(values, 0.0)[-len(ring.last().rows) :], 1000)
+    assert set(moved_s[2:-2]) <= set(time_s) | set(moved_s[-4:])
+    # Short stretches are drawn row by row; a gap is a hole there, too.
+    assert ring.total == 19_901
+    few = RowRing(LAYOUT, 100)
+    few.extend(batch(0, 3))
+    few.extend(batch(9, 2, Gap("sense_out", 2, 9, 6, "board")))
+    drawn = curve(few.last(), few.last().rows["tau_Nm"].astype(float), 1000)[1]
+    assert np.array_equal(drawn, [0, 1, 2, np.nan, 9, 10], equal_nan=True)
+    nothing = RowRing(LAYOUT, 10).last()
+    assert [len(x) for x in curve(nothing, np.zeros(0), 1000)] == [0, 0]
+
+
+def test_spans_join_what_is_near():
+    time_s = np.arange(10.0)
+    held = np.array([1, 1, 0, 1, 0, 0, 0, 1, 0, 1], bool)
+    assert spans(time_s, held, 0.5) == [(0, 1), (3, 3), (7, 7), (9, 9)]
+    assert spans(time_s, held, 2.0) == [(0, 3), (7, 9)]
+    assert spans(time_s, np.zeros(10, bool), 2.0) == []
+
+
+@pytest.fixture
+def lockstep(simulated_elbow):
+    simulated_elbow.restart()
+    return LockstepDevice(simulated_elbow)
+
+
+def test_numbers_become_words(lockstep):
+    device, dialect = lockstep.identity.device, lockstep.session.dialect
+    flags = {f.name: f for f in limit_flags(device)}
+    assert flags["rom low"].meaning == "pushing towards the lower end was held back"
+    rows = np.zeros(3, [("limits_status", "u4"), ("passivity_status", "u4")])
+    rows["limits_status"] = 0, 1 << 13, 1 << 12  # as docs and header count them
+    assert flags["rom low"].held(rows).tolist() == [False, True, False]
+    assert flags["rate limited"].held(rows).tolist() == [False, False, True]
+    assert flags["command closed"].word == "passivity_status"
+    assert flags["passivity input invalid"].word == "passivity_status"
+    fault = fault_text(dialect, 8)
+    assert fault.name == "DEFLECTION"
+    assert fault.cure == "unload the coupling; look for a blocked joint or a slipped encoder"
+    every = [n for n in dialect.enums["ESEA_FAULT"] if n != 109]
+    assert all(fault_text(dialect, n).cure and fault_text(dialect, n).meaning for n in every)
+    assert fault_text(dialect, 77).cure == "service"
+    assert "released" in state_text(dialect, "STOPPED")
+    assert state_text(dialect, "UNKNOWN") == ""
+    assert [mode_text(device, m) for m in (0, 1, 2, 9)] == ["off", "torque", "impedance", "9"]
+
+
+def test_the_host_tool_loads_without_windows():
+    code = (
+        "import sys, esea_gen, esea_host.cli, esea_host.windows.feed, esea_host.windows.operator\n"
+        "assert not {'PySide6', 'pyqtgraph'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], env=dict(os.environ), check=True)
+
+
+def test_without_a_screen_the_view_says_what_else_there_is(monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "argv", ["esea-host", "view", "sim:elbow_drive"])
+    monkeypatch.setattr(sys, "platform", "linux")
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "esea-host monitor" in capsys.readouterr().err
+
+
+# -- with a window ---------------------------------------------------------------------------------
+
+
+def run_for(device: LockstepDevice, feed: LiveFeed, seconds: float) -> None:
+    """Zeroed, armed, and following a sine of torque."""
+    device.advance(0.3)
+    device.zero()
+    device.advance(0.4)
+    device.arm()
+    device.advance(0.01)
+    for i in range(round(seconds / 0.02)):
+        device.want(mode=1.0, tau_desired_Nm=1.5 * np.sin(i * 0.08))
+        device.advance(0.02)
+        feed.gather()
+    feed.ask()
+
+
+@pytest.fixture
+def seen(lockstep, qtbot, tmp_path):
+    """A window on a board whose clock stands still, after two seconds of work."""
+    from esea_host.windows.live import LiveWindow
+
+    recording = lockstep.record(tmp_path / "a.mcap")
+    feed = LiveFeed(lockstep, recording, most_rows=5000, threaded=False)
+    run_for(lockstep, feed, 2.2)
+    window = LiveWindow(feed)
+    window.window_s = 2.0
+    window.resize(1180, 760)
+    qtbot.addWidget(window)
+    window.show()
+    window.draw()
+    yield window, feed
+    feed.close()
+    recording.close()
+
+
+def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
+    from PySide6.QtCore import Qt
+
+    window, feed = seen
+    torque = window.panels[0]
+    assert [s.label for s in torque.signals] == ["wanted", "set", "measured"]
+    wanted = torque._curves[0].getData()[1]
+    assert np.nanmax(wanted) == pytest.approx(1.5, abs=0.01)
+    degrees = window.panels[1]._curves[0].getData()[1]
+    bend_rad = feed.rings["sense_out"].last(2000).rows["theta_rad"]
+    assert np.nanmax(degrees) == pytest.approx(np.degrees(bend_rad.max()), rel=1e-5)
+    assert "ACTIVE" in window.state.text()
+    assert "SIMULATED" in window.state.text()
+    assert "mode: torque" in window.state.text()
+    assert "nothing lost" in window.link.text()
+    assert any(name == "rate limited" for _, name in window.bands._names)
+    # A motor command of 0.2 Nm stands at 0.2 of its axis, also when that is dressed anew.
+    window.set_theme(window.theme)
+    window.draw()
+    command = window.panels[3].item.getAxis("left")
+    assert 0 < max(map(abs, command.range)) < 1
+    step, values = command.tickValues(*command.range, 100)[0]
+    labels = command.tickStrings(values, command.scale * command.autoSIPrefixScale, step)
+    assert [float(x) for x in labels] == pytest.approx(values)
+    qtbot.keyClick(window, Qt.Key.Key_P)
+    assert window.paused
+    held, total = torque._curves[2].getData()[1].copy(), feed.rings["sense_out"].total
+    feed.device.advance(0.5)
+    feed.gather()
+    window.draw()
+    assert np.array_equal(held, torque._curves[2].getData()[1], equal_nan=True)
+    assert feed.rings["sense_out"].total == total + 500  # kept meanwhile
+    qtbot.keyClick(window, Qt.Key.Key_P)
+    window.draw()
+    assert not np.array_equal(held, torque._curves[2].getData()[1], equal_nan=True)
+
+
+def test_cursors_channels_notes_themes_and_zoom_by_key(seen, qtbot, tmp_path):
+    from PySide6.QtCore import Qt
+
+    window, feed = seen
+    qtbot.keyClick(window, Qt.Key.Key_C)
+    window.draw()
+    assert "apart: 0.400 s" in window.readout.text()
+    qtbot.keyClick(window, Qt.Key.Key_Left)
+    window.draw()
+    assert "apart: 0.420 s" in window.readout.text()
+    qtbot.keyClick(window, Qt.Key.Key_P)
+    qtbot.keyClick(window, Qt.Key.Key_Minus)
+    assert window.window_s == 5.0
+    qtbot.keyClick(window, Qt.Key.Key_K)
+    names = [window.channels.item(i).text() for i in range(window.channels.count())]
+    window.channels.setCurrentRow(names.index("sense_out.energy_J"))
+    qtbot.keyClick(window.channels, Qt.Key.Key_Return)
+    window.draw()
+    assert [s.name for s in window.chosen.signals] == ["sense_out.energy_J"]
+    assert len(window.chosen._curves[0].getData()[0]) > 100
+    window.note.setFocus()
+    qtbot.keyClicks(window.note, "a cough")
+    qtbot.keyClick(window.note, Qt.Key.Key_Return)
+    feed.ask()
+    feed.recording.close()
+    with esea_host.open_log(tmp_path / "a.mcap") as log:
+        assert log.events("note")[0]["text"] == "a cough"
+    qtbot.keyClick(window, Qt.Key.Key_T)
+    assert window.theme.name == "dark"
+
+
+def test_a_fault_is_told_with_what_to_do(seen):
+    window, feed = seen
+    feed.news.fault = fault_text(feed.device.session.dialect, 8)
+    feed.news.state = "FAULT"
+    window.draw()
+    assert "What to do: unload the coupling" in window.fault.text()
+
+
+def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen):
+    window, feed = seen
+    editor = window.parameters
+    feed.device.stop()
+    feed.device.release()
+    feed.device.advance(0.1)
+    editor.read()
+    feed.ask()
+    names = [p.name for p in editor.known]
+    row = names.index("smc.lambda_1_s")
+    low = editor.known[row].low
+    new = editor.table.item(row, 2)
+    held = feed.device.parameters()["smc.lambda_1_s"]
+    assert float(new.text()) == pytest.approx(held)
+    new.setText("1e9")
+    assert "is outside" in editor.changes.text()
+    assert not editor.write_button.isEnabled()
+    new.setText("many")
+    assert "is no number" in editor.changes.text()
+    wanted = (held + low) / 2
+    new.setText(f"{wanted:g}")
+    assert editor.changes.text().startswith(f"smc.lambda_1_s: {held:g} -> {wanted:g}")
+    editor.write()
+    feed.ask()
+    assert feed.device.parameters()["smc.lambda_1_s"] == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_pictures_for_the_manual(seen, dark, tmp_path):
+    from esea_host.windows.theme import DARK, LIGHT
+
+    window, _ = seen
+    window.set_theme(DARK if dark else LIGHT)
+    window.draw()
+    target = os.environ.get("ESEA_PICTURES") or tmp_path
+    path = Path(target) / ("host-live-dark.png" if dark else "host-live.png")
+    picture = window.grab()
+    assert picture.save(str(path))
+    image = picture.toImage()
+    ground = image.pixelColor(image.width() // 3, image.height() // 2 - 4)
+    assert (ground.lightness() < 90) == dark
+    colours = {image.pixel(x, y) for x in range(0, image.width(), 3) for y in range(80, 700, 3)}
+    assert len(colours) > 20
+
+
+@pytest.fixture
+def server(simulated_elbow):
+    simulated_elbow.restart()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=serve_hosts, args=(simulated_elbow, listener, 3.0, False))
+        thread.start()
+        yield listener.getsockname()[1]
+        listener.close()
+        thread.join(5.0)
+
+
+@pytest.mark.parametrize("key", ["space", "escape", "button"])
+def test_stop_reaches_the_board_past_everything_that_waits(server, simulated_elbow, qtbot, key):
+    """Paused, somebody else holds the connection, the cursor blinks in a text field."""
+    from PySide6.QtCore import Qt
+
+    from esea_host.windows.live import LiveWindow
+
+    with esea_host.open_device(f"tcp:127.0.0.1:{server}") as device:
+        feed = LiveFeed(device)
+        window = LiveWindow(feed)
+        qtbot.addWidget(window)
+        window.show()
+        window.pause(True)
+        assert simulated_elbow.board.state_now != "STOPPED"
+        with device._lock:  # a command that waits for its answer
+            if key == "button":
+                qtbot.mousePress(window.stop_button, Qt.MouseButton.LeftButton)
+            elif key == "escape":
+                window.note.setEnabled(True)
+                window.note.setFocus()
+                qtbot.keyClick(window.note, Qt.Key.Key_Escape)
+            else:
+                qtbot.keyClick(window, Qt.Key.Key_Space)
+            qtbot.waitUntil(lambda: simulated_elbow.board.state_now == "STOPPED", timeout=5000)
+        qtbot.waitUntil(lambda: "STOPPED" in window.state.text(), timeout=5000)
+        feed.close()
+
+
+def test_a_stop_that_is_not_confirmed_is_told(seen, qtbot):
+    window, feed = seen
+    feed.stopper.close()  # nothing goes out any more
+    window.stop()
+    window._stop_asked_s -= 2.0
+    window.draw()
+    assert "switch its power off" in window.fault.text()
+
+
+def test_a_space_in_a_note_is_a_space(seen, qtbot):
+    from PySide6.QtCore import Qt
+
+    window, _ = seen
+    window.activateWindow()
+    window.note.setFocus()
+    qtbot.waitUntil(window.note.hasFocus, timeout=2000)
+    qtbot.keyClick(window.note, Qt.Key.Key_Space)
+    assert window.note.text() == " "
+    assert window._stop_asked_s == 0.0
+
+
+def test_only_simulated_boards_are_demonstrated(lockstep):
+    class Real:
+        simulated = False
+
+    with pytest.raises(UserError, match="simulated boards only"):
+        DemoOperator(Real())
+
+
+def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_path, monkeypatch):
+    from esea_host.windows.live import LiveWindow
+
+    with lockstep.record(tmp_path / "a.mcap") as recording:
+        feed = LiveFeed(lockstep, recording, most_rows=100, threaded=False)
+        window = LiveWindow(feed)
+        window._timer.stop()
+        qtbot.addWidget(window)
+
+        def broken(_):
+            raise RuntimeError("drawing failed")
+
+        monkeypatch.setattr(window.panels[0], "draw", broken)
+        with pytest.raises(RuntimeError):
+            window._turn()
+        assert window._timer.isActive()  # it tries again
+        window._timer.stop()
+        lockstep.advance(0.3)
+        feed.close()
+    with esea_host.open_log(tmp_path / "a.mcap") as log:
+        assert len(log["sense_out"]) >= 290
+        assert log.gaps == ()
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 12), reason="they are not counted")
+@pytest.mark.parametrize("one", [None, True, False, NotImplemented])
+def test_qt_does_not_use_up_the_references_to(one):
+    """PySide6 6.12.0 gives back what it never took; when none is left, Python ends."""
+    import esea_host.windows.live  # noqa: F401
+
+    assert sys.getrefcount(one) > 1 << 44  # some hundreds a picture: a hundred years and more
