@@ -5,8 +5,8 @@ Its C stands alone here, in a library of 20 records.
 
 from __future__ import annotations
 
-import random
 import subprocess
+from random import Random
 
 import cffi
 import pytest
@@ -229,7 +229,7 @@ def test_a_reset_at_any_byte_of_a_record_costs_the_oldest_at_most(library, box, 
 
 
 def test_memory_of_a_cold_start_is_no_record(library):
-    draw = random.Random(4)
+    draw = Random(4)
     for _ in range(300):
         box = Box(library, draw.randbytes(36 + RECORDS * 28))
         library[1].esea_blackbox_start(box.box, FAULTS["WATCHDOG"])

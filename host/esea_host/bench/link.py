@@ -285,7 +285,6 @@ def measure(
             "hour": hour_open(board, Path(folder), hours),
             "latency_to_reader": latency(board, min(3.0, sample_s)),
             "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-            "not_measured": ["sample to pixel: there is no window yet"],
         }
     if drive is None:
         board.close()
