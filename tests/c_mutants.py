@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
-import random
 import re
 import shutil
 import signal
@@ -17,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -113,7 +113,7 @@ def campaign(file: str, tests: list[str], sample: int | None, seed: int) -> None
     text = (ROOT / "firmware" / file).read_text(encoding="utf-8")
     made = list(mutants(text))
     if sample is not None and sample < len(made):
-        made = random.Random(seed).sample(made, sample)
+        made = Random(seed).sample(made, sample)
     for test in tests:
         importlib.import_module(test.removesuffix(".py").replace("/", "."))
     assert fate(file, text, tests) == "survived", "the tests fail without a fault"

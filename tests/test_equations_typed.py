@@ -8,10 +8,10 @@ the Blocks' own tests.
 from __future__ import annotations
 
 import math
-import random
 import re
 from collections.abc import Iterator
 from functools import cache
+from random import Random
 
 import pytest
 from scipy.integrate import quad
@@ -284,7 +284,7 @@ def identifier(name: str) -> str:
 
 def draws(symbols: set[str]) -> Iterator[dict[str, float]]:
     """Values of both signs; what counts elements, or is a number of something, is 3."""
-    rng = random.Random(7)
+    rng = Random(7)
     for k in range(60):
         signs = [1] if k < 20 else [-1, 1]
         yield {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import signal
 import struct
 import subprocess
 import sys
 import time
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
@@ -255,7 +255,7 @@ def lost_by_kill(folder: Path, moment_s: float) -> tuple[int, int]:
     return handed, len(rows)
 
 
-RANDOM = random.Random(16)
+RANDOM = Random(16)
 MOMENTS_S = [RANDOM.uniform(0.02, 2.5) for _ in range(50)]
 
 

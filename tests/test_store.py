@@ -7,10 +7,10 @@ power goes one byte is left half written.
 from __future__ import annotations
 
 import binascii
-import random
 import re
 import struct
 import subprocess
+from random import Random
 
 import cffi
 import pytest
@@ -69,7 +69,7 @@ class Flash:
         self.slot = set_bytes(self.size) + HEAD + LAST
         self.areas = [bytearray(b"\xff" * (slots * self.slot + 12)) for _ in range(2)]
         self.left = None  # bytes until the power is cut
-        self.draw = random.Random(seed)
+        self.draw = Random(seed)
         self.broken = False
         self.erased = [0, 0]
         ffi = self.ffi
@@ -193,7 +193,7 @@ def cut_everywhere(flash, wanted_old, wanted_new, step=1):
     at = 0
     while True:
         flash.areas = [bytearray(a) for a in before]
-        flash.left, flash.draw = None, random.Random(at)
+        flash.left, flash.draw = None, Random(at)
         store = Store(flash)
         flash.left = at
         done = store.save(wanted_new)
@@ -245,7 +245,7 @@ def test_a_power_cut_at_any_byte_of_a_whole_set(whole, saves):
 @pytest.mark.parametrize("saves", [1, 2, 3])
 def test_two_power_cuts_in_a_row(library, saves):
     """The second at any byte of a save after the first, drawn."""
-    draw = random.Random(8)
+    draw = Random(8)
     for first in range(0, 160, 3):
         flash = Flash(library, 1, seed=first)
         store = Store(flash)
@@ -277,7 +277,7 @@ def test_any_bit_that_flips_loses_the_set_and_gives_the_one_before(library):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_any_content_of_the_flash_is_opened_and_saved_to(library, seed):
-    draw = random.Random(seed)
+    draw = Random(seed)
     flash = Flash(library, 2)
     for area in flash.areas:
         area[:] = draw.choice([draw.randbytes(len(area)), bytes(len(area)), b"\xff" * len(area)])

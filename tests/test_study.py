@@ -9,6 +9,7 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+import numpy.random as everybodys
 import pytest
 from typer.testing import CliRunner
 
@@ -92,8 +93,8 @@ def test_the_check_says_it_in_words_with_the_duration(protocol):
 
 def test_the_order_is_the_seeds_and_nobody_elses(protocol):
     plan = build_plan(protocol, 0, 0)
-    np.random.seed(0)
-    np.random.random(100)
+    everybodys.seed(0)
+    everybodys.random(100)
     assert build_plan(protocol, 0, 0) == plan
     blocks = [t.block for t in plan.trials]
     assert blocks == ["practice"] * 2 + ["hold 1"] * 5 + ["hold 2"] * 5
