@@ -387,7 +387,7 @@ def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_
         raise UserError(f"{path}: cannot be written (No space left on device).", "Give another.")
 
     monkeypatch.setattr("esea_gen.studies.tuning_sweep.study.run_trial", half_run)
-    monkeypatch.setattr("esea_gen.cli.output.write_text", full)
+    monkeypatch.setattr("esea_gen.files.write_whole", full)
     code, shown, error = command(
         *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
         *("--json", tmp_path / "a.json"),
