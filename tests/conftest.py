@@ -49,7 +49,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow_sample)
 
 
-def _missing(name: str) -> NoReturn:
+def missing(name: str) -> NoReturn:
+    """The test is skipped, or fails where everything is required."""
     message = f"{name} is not installed"
     if os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
         pytest.fail(message)
@@ -59,13 +60,13 @@ def _missing(name: str) -> NoReturn:
 def require_tool(name: str) -> str:
     """Path of a tool; without it the test is skipped, or fails where everything is required."""
     path = shutil.which(name)
-    return _missing(name) if path is None else path
+    return missing(name) if path is None else path
 
 
 def require_module(name: str) -> None:
     """Skip without a Python module, or fail where everything is required."""
     if importlib.util.find_spec(name) is None:
-        _missing(name)
+        missing(name)
 
 
 @pytest.fixture(scope="session")

@@ -155,6 +155,7 @@ static esea_app_t app;
 #include "keep.c"
 #include "key.c"
 #include "link.c"
+#include "start.c"
 
 int main(void)
 {

@@ -24,7 +24,7 @@ from esea_host.assess.patients import (
     CATEGORIES,
     OUTSIDE_KINDS,
     KneePatient,
-    disorder,
+    afflicted,
     draw_category,
     draw_outside,
     leg_inertia_kgm2,
@@ -79,9 +79,9 @@ def test_reflex_grows_with_speed_beyond_its_thresholds_and_tone_does_not():
 
 
 def test_severities_rise_and_passive_properties_are_everybodys():
-    falling = [disorder(s, 0)["threshold_rad"][0] for s in range(1, 6)]
+    falling = [afflicted(KneePatient(""), s, 0).threshold_rad[0] for s in range(1, 6)]
     assert falling == sorted(falling, reverse=True)
-    tone = [disorder(0, s)["tone_Nm"] for s in range(1, 6)]
+    tone = [afflicted(KneePatient(""), 0, s).tone_Nm for s in range(1, 6)]
     assert tone == sorted(tone)
     a, b = (draw_category(c, np.random.default_rng(3)) for c in ("S5", "D1"))
     assert (a.height_m, a.passive_scale) == (b.height_m, b.passive_scale)

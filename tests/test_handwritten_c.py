@@ -10,7 +10,7 @@ import pytest
 from esea_gen.targets import firmware_folder
 
 from .c_mutants import mutants
-from .conftest import ROOT, require_tool
+from .conftest import ROOT, missing, require_tool
 
 FIRMWARE = firmware_folder()
 FILES = sorted([*FIRMWARE.glob("drivers/*.c"), FIRMWARE / "app" / "store.c"])
@@ -66,7 +66,7 @@ def fuzzer(tmp_path):
             *(*FOLDERS, ROOT / "tests" / "fuzz" / "store.c", *sources, "-o", target),
         )
         if "libclang_rt.fuzzer" in told:
-            pytest.skip("clang has no libFuzzer here")
+            missing("clang's libFuzzer")
         assert told == ""
         return target
 

@@ -3,7 +3,8 @@
  *   machine.c   where an event leads from a state
  *   schedule.c  the own clock: base tick, tasks, motor, deadlines
  *   link.c      frames in, and the main loop
- *   app.c       start, self-test, events, faults
+ *   start.c     power on
+ *   app.c       self-test, events, faults
  *   send.c      frames out
  *   key.c       all that the next ticks come from, for a log
  *   streams.c, parameters.c, signing.c   what goes over the link beside commands, and who may command

@@ -125,10 +125,8 @@ def _way(met: list[Met], names: tuple[str, ...], rows: int) -> dict[str, Any]:
     hit = np.array([s.argmax(axis=1) == t for s, t in zip(shown, truth, strict=True)]).astype(float)
     score = np.array([np.log(max(q[t], 1e-12)) for q, t in zip(p, truth, strict=True)])
     curve = calibration_curve(confidence.ravel(), hit.ravel())
-    same = [
-        disorder_of(names[s]) and disorder_of(names[s])[0] == m.truth[0]  # type: ignore[index]
-        for s, m in zip(said, met, strict=True)
-    ]
+    kinds = [disorder_of(names[s]) for s in said]
+    same = [k is not None and k[0] == m.truth[0] for k, m in zip(kinds, met, strict=True)]
     near = [
         abs(int(s) - int(t)) <= 1 and names[s][0] == names[t][0]
         for s, t in zip(said, truth, strict=True)

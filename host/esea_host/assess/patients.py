@@ -118,35 +118,37 @@ def passive_torque_Nm(angle_rad: Array | float) -> Array:
     )
 
 
-def disorder(spastic: float, dystonic: float) -> dict[str, float | tuple[float, float]]:
-    """Parameters at two severities, 0 (none) to 5; values assumed, their direction [He1997].
+def afflicted(person: KneePatient, spastic: float, dystonic: float) -> KneePatient:
+    """The person at two severities, 0 (none) to 5; values assumed, their direction [He1997].
 
     Tone grows by the same factor from severity to severity.
     """
-    found: dict[str, float | tuple[float, float]] = {}
+    found = dataclasses.replace(person, spastic=spastic, dystonic=dystonic)
     if spastic > 0:
         threshold = (100 - 15 * spastic) * DEG
-        found |= {
-            "threshold_rad": (threshold, threshold),
-            "dynamic_threshold_rad_s": (65 - 6 * spastic) * DEG,
-            "gain_Nms_rad2": 25 + 5 * spastic,
-        }
+        found = dataclasses.replace(
+            found,
+            threshold_rad=(threshold, threshold),
+            dynamic_threshold_rad_s=(65 - 6 * spastic) * DEG,
+            gain_Nms_rad2=25 + 5 * spastic,
+        )
     if dystonic > 0:
-        found["tone_Nm"] = 3.0 * 1.6 ** (dystonic - 1)
+        found = dataclasses.replace(found, tone_Nm=3.0 * 1.6 ** (dystonic - 1))
     return found
 
 
-def body(rng: np.random.Generator) -> dict[str, float]:
+def someone(rng: np.random.Generator, category: str) -> KneePatient:
     """Another leg: height, mass, and how far it is from the tables."""
     height = float(np.clip(rng.normal(MEAN_HEIGHT_M, 0.09), 1.45, 1.98))
     index = float(np.clip(rng.normal(24.2, 3.0), 17, 34))
-    return {
-        "height_m": height,
-        "mass_kg": index * height**2,
-        "leg_scale": float(np.exp(rng.normal(0, 0.04))),
-        "passive_scale": float(np.exp(rng.normal(0, 0.12))),
-        "damping_Nms_rad": 0.35 * float(np.exp(rng.normal(0, 0.15))),
-    }
+    return KneePatient(
+        category,
+        height_m=height,
+        mass_kg=index * height**2,
+        leg_scale=float(np.exp(rng.normal(0, 0.04))),
+        passive_scale=float(np.exp(rng.normal(0, 0.12))),
+        damping_Nms_rad=0.35 * float(np.exp(rng.normal(0, 0.15))),
+    )
 
 
 def draw(
@@ -156,13 +158,7 @@ def draw(
 
     10 % on strength, as in (8.4); thresholds by 3 deg and 3 deg/s; delay by 3 ms.
     """
-    p = KneePatient(
-        category,
-        spastic,
-        dystonic,
-        **body(rng),  # type: ignore[arg-type]
-        **disorder(spastic, dystonic),  # type: ignore[arg-type]
-    )
+    p = afflicted(someone(rng, category), spastic, dystonic)
     gain, tone = np.exp(rng.normal(0, 0.1, 2))
     shift = rng.normal(0, 3 * DEG, 2)
     speed, delay, posture = rng.normal(0, 1, 3)

@@ -23,7 +23,7 @@ from esea_host.assess.patients import (
     SEVERITIES,
     Array,
     KneePatient,
-    disorder,
+    afflicted,
 )
 from esea_host.assess.pendulum import pendulum_test
 
@@ -37,7 +37,7 @@ def nominal(category: str) -> KneePatient:
         return KneePatient(RELAXED)
     level = float(category[1:])
     s, d = (level, 0.0) if category[0] == "S" else (0.0, level)
-    return KneePatient(category, s, d, **disorder(s, d))  # type: ignore[arg-type]
+    return afflicted(KneePatient(category), s, d)
 
 
 def pendulum_table() -> list[dict[str, Any]]:
@@ -107,10 +107,10 @@ def against_elbow(folder: Path) -> dict[str, Any]:
     threshold, stiffness, most = (float(v) for v in found.x)
     reflex_max = KneePatient("").reflex_max_Nm[0]
     scale = reflex_max / float(y.max())
+    people = {s: afflicted(KneePatient(""), s, 0) for s in SEVERITIES}
     knee = {
-        s: disorder(s, 0)["gain_Nms_rad2"]
-        * max(0.0, ELBOW_RATE_rad_s - disorder(s, 0)["dynamic_threshold_rad_s"])  # type: ignore[operator]
-        for s in SEVERITIES
+        s: p.gain_Nms_rad2 * max(0.0, ELBOW_RATE_rad_s - p.dynamic_threshold_rad_s)
+        for s, p in people.items()
     }
     still = {n: float(np.abs(d[:, 2]).max()) for n, d in healthy.items()}
     rms = {n: float(np.sqrt(np.mean(d[:, 2] ** 2))) for n, d in healthy.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -25,3 +26,12 @@ StreamOption = Annotated[
     list[str] | None,
     typer.Option("--stream", help="Stream, such as sense_out; again for more; default: all."),
 ]
+
+# Rooms whose tasks register themselves when they are read.
+SHIPPED_TASKS = ("esea_host.interaction", "esea_host.wrist")
+
+
+def know_shipped_tasks() -> None:
+    """So that a protocol may name them."""
+    for room in SHIPPED_TASKS:
+        import_module(room)

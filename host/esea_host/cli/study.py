@@ -9,6 +9,7 @@ import typer
 
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
+from esea_host.cli.options import know_shipped_tasks
 
 if TYPE_CHECKING:
     from esea_host.study.folder import StudyFolder
@@ -30,12 +31,6 @@ SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which sess
 SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
 
 
-def _known_tasks() -> None:
-    # The shipped tasks register themselves.
-    import esea_host.interaction
-    import esea_host.wrist  # noqa: F401
-
-
 @study_app.command("check")
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file.")],
@@ -45,7 +40,7 @@ def check(
     from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
 
-    _known_tasks()
+    know_shipped_tasks()
     out.print(explain(load_protocol(file, task or [])))
 
 
@@ -60,7 +55,7 @@ def create(
     from esea_host.study.folder import StudyFolder
     from esea_host.study.protocol import load_protocol
 
-    _known_tasks()
+    know_shipped_tasks()
     StudyFolder.create(folder, load_protocol(file, task or []), simulated)
     out.print(f"{folder}: ready; next: esea-host study enrol {folder} P01 --consent")
 
@@ -231,5 +226,5 @@ def export(
 def _opened(folder: Path) -> StudyFolder:
     from esea_host.study.folder import StudyFolder
 
-    _known_tasks()
+    know_shipped_tasks()
     return StudyFolder.open(folder)

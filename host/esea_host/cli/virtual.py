@@ -11,6 +11,7 @@ import typer
 from esea_gen.errors import UserError
 from esea_host.cli.app import out
 from esea_host.cli.interaction import checked_page, shown_interaction
+from esea_host.cli.options import know_shipped_tasks
 from esea_host.cli.study import study_app
 from esea_host.cli.wrist import JsonOption, ReportOption, compare_wrist, shown_wrist
 
@@ -93,12 +94,11 @@ def _interaction(
 
 
 def _any_protocol(path: Path, folder: Path, participants: int, seed: int, jobs: int) -> list[str]:
-    import esea_host.interaction
-    import esea_host.wrist  # noqa: F401  their tasks register themselves
     from esea_host.study.folder import StudyFolder
     from esea_host.study.many import EveryTask, code_of, run_everybody
     from esea_host.study.protocol import load_protocol
 
+    know_shipped_tasks()
     early = run_everybody(folder, load_protocol(path), participants, EveryTask(seed), jobs)
     rows = sum(len(StudyFolder.open(folder).rows(code_of(k))) for k in range(participants))
     out.print(f"{participants} SIMULATED participants: {rows} trials completed")

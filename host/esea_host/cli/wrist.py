@@ -64,7 +64,6 @@ def analyse_wrist(
     csv: CsvOption = None,
 ) -> None:
     """Every metric and test of the wrist study, tables 7.1 to 7.4 beside the published ones."""
-    import esea_host.wrist  # noqa: F401
     from esea_host.wrist.analysis import analyse
 
     shown_wrist(analyse(folder), to_json, report, csv)

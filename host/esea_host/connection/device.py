@@ -20,6 +20,7 @@ from esea_host.connection.receiver import KEY, Receiver, SessionTransport, Subsc
 from esea_host.connection.recording import LiveRecording
 from esea_host.connection.samples import RunSample, run_samples
 from esea_host.recording.layout import StreamLayout
+from esea_host.recording.writer import Recorder
 from esea_link.session import Session
 from esea_link.transport import LinkError, Transport
 
@@ -40,8 +41,7 @@ class ConnectedDevice:
     address : BoardAddress, optional
         Where it is, to open the link anew when it breaks.
     threaded : bool
-        Listen in a thread; a simulated board whose clock the caller moves is listened to by
-        :meth:`pump`.
+        Listen in a thread; a board whose clock the caller moves is listened to by :meth:`pump`.
     """
 
     def __init__(
@@ -54,7 +54,6 @@ class ConnectedDevice:
         self.identity, self.address = identity, address
         dialect = load_dialect(identity.device)
         decoder = TelemetryDecoder(dialect, *column_texts(identity.device))
-        self._closing = False
         reopen = self._open_again if address is not None and address.kind != "file" else None
         self.receiver = Receiver(transport, decoder, identity.tick_us * 1000, reopen)
         self.session = Session(SessionTransport(self.receiver), dialect)
@@ -63,9 +62,8 @@ class ConnectedDevice:
         self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
         self._recordings: list[LiveRecording] = []
         self._beats = dialect.MAVLink(None, 255, 191)
-        self._dialect, self._threaded = dialect, threaded
-        self.receiver.keep_alive = self._heartbeat
-        self.receiver.on_reconnect = self._tell_again
+        self._dialect, self._threaded, self._closing = dialect, threaded, False
+        self.receiver.keep_alive, self.receiver.on_reconnect = self._heartbeat, self._tell_again
         if threaded:
             self.receiver.start()
 
@@ -456,7 +454,9 @@ class ConnectedDevice:
         LiveRecording
             A context manager; it has counters and takes notes.
         """
-        recording = LiveRecording(self, Path(path), streams, compress, self._threaded)
+        recorder = Recorder(Path(path), self.identity.attachments(), compress)
+        given = recorder, self.receiver, streams, self.health, self.forget
+        recording = LiveRecording(*given, threaded=self._threaded)
         self._recordings.append(recording)
         if self.address is None or self.address.kind != "file":
             recording.event("parameters", **self.parameters())

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Collection
-from pathlib import Path
+from collections.abc import Callable, Collection
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
+from esea_host.connection.receiver import Receiver
 from esea_host.recording.writer import Recorder
-
-if TYPE_CHECKING:
-    from esea_host.connection.device import ConnectedDevice
 
 MOST_ROWS = 120_000
 CLOCK_S = 1.0
@@ -25,22 +22,26 @@ class LiveRecording:
 
     Time in the file is the board's, put onto the host's clock once, at the first row; every
     second an event ``clock`` tells both, so that offset and drift can be found afterwards.
+
+    health: of link and board, told with the clocks.
+    ended: called once the file is closed.
     """
 
     def __init__(
         self,
-        device: ConnectedDevice,
-        path: Path,
+        recorder: Recorder,
+        receiver: Receiver,
         streams: Collection[str] | None,
-        compress: bool,
+        health: Callable[[], dict[str, Any]],
+        ended: Callable[[LiveRecording], None],
         threaded: bool,
     ) -> None:
-        self._device = device
-        self.recorder = Recorder(path, device.identity.attachments(), compress)
-        for layout in device.receiver.decoder.layouts.values():
+        self.recorder, self._receiver = recorder, receiver
+        self._health, self._ended = health, ended
+        for layout in receiver.decoder.layouts.values():
             if streams is None or layout.name in streams:
                 self.recorder.declare(layout)
-        self.subscription = device.receiver.subscribe(streams, MOST_ROWS)
+        self.subscription = receiver.subscribe(streams, MOST_ROWS)
         self.rows, self.gaps = 0, 0
         self.error: Exception | None = None
         self._lock = threading.Lock()
@@ -87,7 +88,7 @@ class LiveRecording:
                     self._clock_s = time.monotonic()
                     board_ns = int(np.max(batch.board_ns))
                     told = {"host_ns": batch.arrived_ns, "board_ns": board_ns}
-                    self.recorder.event("clock", told | self._device.health())
+                    self.recorder.event("clock", told | self._health())
             self.rows += len(batch.rows)
             self.gaps += len(batch.gaps)
 
@@ -109,7 +110,7 @@ class LiveRecording:
                 self.drain(0.0)
         except Exception as error:
             self.error = error
-        self._device.receiver.unsubscribe(self.subscription)
-        self._device.forget(self)
+        self._receiver.unsubscribe(self.subscription)
+        self._ended(self)
         with self._lock:
             self.recorder.close()

@@ -1,0 +1,21 @@
+/* Power on: what outlasts the power, who may command, the self-test.
+ *
+ * License: MIT. */
+#include "app.h"
+
+#include <string.h>
+
+void esea_app_init(esea_app_t *app, const esea_port_t *port)
+{
+    memset(app, 0, sizeof *app);
+    app->port = port;
+    if (port->store != NULL) {
+        port->store->status = esea_store_open(port->store, port->flash, ESEA_LINK_DEVICE);
+        esea_count(&port->store->set.use.starts); /* saved with the next set */
+    }
+    esea_signing_start(app);
+    esea_parameters_start(app);
+    if (esea_app_reset(app))
+        esea_send_heartbeat(app);
+    app->told = app->state;
+}
