@@ -8,17 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from esea_gen.device import Device, parse_device
-from esea_gen.devices.fields import (
-    DeviceFile,
-    Domain,
-    Elastomer,
-    Encoder,
-    Limits,
-    Maxwell,
-    Quantity,
-    Timing,
-    Velocity,
-)
+from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing, Velocity
+from esea_gen.devices.numbers import Quantity
+from esea_gen.devices.rubber import Elastomer, Maxwell
 from esea_gen.devices.writing import render_toml
 from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.fit import Fit
@@ -151,7 +143,7 @@ def fitted_device(
     file = template.file
     where = _origin(source, files_of(recordings))
     found = {k: Quantity(value=v, status="identified", source=where) for k, v in fit.values.items()}
-    elastomer = with_parameters(file.elastomer, found)
+    elastomer = with_parameters(template.elastomer, found)
     v, theta = fit.values, file.limits.theta_rad.value
     spring = v["k1_Nm_rad"] * theta + v["k3_Nm_rad3"] * theta**3
     radii = [v["omega_rad"] * (i + 1) for i in range(int(elastomer.stops.value))]
@@ -194,6 +186,6 @@ def sourced_device(
         k: Quantity(value=v, status="assumed" if k == "eps2" else "identified", source=describe(k))
         for k, v in fit.values.items()
     }
-    elastomer = with_parameters(device.file.elastomer, found)
+    elastomer = with_parameters(device.elastomer, found)
     file = device.file.model_copy(update={"elastomer": elastomer})
     return parse_device(render_toml(file), f"{file.name}.toml")

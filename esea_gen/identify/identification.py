@@ -117,7 +117,7 @@ class Identification:
             "device": {"name": self.device.name, "title": self.device.title},
             "mapping": self.source.origin,
             "full_scale_Nm": fs,
-            "rate_terms": self.device.file.elastomer.maxwell is not None,
+            "rate_terms": self.device.elastomer.maxwell is not None,
             "parameters": parameters,
             "uncertainty": {
                 "assumes": "right model form, first-order autoregressive residuals",
@@ -304,7 +304,7 @@ def fit_split(
     tuple of Fit, FittedPlant, Device, Verdict
         Parameters, what they were fitted with, the device, its errors.
     """
-    rate_terms = template.file.elastomer.maxwell is not None
+    rate_terms = template.elastomer.maxwell is not None
     rate = None
     if rate_terms:
         fine = source.mapping.device.sense_rate_Hz.value

@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from esea_gen.devices.fields import Quantity
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text, table_type
 

@@ -82,7 +82,7 @@ class FittedPlant:
         rate_Hz: float | None = None,
         rows: int | None = None,
     ) -> None:
-        self.rate_terms = device.file.elastomer.maxwell is not None
+        self.rate_terms = device.elastomer.maxwell is not None
         self.rate_Hz = rate_Hz
         fine = device.file.timing.sense_rate_Hz.value
         # The bases below have unit stiffness; nothing in them may clip.

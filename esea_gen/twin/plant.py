@@ -39,7 +39,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, clip, flag_word
 from esea_gen.language.system import System, Task
-from esea_gen.model.elastomer import torque_sensor
+from esea_gen.model.rubber import rubber_sensor
 from esea_gen.model.symbolic import equation
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
 from esea_gen.twin.mechanics import (
@@ -87,7 +87,7 @@ def _sensor(device: DeviceData, step_s: float) -> Block:
     )
     fast = timing.model_copy(update={"sense_rate_Hz": to(timing.sense_rate_Hz, 1 / step_s)})
     data = DeviceData(file.model_copy(update={"limits": wide, "timing": fast}), device.origin)
-    return torque_sensor(data)
+    return rubber_sensor(data)
 
 
 def bodies_of(cable: bool) -> tuple[str, ...]:

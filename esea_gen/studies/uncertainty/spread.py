@@ -92,7 +92,7 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
             f"limits.theta_rad = {limit:g} rad.",
             "Give the recording that the device was identified with.",
         )
-    rate_terms = device.file.elastomer.maxwell is not None
+    rate_terms = device.elastomer.maxwell is not None
     fine = device.file.timing.sense_rate_Hz.value
     plant = FittedPlant(device, recordings, fine if rate_terms else None, ROWS_REFINE)
     values = elastomer_values(device)
