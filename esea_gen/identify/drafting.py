@@ -20,7 +20,7 @@ from esea_gen.identify.recording import MAX_TAU_NM, MAX_THETA_RAD, Recording
 from esea_gen.identify.uncertainty import Uncertainty
 
 
-def _round_up(x: float) -> float:
+def round_up(x: float) -> float:
     digit = 10.0 ** (math.floor(math.log10(x)) - 1)
     return float(f"{math.ceil(x / digit - 1e-9) * digit:.6g}")
 
@@ -32,7 +32,7 @@ def scales_assumed(source: MappingFile) -> bool:
     return any(q.status == "assumed" for q in used)
 
 
-def _origin(source: MappingFile, files: str) -> str:
+def origin_of(source: MappingFile, files: str) -> str:
     scales = "; scales assumed" if scales_assumed(source) else ""
     return f"{files} ({source.origin}{scales})"
 
@@ -49,7 +49,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     """A device whose ranges hold the recordings, with parameters yet to be found."""
     m = source.mapping
     d = m.device
-    where = _origin(source, files_of(recordings))
+    where = origin_of(source, files_of(recordings))
     trained = [(r, s) for r in recordings for s in r.sets if len(s.training)]
     theta = max(float(np.abs(r.theta_rad[s.training]).max()) for r, s in trained)
     reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
@@ -58,7 +58,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     full = m.full_scale_Nm or Quantity(
         value=max(float(np.abs(r.tau_Nm).max()) for r in recordings),
         status="identified",
-        source=f"largest |torque| of {_origin(source, files_of(recordings, False))}",
+        source=f"largest |torque| of {origin_of(source, files_of(recordings, False))}",
     )
     largest = max([full.value, *(float(np.abs(r.tau_Nm).max()) for r in recordings)])
 
@@ -68,7 +68,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     def factor(value: float, high: float, what: str) -> Quantity:
         text = f"device.limit_factor {d.limit_factor:g} of {source.origin} over {what}"
         return Quantity(
-            value=min(high, _round_up(d.limit_factor * value)), status="assumed", source=text
+            value=min(high, round_up(d.limit_factor * value)), status="assumed", source=text
         )
 
     maxwell = Maxwell(
@@ -111,7 +111,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
         limits=Limits(
             theta_rad=factor(max(reach, 1e-3), MAX_THETA_RAD, "the largest recorded |deflection|"),
             omega_rad_s=Quantity(
-                value=max(25.0, _round_up(d.limit_factor * omega)),
+                value=max(25.0, round_up(d.limit_factor * omega)),
                 status="assumed",
                 source="25 rad/s as the shipped elbow, or device.limit_factor over the domain",
             ),
@@ -141,7 +141,7 @@ def fitted_device(
 ) -> Device:
     """The template with the fitted parameters and a torque limit that holds the model."""
     file = template.file
-    where = _origin(source, files_of(recordings))
+    where = origin_of(source, files_of(recordings))
     found = {k: Quantity(value=v, status="identified", source=where) for k, v in fit.values.items()}
     elastomer = with_parameters(template.elastomer, found)
     v, theta = fit.values, file.limits.theta_rad.value
@@ -154,7 +154,7 @@ def fitted_device(
     limit = file.limits.tau_Nm
     if reach > limit.value:
         limit = Quantity(
-            value=min(2 * MAX_TAU_NM, _round_up(reach)),
+            value=min(2 * MAX_TAU_NM, round_up(reach)),
             status="assumed",
             source="the model's torque at the deflection limit",
         )
@@ -169,7 +169,7 @@ def sourced_device(
     source: MappingFile, recordings: list[Recording], device: Device, fit: Fit, spread: Uncertainty
 ) -> Device:
     """Parameters that say where they come from and how sure they are; then the usual checks."""
-    where = _origin(source, files_of(recordings))
+    where = origin_of(source, files_of(recordings))
 
     def describe(key: str) -> str:
         if key == "eps2":

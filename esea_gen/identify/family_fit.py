@@ -14,23 +14,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from esea_gen.device import Device
-from esea_gen.devices.fields import DeviceFile
-from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.fit import solve_linear
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recording import Recording, resample
-from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member
-from esea_gen.model.family_sensor import family_sensor, unit_terms
+from esea_gen.model.family_sensor import unit_terms
 
 # A term whose RMS torque is below this share of full scale is left out.
 LEAST_SHARE = 1e-3
@@ -149,6 +145,22 @@ def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: Fitted
     return Misfits.of("Nm", errors)
 
 
+def term_rows(fitted: FittedMember) -> list[dict[str, Any]]:
+    """Terms that carry torque, JSON-ready."""
+    return [
+        {
+            "term": t.text,
+            "kind": t.kind,
+            "rise": [t.rise.kind, t.rise.number, t.rise.side],
+            "numbers": list(t.numbers),
+            "exponent": t.exponent,
+            "softening": None if t.softening is None else [t.softening.kind, t.softening.number],
+            "weight_Nm": w,
+        }
+        for w, t in fitted.used
+    ]
+
+
 def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
     # The unsoftened linear spring of a member keeps a little.
     term = member.terms[i]
@@ -156,34 +168,11 @@ def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
     return LEAST_STIFFNESS * full_scale_Nm if linear else 0.0
 
 
-class FamilyDevice(Device):
-    """A device whose torque sensor is a member of the family."""
-
-    def __init__(self, file: DeviceFile, origin: str, fitted: FittedMember) -> None:
-        super().__init__(file, origin)
-        self.fitted = fitted
-        limit = file.limits.theta_rad.value
-        if not fitted.least_slope_Nm_rad(limit) > 0:
-            raise UserError(
-                f"{origin}: {fitted.member.name}: the torque need not rise with the deflection.",
-                "Give the member a linear spring without softening.",
-            )
-
-    @cached_property
-    def sensor(self) -> Block:
-        """The member's Block."""
-        return family_sensor(self, self.fitted)
-
-    def canonical(self) -> str:
-        """The content with the model: the hash covers both."""
-        return f"{super().canonical()}\n{self.fitted!r}"
-
-
 __all__ = [
-    "FamilyDevice",
     "UnitTerms",
     "fit_member",
     "misfits_of",
     "solve_weights",
+    "term_rows",
     "trained_scale",
 ]

@@ -47,20 +47,8 @@ def notes_of(
             f"Held-out error without the Maxwell element {a:.2f} %, with it {b:.2f} % of full "
             "scale: " + ("the rate terms help." if b < a else "the rate terms do not help.")
         )
-    if scales_assumed(source):
-        notes.append("The scales from the specimen to a coupling are assumed.")
-    dropped = sum(r.dropped for r in recordings)
-    if dropped:
-        notes.append(
-            f"{dropped} of {dropped + sum(len(r.time_s) for r in recordings)} samples dropped by "
-            f"sampling.min_step_s = {source.mapping.sampling.min_step_s:g} s."
-        )
-    for r in recordings:
-        if len(r.time_s) > 2:
-            steps = np.diff(r.time_s)
-            if steps.max() > 10 * np.median(steps):
-                notes.append(f"{r.label}: the largest gap between samples is {steps.max():.3g} s.")
-    notes += _specimen_notes(verdict)
+    notes += recording_notes(source, recordings)
+    notes += specimen_notes(verdict, softens=False)
     notes += [f"{e[0].upper()}{e[1:]}." for e in fit.edges]
     for key, value in fit.values.items():
         bound = None if key == "eps2" else at_bound(key, value)
@@ -83,7 +71,27 @@ def notes_of(
     return tuple(notes)
 
 
-def _specimen_notes(verdict: Verdict) -> list[str]:
+def recording_notes(source: MappingFile, recordings: list[Recording]) -> list[str]:
+    """Of the data, whatever the model."""
+    notes = []
+    if scales_assumed(source):
+        notes.append("The scales from the specimen to a coupling are assumed.")
+    dropped = sum(r.dropped for r in recordings)
+    if dropped:
+        notes.append(
+            f"{dropped} of {dropped + sum(len(r.time_s) for r in recordings)} samples dropped by "
+            f"sampling.min_step_s = {source.mapping.sampling.min_step_s:g} s."
+        )
+    for r in recordings:
+        if len(r.time_s) > 2:
+            steps = np.diff(r.time_s)
+            if steps.max() > 10 * np.median(steps):
+                notes.append(f"{r.label}: the largest gap between samples is {steps.max():.3g} s.")
+    return notes
+
+
+def specimen_notes(verdict: Verdict, softens: bool) -> list[str]:
+    """Of the specimen; softens: whether the model does."""
     notes = []
     sets = [s for s, _, _ in verdict.misfits.sets]
     asymmetries = [s.asymmetry for s in sets if s.asymmetry is not None]
@@ -104,7 +112,7 @@ def _specimen_notes(verdict: Verdict) -> list[str]:
     if softening:
         notes.append(
             f"Mullins effect or scragging: the last cycle of a block loses up to "
-            f"{100 * max(softening):.0f} % less work than its first full one; the model has no "
-            "term for it."
+            f"{100 * max(softening):.0f} % less work than its first full one; the model has "
+            f"{'softening for it' if softens else 'no term for it'}."
         )
     return notes

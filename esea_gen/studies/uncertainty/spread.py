@@ -53,7 +53,8 @@ class Spread:
 
 
 def elastomer_values(device: Device) -> dict[str, float]:
-    """The elastomer's parameters."""
+    """The published model's parameters; refused for a device with another."""
+    assert device.elastomer
     known = {c.name: c.value for c in device.constants("elastomer")}
     return {k: known[k] for k in (*MODEL_KEYS, *RATE_KEYS) if k in known}
 
