@@ -303,7 +303,8 @@ def _section_rows(
 ) -> tuple[list[str], list[tuple[str, dict[str, Any], dict[str, Any], bool]]]:
     rows, inner = [], []
     for key, about in node["properties"].items():
-        needed = key in required.get("required", ())
+        either = [k for one in required.get("oneOf", ()) for k in one["required"]]
+        needed = key in (*required.get("required", ()), *either)
         properties = about.get("properties", {})
         if "value" in properties:
             number = properties["value"]
@@ -319,6 +320,10 @@ def _section_rows(
                 unit.group(1) if unit else "1",
                 sizes + _bounds(row["items"]),
             )
+        elif "properties" in about.get("items", {}):
+            row = about["items"]
+            inner.append((f"[{name}.{key}]", row | {"description": about["description"]}, row, True))
+            continue
         elif properties:
             below = required.get("properties", {}).get(key, {})
             inner.append((f"{name}.{key}" if name else key, about, below, needed))

@@ -340,8 +340,16 @@ class DeviceFile(Section):
         description="Control laws of a device with a drive, the first one in force after the "
         "start; predictive where the file has that section, else sliding_mode, when left out.",
     )
-    elastomer: Elastomer | None = Field(default=None)
-    family: Family | None = Field(default=None)
+    elastomer: Elastomer | None = Field(
+        default=None,
+        description="Torque model of the rubber coupling, equations 3.1 to 3.11; needed where "
+        "there is no [family].",
+    )
+    family: Family | None = Field(
+        default=None,
+        description="Torque model of the rubber coupling: a member of the family, in place of "
+        "[elastomer].",
+    )
     domain: Domain
     limits: Limits
     timing: Timing
