@@ -322,7 +322,9 @@ def _section_rows(
             )
         elif "properties" in about.get("items", {}):
             row = about["items"]
-            inner.append((f"[{name}.{key}]", row | {"description": about["description"]}, row, True))
+            inner.append(
+                (f"[{name}.{key}]", row | {"description": about["description"]}, row, True)
+            )
             continue
         elif properties:
             below = required.get("properties", {}).get(key, {})

@@ -18,6 +18,7 @@ from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import EPS2_DEFAULT, at_bound, with_parameters
 from esea_gen.identify.recording import MAX_TAU_NM, MAX_THETA_RAD, Recording
 from esea_gen.identify.uncertainty import Uncertainty
+from esea_gen.model.elastomer import RATE_KEYS
 
 
 def round_up(x: float) -> float:
@@ -45,6 +46,12 @@ def files_of(recordings: Sequence[Recording], only_training: bool = True) -> str
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
+def largest_torque(source: MappingFile, recordings: Sequence[Recording]) -> float:
+    """100 % of errors: the mapping's, or the largest recorded torque."""
+    asked = source.mapping.full_scale_Nm
+    return asked.value if asked else max(float(np.abs(r.tau_Nm).max()) for r in recordings)
+
+
 def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) -> Device:
     """A device whose ranges hold the recordings, with parameters yet to be found."""
     m = source.mapping
@@ -56,7 +63,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     timed = all(r.timed for r in recordings)
     omega = min(100.0, max([1e-3, *(_rate(r, s) for r, s in trained)]))
     full = m.full_scale_Nm or Quantity(
-        value=max(float(np.abs(r.tau_Nm).max()) for r in recordings),
+        value=largest_torque(source, recordings),
         status="identified",
         source=f"largest |torque| of {origin_of(source, files_of(recordings, False))}",
     )
@@ -170,6 +177,8 @@ def sourced_device(
 ) -> Device:
     """Parameters that say where they come from and how sure they are; then the usual checks."""
     where = origin_of(source, files_of(recordings))
+    timed = all(r.timed for r in recordings)
+    doubtful = {"eps2"} if timed else set(RATE_KEYS)
 
     def describe(key: str) -> str:
         if key == "eps2":
@@ -180,10 +189,13 @@ def sourced_device(
         sigma = spread.sigma.get(key)
         if sigma is None or not math.isfinite(sigma):
             return f"{where}; the torque does not depend on it"
-        return f"{where}; standard deviation {sigma:.2g}"
+        period = "" if timed or key not in RATE_KEYS else "; on an assumed sampling period"
+        return f"{where}; standard deviation {sigma:.2g}{period}"
 
     found = {
-        k: Quantity(value=v, status="assumed" if k == "eps2" else "identified", source=describe(k))
+        k: Quantity(
+            value=v, status="assumed" if k in doubtful else "identified", source=describe(k)
+        )
         for k, v in fit.values.items()
     }
     elastomer = with_parameters(device.elastomer, found)

@@ -17,6 +17,7 @@ from esea_gen.identify.fit import Progress
 from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.notes import recording_notes, specimen_notes
+from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recording import Recording, load_recordings
 from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.model.family import FittedMember, Member
@@ -96,8 +97,7 @@ def identify_member(
     Raises
     ------
     UserError
-        For an unknown member, one that needs time where none was recorded, and anything wrong in
-        the mapping file or the recordings.
+        For an unknown member, and anything wrong in the mapping file or the recordings.
     """
     begun = time.monotonic()
     tell: Progress = progress or (lambda share, text: None)
@@ -105,19 +105,17 @@ def identify_member(
     member = member_named(name)
     source = load_mapping(mapping_path, data_folder)
     recordings = load_recordings(source)
-    if member.timed and not all(r.timed for r in recordings):
-        raise UserError(
-            f"{source.origin}: '{name}' has Maxwell branches, and no time was recorded: the "
-            "sampling period is assumed.",
-            "Take a member without them, or give time_column or a published period.",
-        )
     tell(0.2, "weights")
     full_scale = draft(source, recordings, False).tau_full_scale_Nm
     fitted = fit_member(UnitTerms(member, recordings, grid_rate(source)), recordings, full_scale)
-    device = drafted_member(source, recordings, fitted)
+    offset = any(t.kind == "offset" for _, t in fitted.used)
+    device = gated(drafted_member(source, recordings, fitted), recordings, offset_fitted=offset)
     tell(0.7, "the device's C")
     verdict = judge(device, recordings)
-    notes = _notes(source, recordings, fitted, verdict)
+    notes = (
+        *gate_notes(recordings, offset_fitted=offset),
+        *_notes(source, recordings, fitted, verdict),
+    )
     tell(1.0, "done")
     return FamilyIdentification(
         device=device,
@@ -143,6 +141,11 @@ def _notes(
         *recording_notes(source, list(recordings)),
         *specimen_notes(verdict, softens),
     ]
+    if fitted.member.timed and not all(r.timed for r in recordings):
+        notes.append(
+            "The relaxation times count an assumed sampling period: with another one they are "
+            "others."
+        )
     if softens:
         notes.append(
             'The model softens and does not recover while it runs. start = "virgin" in the device '

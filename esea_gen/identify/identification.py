@@ -17,6 +17,7 @@ from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.notes import notes_of
 from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.plant import FittedPlant
+from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recording import Recording, load_recordings
 from esea_gen.identify.space import Space
 from esea_gen.identify.uncertainty import Uncertainty, uncertainty
@@ -34,7 +35,9 @@ class Identification(Identified):
     fit, spread : Fit, Uncertainty
         Parameters and what is known of them.
     without_rate : Verdict, optional
-        Errors of the best model without Maxwell element, where one was asked for.
+        Errors of the best model without Maxwell element, where one was asked for and kept.
+    with_rate : Verdict, optional
+        Errors of the best model with one, where it was not better on held-out data: left out.
     device, source, recordings, verdict, notes, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
@@ -42,6 +45,7 @@ class Identification(Identified):
     fit: Fit
     spread: Uncertainty
     without_rate: Verdict | None
+    with_rate: Verdict | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Report, JSON-ready and the same for the same input.
@@ -82,6 +86,7 @@ class Identification(Identified):
                 "runner_up": self.fit.runner_up if math.isfinite(self.fit.runner_up) else None,
             },
             "without_rate_terms": None if without is None else self.errors(without),
+            "with_rate_terms": None if self.with_rate is None else self.errors(self.with_rate),
         }
 
 
@@ -120,19 +125,28 @@ def identify(
 
     template = draft(source, recordings, rate_terms)
     bare = draft(source, recordings, False)
+    without = with_rate = None
     if not rate_terms:
         fit, plant, device, verdict = fit_split(source, recordings, bare, tell)
-        without = None
     else:
         # The model without rate terms on the same data: does the Maxwell element earn its place?
-        _, _, _, without = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1))
-        fit, plant, device, verdict = fit_split(
-            source, recordings, template, _part(tell, 0.1, 0.95)
-        )
+        plain = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1))
+        full = fit_split(source, recordings, template, _part(tell, 0.1, 0.95))
+        helps = full[3].misfits.mean_rms(True) < plain[3].misfits.mean_rms(True)
+        fit, plant, device, verdict = full if helps or full[0].rate_dropped else plain
+        if helps or full[0].rate_dropped:
+            without = plain[3]
+        else:
+            with_rate = full[3]
     tell(0.95, "uncertainty")
     spread = uncertainty(plant, fit.values)
     device = sourced_device(source, recordings, device, fit, spread)
-    notes = notes_of(source, recordings, fit, spread, verdict, without, device.tau_full_scale_Nm)
+    device = gated(device, recordings, offset_fitted=False)
+    pair = without or verdict, with_rate or verdict
+    notes = (
+        *gate_notes(recordings, offset_fitted=False),
+        *notes_of(source, recordings, fit, spread, verdict, pair if rate_terms else None),
+    )
     tell(1.0, "done")
     return Identification(
         device=device,
@@ -142,6 +156,7 @@ def identify(
         spread=spread,
         verdict=verdict,
         without_rate=without,
+        with_rate=with_rate,
         notes=notes,
         seconds=time.monotonic() - begun,
     )

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from esea_gen.identify.drafting import scales_assumed
+from esea_gen.identify.drafting import largest_torque, scales_assumed
 from esea_gen.identify.fit import Fit
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import at_bound
@@ -24,13 +24,15 @@ def notes_of(
     fit: Fit,
     spread: Uncertainty,
     verdict: Verdict,
-    without: Verdict | None,
-    full_scale_Nm: float,
+    pair: tuple[Verdict, Verdict] | None,
 ) -> tuple[str, ...]:
+    """Notes of the published model; pair: without and with rate terms, where both were fitted."""
     notes = []
     if "kv_Nm_rad" not in fit.values:
         if fit.rate_dropped:
             why = "the fit gave the Maxwell element no stiffness, so it is left out"
+        elif pair is not None:
+            why = "on held-out data the model without them is as good or better"
         elif not all(r.timed for r in recordings):
             why = "no time was recorded; the sampling period is assumed"
         else:
@@ -41,11 +43,20 @@ def notes_of(
             "A, eps1, B and eps2 can all be multiplied by one number without changing the torque: "
             f"eps2 is fixed at {fit.values['eps2']:.4g}, the others are relative to it."
         )
-    if without is not None and not fit.rate_dropped:
-        a, b = (100 * x.misfits.mean_rms(True) / full_scale_Nm for x in (without, verdict))
+    if "kv_Nm_rad" in fit.values and not all(r.timed for r in recordings):
+        notes.append(
+            "The rate terms rest on a sampling period that is only assumed: their parameters are "
+            "marked assumed too."
+        )
+    if pair is not None and not fit.rate_dropped:
+        full_scale_Nm = largest_torque(source, recordings)
+        a, b = (100 * x.misfits.mean_rms(True) / full_scale_Nm for x in pair)
+        helps = "the rate terms help."
+        if b >= a:
+            helps = "the rate terms do not help, and are left out."
         notes.append(
             f"Held-out error without the Maxwell element {a:.2f} %, with it {b:.2f} % of full "
-            "scale: " + ("the rate terms help." if b < a else "the rate terms do not help.")
+            f"scale: {helps} That choice used the held-out data."
         )
     notes += recording_notes(source, recordings)
     notes += specimen_notes(verdict, softens=False)
