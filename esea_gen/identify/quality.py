@@ -20,9 +20,9 @@ from esea_gen.language.ports import Array
 
 Mask = npt.NDArray[np.bool_]
 
-# A spike: at most 3 samples, this share of the torque's range beside its neighbours, and not where
-# the deflection turns as sharply.
-SPIKE_SHARE, SPIKE_WINDOW, TURN_FACTOR = 0.08, 7, 5.0
+# A spike: at most so many samples, this share of the torque's range off, and not where the
+# deflection turns as sharply.
+SPIKE_WIDTH, SPIKE_SHARE, TURN_FACTOR = 3, 0.08, 5.0
 MOST_SPIKES = 0.01  # share of samples: more is noise
 # A gap: this many usual steps long, and the deflection moves by this share of its range in it.
 GAP_STEPS, GAP_SHARE = 10.0, 0.02
@@ -48,14 +48,19 @@ class Finding:
 
 
 def spikes(theta: Array, tau: Array) -> Mask:
-    """Single samples, or up to three, that stand off from their neighbours."""
+    """Up to three samples that stand off from what is before and behind them, to one side."""
     width = float(np.subtract(*np.percentile(tau, [99.5, 0.5])))
-    reach = float(np.ptp(theta))
-    turns = np.abs(theta - scipy.ndimage.median_filter(theta, SPIKE_WINDOW, mode="nearest"))
-    turns = scipy.ndimage.maximum_filter(turns, SPIKE_WINDOW)
-    apart = np.abs(tau - scipy.ndimage.median_filter(tau, SPIKE_WINDOW, mode="nearest"))
-    allowed = width * (SPIKE_SHARE + TURN_FACTOR * turns / reach)
-    return np.asarray(apart > allowed)
+    turns = scipy.ndimage.maximum_filter(_standing_off(theta), 2 * SPIKE_WIDTH + 1)
+    allowed = width * (SPIKE_SHARE + TURN_FACTOR * turns / float(np.ptp(theta)))
+    return np.asarray(_standing_off(tau) > allowed)
+
+
+def _standing_off(x: Array) -> Array:
+    # What is narrower than a window does not survive its opening; a sharp turn does, on its way up.
+    size = SPIKE_WIDTH + 1
+    above = x - scipy.ndimage.grey_opening(x, size, mode="nearest")
+    below = scipy.ndimage.grey_closing(x, size, mode="nearest") - x
+    return np.asarray(np.maximum(above, below))
 
 
 def bridged(tau: Array, mask: Mask) -> Array:
