@@ -13,6 +13,7 @@ from esea_gen.language.ports import unit_of
 SAME_ORIENTATION_RAD = 0.02  # about 1 deg: an encoder's error moves little within that
 MOST_CORRECTION_SLOPE = 0.25  # 1 deg with four periods a turn: 0.07
 MOST_PERIODS = 2000  # of sensing in one of control, when a rate is looked for that divides
+WHOLE_PERIOD = 1e-6  # of a period: far below what a crystal holds
 FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for this rate
 
 
@@ -98,6 +99,15 @@ def _check_relations(origin: str, file: DeviceFile) -> None:
                 f"{values[outer].value:g}: the identified domain must lie inside the port's range.",
                 f"Raise {outer} or lower {inner}.",
             )
+    rate = values["timing.sense_rate_Hz"].value
+    period = round(1e6 / rate)
+    if abs(1e6 / rate - period) > WHOLE_PERIOD * period:
+        raise UserError(
+            f"{origin}: timing.sense_rate_Hz = {rate:g} Hz is a period of {1e6 / rate:.6g} us, no "
+            f"whole number of microseconds: the board would run with {period} us, and the model "
+            "not.",
+            f"Give {1e6 / period:.9g} Hz.",
+        )
     if len(set(file.axes)) != len(file.axes):
         raise UserError(
             f"{origin}: axes = {list(file.axes)} names an axis twice.", "Give each its own name."
