@@ -22,6 +22,7 @@ from esea_gen.identify.family_identification import identify_member
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import fitted_of, stiffness_range_Nm_rad
 from esea_gen.report.identification import identification_page
+from esea_gen.verify.bounds import bounds_or_rule
 from tests.conftest import require_tool
 from tests.test_devices import conforms
 
@@ -244,11 +245,21 @@ def test_its_summary_says_what_the_reader_must_know(hdrb):
     assert "conditioned" in text
 
 
-def test_an_unknown_member_and_one_that_needs_time():
+def test_an_unknown_member_is_refused():
     with pytest.raises(UserError, match="Did you mean slips, worn"):
         identify_member(DATA / "hdrb.toml", "slips worn")
-    with pytest.raises(UserError, match="no time was recorded"):
-        identify_member(DATA / "hdrb.toml", "Maxwell")
+
+
+def test_a_bound_that_says_nothing_of_the_torque_fails(elbow, monkeypatch):
+    """The limit is 1 % of full scale; with one below what this sensor has, nothing passes."""
+    simple = FittedMember(Member("few", "few", (Term("spring", LINEAR),)), 0.2, (1.5,))
+    rig = family_device(elbow, simple, "drawn")
+    bounds, _ = bounds_or_rule(rig, rig.sensor)
+    share = max(b.outputs["tau_Nm"] for b in bounds.values()) / rig.tau_full_scale_Nm
+    assert 0 < share < 0.01
+    monkeypatch.setattr("esea_gen.verify.bounds.MOST_TORQUE_SHARE", 1e-9)
+    with pytest.raises(UserError, match=r"% of full scale, above its limit 1e-07 %"):
+        bounds_or_rule(rig, rig.sensor)
 
 
 def test_its_page_has_the_terms(hdrb):

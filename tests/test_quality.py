@@ -16,7 +16,6 @@ from esea_gen.errors import UserError
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family_identification import identify_member
-from esea_gen.verify.bounds import bounds_or_rule
 from tests.conftest import require_tool
 
 DATA = Path(__file__).parent / "data" / "hdrb"
@@ -341,16 +340,3 @@ def test_a_rate_that_no_board_runs_is_refused(elbow):
         parse_device(text.replace("{ value = 1000.0, status", "{ value = 333.3, status"), "x.toml")
     whole = text.replace("{ value = 1000.0, status", "{ value = 333.333333, status")
     assert round(1e6 * parse_device(whole, "x.toml").period_s) == 3000
-
-
-def test_a_bound_that_says_nothing_of_the_torque_fails(elbow):
-    """A port for 1000 rad/s leaves 13 times full scale, finite as it is."""
-    text = elbow.toml()
-    assert "{ value = 25.0, status" in text
-    wide = parse_device(
-        text.replace("{ value = 25.0, status", "{ value = 1000.0, status"), "x.toml"
-    )
-    with pytest.raises(UserError, match=r"% of full scale, above its limit 1 %"):
-        bounds_or_rule(wide, wide.sensor)
-    bounds, _ = bounds_or_rule(elbow, elbow.sensor)
-    assert bounds["identified domain"].outputs["tau_Nm"] < 0.01 * elbow.tau_full_scale_Nm

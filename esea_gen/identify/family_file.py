@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from esea_gen.device import Device, parse_device
@@ -28,17 +29,25 @@ def grid_rate(source: MappingFile) -> float:
     return source.mapping.sampling.fit_rate_Hz or min(FIT_RATE_HZ, fine)
 
 
-def family_section(fitted: FittedMember, source: str, start: Start = "virgin") -> Family:
+def family_section(
+    fitted: FittedMember,
+    source: str,
+    start: Start = "virgin",
+    sigma: Mapping[int, float] | None = None,
+) -> Family:
     """The section of a device file; terms of weight 0 are left out.
 
     source: where scale and weights come from.
+    sigma: standard deviations of weights, by place among the terms.
     """
+    told = {i: f"{source}; standard deviation {s:.2g}" for i, s in (sigma or {}).items()}
+    pairs = zip(fitted.weights_Nm, fitted.member.terms, strict=True)
     return Family(
         member=fitted.member.name,
         title=fitted.member.title,
         start=start,
         scale_rad=Quantity(value=fitted.scale_rad, status="identified", source=source),
-        terms=tuple(_term(t, w, source) for w, t in fitted.used),
+        terms=tuple(_term(t, w, told.get(i, source)) for i, (w, t) in enumerate(pairs) if w),
     )
 
 
@@ -68,7 +77,11 @@ def _term(t: Term, weight_Nm: float, source: str) -> FamilyTerm:
 
 
 def family_device(
-    template: DeviceData, fitted: FittedMember, source: str, start: Start = "virgin"
+    template: DeviceData,
+    fitted: FittedMember,
+    source: str,
+    start: Start = "virgin",
+    sigma: Mapping[int, float] | None = None,
 ) -> Device:
     """A device whose torque model is a fitted member; checked as one that is read.
 
@@ -83,18 +96,22 @@ def family_device(
         limit = Quantity(value=most, status="assumed", source=text)
     update = {
         "elastomer": None,
-        "family": family_section(fitted, source, start),
+        "family": family_section(fitted, source, start, sigma),
         "limits": file.limits.model_copy(update={"tau_Nm": limit}),
     }
     return parse_device(render_toml(file.model_copy(update=update)), f"{file.name}.toml")
 
 
 def drafted_member(
-    source: MappingFile, recordings: list[Recording], fitted: FittedMember
+    source: MappingFile,
+    recordings: list[Recording],
+    fitted: FittedMember,
+    sigma: Mapping[int, float] | None = None,
 ) -> Device:
     """A device that holds the recordings, with a member that was fitted to them."""
     template = draft(source, recordings, False)
-    return family_device(template, fitted, origin_of(source, files_of(recordings)))
+    where = origin_of(source, files_of(recordings))
+    return family_device(template, fitted, where, sigma=sigma)
 
 
 __all__ = ["FIT_RATE_HZ", "drafted_member", "family_device", "family_section", "grid_rate"]

@@ -23,6 +23,7 @@ from esea_gen.identify.fit import solve_linear
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recording import Recording, resample
+from esea_gen.identify.resampling import Resampled, resampled, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member
@@ -137,6 +138,27 @@ def fit_member(
     return FittedMember(member, scale, tuple(float(w) for w in final))
 
 
+def member_spread(
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
+) -> tuple[dict[int, float], Resampled]:
+    """Standard deviations of the weights above 0, by place among the terms.
+
+    Which terms carry torque is taken as it was found.
+    """
+    columns = terms.over(fitted.scale_rad)
+    used = [i for i, w in enumerate(fitted.weights_Nm) if w]
+    pairs = zip(recordings, columns, strict=True)
+    sets = [(r, s, c) for r, c in pairs for s in r.sets if len(s.training)]
+    ways = [np.sign(np.gradient(r.theta_rad))[s.training] for r, s, _ in sets]
+    basis = np.concatenate([c[s.training][:, used] for _, s, c in sets])
+    target = np.concatenate([r.tau_Nm[s.training] for r, s, _ in sets])
+    weight = equal_weights(ways) * np.sqrt(len(target))
+    residual = target - basis @ np.array([fitted.weights_Nm[i] for i in used])
+    rows = rows_of([(r, s) for r, s, _ in sets], ways)
+    found = resampled(basis, residual, weight, rows, whole_conditions(recordings))
+    return dict(zip(used, found.sigma.tolist(), strict=True)), found
+
+
 def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember) -> Misfits:
     """Errors of a fitted member on the recordings that its terms were run over."""
     weights = np.array(fitted.weights_Nm)
@@ -171,6 +193,7 @@ def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
 __all__ = [
     "UnitTerms",
     "fit_member",
+    "member_spread",
     "misfits_of",
     "solve_weights",
     "term_rows",

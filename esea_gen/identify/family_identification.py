@@ -12,13 +12,14 @@ from esea_gen.errors import UserError
 from esea_gen.identify.candidates import members
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.family_file import drafted_member, grid_rate
-from esea_gen.identify.family_fit import UnitTerms, fit_member, term_rows
+from esea_gen.identify.family_fit import UnitTerms, fit_member, member_spread, term_rows
 from esea_gen.identify.fit import Progress
 from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
-from esea_gen.identify.notes import recording_notes, specimen_notes
+from esea_gen.identify.notes import band_notes, recording_notes, specimen_notes
 from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recording import Recording, load_recordings
+from esea_gen.identify.resampling import Resampled
 from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.model.family import FittedMember, Member
 from esea_gen.toml_file import nearest
@@ -32,11 +33,17 @@ class FamilyIdentification(Identified):
     ----------
     fitted : FittedMember
         The model.
+    sigma : dict of int to float
+        Standard deviations of the weights above 0, by place among the terms.
+    spread : Resampled
+        What leaving blocks out says; its band is the torque's.
     device, source, recordings, verdict, notes, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
 
     fitted: FittedMember
+    sigma: dict[int, float]
+    spread: Resampled
 
     def to_dict(self) -> dict[str, Any]:
         """Report, JSON-ready and the same for the same input.
@@ -48,7 +55,7 @@ class FamilyIdentification(Identified):
         """
         family, limits = self.device.file.family, self.device.file.limits
         assert family is not None
-        model = {
+        model: dict[str, Any] = {
             "member": family.member,
             "title": family.title,
             "start": family.start,
@@ -56,7 +63,9 @@ class FamilyIdentification(Identified):
             "least_slope_Nm_rad": self.fitted.least_slope_Nm_rad(limits.theta_rad.value),
             "terms": term_rows(self.fitted),
         }
-        return super().to_dict() | {"model": model}
+        for row, sigma in zip(model["terms"], self.sigma.values(), strict=True):
+            row["sigma_Nm"] = sigma
+        return super().to_dict() | {"model": model, "uncertainty": self.spread.to_dict()}
 
 
 def member_named(name: str) -> Member:
@@ -107,14 +116,19 @@ def identify_member(
     recordings = load_recordings(source)
     tell(0.2, "weights")
     full_scale = draft(source, recordings, False).tau_full_scale_Nm
-    fitted = fit_member(UnitTerms(member, recordings, grid_rate(source)), recordings, full_scale)
+    terms = UnitTerms(member, recordings, grid_rate(source))
+    fitted = fit_member(terms, recordings, full_scale)
+    sigma, spread = member_spread(terms, recordings, fitted)
     offset = any(t.kind == "offset" for _, t in fitted.used)
-    device = gated(drafted_member(source, recordings, fitted), recordings, offset_fitted=offset)
+    device = gated(
+        drafted_member(source, recordings, fitted, sigma), recordings, offset_fitted=offset
+    )
     tell(0.7, "the device's C")
     verdict = judge(device, recordings)
     notes = (
         *gate_notes(recordings, offset_fitted=offset),
         *_notes(source, recordings, fitted, verdict),
+        *band_notes(recordings, verdict, spread, device.tau_full_scale_Nm),
     )
     tell(1.0, "done")
     return FamilyIdentification(
@@ -125,6 +139,8 @@ def identify_member(
         notes=notes,
         seconds=time.monotonic() - begun,
         fitted=fitted,
+        sigma=sigma,
+        spread=spread,
     )
 
 

@@ -14,7 +14,7 @@ from esea_gen.identify.family_file import grid_rate
 from esea_gen.identify.fit import Fit, Progress, search
 from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
-from esea_gen.identify.notes import notes_of
+from esea_gen.identify.notes import band_notes, notes_of
 from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.plant import FittedPlant
 from esea_gen.identify.quality_gate import gate_notes, gated
@@ -74,7 +74,7 @@ class Identification(Identified):
         return super().to_dict() | {
             "parameters": parameters,
             "uncertainty": {
-                "assumes": "right model form, first-order autoregressive residuals",
+                **({} if self.spread.resampled is None else self.spread.resampled.to_dict()),
                 "correlation_factor": self.spread.correlation_factor,
                 "weakest": self.spread.weakest,
             },
@@ -146,6 +146,11 @@ def identify(
     notes = (
         *gate_notes(recordings, offset_fitted=False),
         *notes_of(source, recordings, fit, spread, verdict, pair if rate_terms else None),
+        *(
+            band_notes(recordings, verdict, spread.resampled, device.tau_full_scale_Nm)
+            if spread.resampled
+            else ()
+        ),
     )
     tell(1.0, "done")
     return Identification(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from esea_gen.identify.fit import Fit
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import at_bound
 from esea_gen.identify.recording import Recording
+from esea_gen.identify.resampling import Resampled, covered
 from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.identify.verdict import Verdict
 
@@ -98,6 +100,26 @@ def recording_notes(source: MappingFile, recordings: list[Recording]) -> list[st
             steps = np.diff(r.time_s)
             if steps.max() > 10 * np.median(steps):
                 notes.append(f"{r.label}: the largest gap between samples is {steps.max():.3g} s.")
+    return notes
+
+
+def band_notes(
+    recordings: Sequence[Recording], verdict: Verdict, spread: Resampled, full_scale_Nm: float
+) -> list[str]:
+    """How far the torque may be off, by this device's own residuals, and how far it was."""
+    error = np.concatenate(
+        [(verdict.torque_Nm[r.label] - r.tau_Nm)[s.held_out] for r in recordings for s in r.sets]
+    )
+    notes = [
+        f"Torque: 95 % of errors in blocks left out are below {spread.band_Nm:.3g} Nm "
+        f"({100 * spread.band_Nm / full_scale_Nm:.2g} % of full scale); of the held-out samples "
+        f"{100 * covered(error, spread.band_Nm):.0f} % are."
+    ]
+    if spread.friction_Nm is not None:
+        notes.append(
+            f"The residuals show a friction of {spread.friction_Nm:.3g} Nm that the model has no "
+            "term for; the standard deviations hold what it would move."
+        )
     return notes
 
 

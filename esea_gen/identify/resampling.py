@@ -1,0 +1,189 @@
+"""How far parameters and torque may be off, from what the fit says when parts are left out.
+
+A covariance from the Jacobian takes every sample for independent: with slow noise it is far too
+narrow, and of friction that the model has no term for it knows nothing.  Here whole blocks are left
+out in turn, a cycle or a condition (rate, amplitude, specimen) [1]_; to first order each needs no
+fit of its own.  A cycle sees noise, a condition also what the model or the encoder does wrong
+differently at each; the variance is the mean of both.  Friction is the same in every block: it is
+tried as one more term, and where that stands clear of its own deviation, what it would move the
+parameters by is added.
+
+References
+----------
+.. [1] M. H. Quenouille, Biometrika 43 (1956) 353; J. W. Tukey, Ann. Math. Stat. 29 (1958) 614: the
+   jackknife, of blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.identify.conditions import conditions_of
+from esea_gen.identify.cycles import DataSet
+from esea_gen.language.ports import Array
+
+if TYPE_CHECKING:
+    from esea_gen.identify.recording import Recording
+
+Blocks = npt.NDArray[np.intp]
+
+LEAST_CONDITIONS = 3  # below, conditions say nothing of their own spread
+LEAST_BLOCKS = 6  # into which a recording of fewer cycles is cut
+CLEAR = 4.0  # friction's deviations
+BAND = 0.95
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Which block each row belongs to.
+
+    cycle, condition: numbers of blocks, shape (rows,).
+    way: direction of the deflection, -1 to 1, shape (rows,).
+    """
+
+    cycle: Blocks
+    condition: Blocks
+    way: Array
+
+    @classmethod
+    def of(cls, sets: Sequence[tuple[int, int, Array]]) -> Rows:
+        """Of data sets, in the order of the rows.
+
+        sets: of each its condition, how many cycles its rows span, and the rows' direction.
+        """
+        cut = max(1, -(-LEAST_BLOCKS // len(sets))) if len(sets) < LEAST_BLOCKS else 1
+        cycle, condition, first = [], [], 0
+        for number, cycles, way in sets:
+            count = max(cycles, cut)
+            cycle.append(first + np.arange(len(way)) * count // max(len(way), 1))
+            condition.append(np.full(len(way), number))
+            first += count
+        ways = np.concatenate([w for _, _, w in sets])
+        return cls(
+            np.concatenate(cycle).astype(np.intp), np.concatenate(condition).astype(np.intp), ways
+        )
+
+
+def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) -> Rows:
+    """Of data sets that train, with the direction of the deflection at their rows."""
+    known = [conditions_of(r, s)[0] for r, s in sets]
+    names = list(dict.fromkeys(known))
+    return Rows.of(
+        [
+            (names.index(c), s.cycles.get("training", 1), way)
+            for c, (_, s), way in zip(known, sets, ways, strict=True)
+        ]
+    )
+
+
+def whole_conditions(recordings: Sequence[Recording]) -> bool:
+    """Whether whole conditions judge, and not the last cycles of those that train."""
+    return not any(len(s.training) and len(s.held_out) for r in recordings for s in r.sets)
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """What leaving blocks out says.
+
+    sigma: standard deviation of each parameter, in its own unit.
+    band_Nm: half width that holds 95 % of the torque errors in blocks left out.
+    friction_Nm: Coulomb friction that the residuals show and the model has not; None where they
+        show none.
+    conditions: how many there are.
+    """
+
+    sigma: Array
+    band_Nm: float
+    friction_Nm: float | None
+    conditions: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready, apart from the deviations."""
+        return {
+            "assumes": "blocks left out in turn: the mean of the variances over cycles and over "
+            "conditions; friction that shows is added",
+            "band_Nm": self.band_Nm,
+            "band_share": BAND,
+            "unmodelled_friction_Nm": self.friction_Nm,
+            "conditions": self.conditions,
+        }
+
+
+def resampled(
+    jacobian: Array, residual: Array, weight: Array, rows: Rows, whole_conditions: bool
+) -> Resampled:
+    """Leave every cycle and every condition out, in turn.
+
+    jacobian: torque by parameter, shape (rows, parameters).
+    residual: measured less modelled torque, shape (rows,).
+    weight: of each row in the fit, shape (rows,); residuals are multiplied with it.
+    whole_conditions: whether the torque's band is of conditions left out, or of cycles.
+    """
+    names = (rows.cycle, rows.condition)
+    few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
+    used = names[:1] if few else names
+    variance = _mean_variance(jacobian, residual, weight, used)
+    friction = None
+    more = np.column_stack([jacobian, rows.way])
+    found = np.linalg.lstsq(more * weight[:, None], residual * weight, rcond=None)[0]
+    left = residual - more @ found
+    own = _mean_variance(more, left, weight, used)
+    if abs(found[-1]) > CLEAR * np.sqrt(own[-1]) and own[-1] > 0:
+        friction = float(found[-1])
+        variance = variance + found[:-1] ** 2
+    by = rows.condition if whole_conditions and not few else rows.cycle
+    outside = _left_out(jacobian, residual, weight, by)
+    return Resampled(
+        np.sqrt(variance), _quantile(np.abs(outside), weight**2), friction, len(np.unique(names[1]))
+    )
+
+
+def _mean_variance(
+    jacobian: Array, residual: Array, weight: Array, names: Sequence[Blocks]
+) -> Array:
+    return np.asarray(np.mean([_variance(jacobian, residual, weight, n) for n in names], axis=0))
+
+
+def _moves(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> dict[int, Array]:
+    # Of the parameters, when a block is left out.
+    j, r = jacobian * weight[:, None], residual * weight
+    whole = j.T @ j
+    out = {}
+    for b in np.unique(blocks):
+        own = j[blocks == b]
+        rest = np.linalg.pinv(whole - own.T @ own, rcond=1e-12, hermitian=True)
+        out[int(b)] = -rest @ (own.T @ r[blocks == b])
+    return out
+
+
+def _variance(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> Array:
+    moves = np.array(list(_moves(jacobian, residual, weight, blocks).values()))
+    count = len(moves)
+    return np.asarray((count - 1) / count * np.sum((moves - moves.mean(axis=0)) ** 2, axis=0))
+
+
+def _left_out(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> Array:
+    # Residuals of every block by the fit to the others.
+    out = residual.copy()
+    for b, move in _moves(jacobian, residual, weight, blocks).items():
+        out[blocks == b] -= jacobian[blocks == b] @ move
+    return out
+
+
+def _quantile(sizes: Array, weight: Array) -> float:
+    order = np.argsort(sizes)
+    share = np.cumsum(weight[order]) / weight.sum()
+    return float(sizes[order][min(int(np.searchsorted(share, BAND)), len(sizes) - 1)])
+
+
+def covered(error: Array, band_Nm: float) -> float:
+    """Share of errors inside a band."""
+    return float(np.mean(np.abs(error) <= band_Nm)) if len(error) else float("nan")
+
+
+__all__ = ["Resampled", "Rows", "covered", "resampled", "rows_of", "whole_conditions"]
