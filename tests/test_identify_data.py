@@ -343,8 +343,8 @@ def test_standard_deviations_are_the_scatter_of_repeated_experiments(rho):
         told = uncertainty(Cubic(theta, row, 20), values)
         said.append([told.sigma[k] for k in values])
         assert told.correlation_factor == pytest.approx(np.sqrt((1 + rho) / (1 - rho)), rel=0.2)
-    # The scatter of 400 fits is known to 3.5 %, a deviation from 20 cycles to 16 %, its mean over 40
-    # runs to 3 %; a plain covariance says 2 and 6.2 times too little at 0.6 and 0.95.
+    # The scatter of 400 fits is known to 3.5 %, the mean of 40 deviations of 20 cycles to 3 %; a
+    # plain covariance says 2 and 6.2 times too little at 0.6 and 0.95.
     np.testing.assert_allclose(np.mean(said, axis=0), fits.std(axis=0), rtol=0.12)
 
 
