@@ -46,6 +46,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             "model.gear_encoder",
             "model.family",
             "model.family_inverse",
+            "model.rubber",
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
             *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
             *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
@@ -58,6 +59,8 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Identification, twin, analysis",
         (
             *(f"identify.{m}" for m in ("mapping", "replay", "identification", "verdict")),
+            "identify.identified",
+            "identify.family_identification",
             "identify.compare",
             "twin.closed_loop",
             *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),

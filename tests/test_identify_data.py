@@ -20,7 +20,7 @@ from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.inverse import refit_inverse
 from esea_gen.identify.plant import FittedPlant
 from esea_gen.identify.plays import KEYS, play_spread
-from esea_gen.identify.resampling import Rows
+from esea_gen.identify.resampling import FitRows
 from esea_gen.identify.uncertainty import uncertainty
 from esea_gen.model.inverse import inverse_system
 from esea_gen.model.published_inverse import published_inverse
@@ -299,7 +299,7 @@ class Cubic:
     whole = False
 
     def __init__(self, theta_rad: np.ndarray, measured: np.ndarray, cycles: int = 1) -> None:
-        self.rows = Rows.of([(0, cycles, np.zeros(len(theta_rad)))])
+        self.rows = FitRows.of([(0, cycles, np.zeros(len(theta_rad)))])
         self.basis = np.stack([theta_rad, theta_rad**3], axis=1)
         self.measured = measured
         self.weight = np.full(len(measured), 1 / np.sqrt(len(measured)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.identify.resampling import Resampled, Rows, covered, resampled
+from esea_gen.identify.resampling import FitRows, LeftOut, covered, resampled
 
 # A known rubber: springs and two stops; five amplitudes of four cycles, of which the first
 # conditions, the last judges.
@@ -50,13 +50,13 @@ def measured(case: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
     return shown, torque + 0.08 * np.tanh(np.gradient(X) / 0.002)
 
 
-def one(case: str, seed: int) -> tuple[np.ndarray, Resampled, float]:
+def one(case: str, seed: int) -> tuple[np.ndarray, LeftOut, float]:
     """Error of the weights, what is said of it, and the share of judging samples in the band."""
     shown, torque = measured(case, np.random.default_rng(seed))
     fit = np.linalg.lstsq(shown[TRAINS], torque[TRAINS], rcond=None)[0]
     way = np.sign(np.gradient(shown[:, 0]))[TRAINS]
     each = np.split(way, len(AMPLITUDES))
-    rows = Rows.of([(i, CYCLES - 2, w) for i, w in enumerate(each)])
+    rows = FitRows.of([(i, CYCLES - 2, w) for i, w in enumerate(each)])
     residual = (torque - shown @ fit)[TRAINS]
     found = resampled(shown[TRAINS], residual, np.ones(len(residual)), rows, False)
     return fit - WEIGHTS, found, covered((torque - shown @ fit)[JUDGES], found.band_Nm)
@@ -119,7 +119,7 @@ def test_leaving_out_is_what_fits_without_the_block_give():
     rng = np.random.default_rng(2)
     j, weight = rng.normal(size=(240, 3)), rng.uniform(0.5, 2, 240)
     y = j @ [1.0, -2.0, 0.5] + rng.normal(0, 0.1, 240)
-    rows = Rows.of([(i, 4, np.zeros(60)) for i in range(4)])
+    rows = FitRows.of([(i, 4, np.zeros(60)) for i in range(4)])
     fit = np.linalg.lstsq(j * weight[:, None], y * weight, rcond=None)[0]
     found = resampled(j, y - j @ fit, weight, rows, True)
     variances, outside = [], np.zeros(240)
@@ -139,8 +139,8 @@ def test_leaving_out_is_what_fits_without_the_block_give():
 
 
 def test_few_cycles_are_cut_into_blocks():
-    rows = Rows.of([(0, 1, np.zeros(100))])
+    rows = FitRows.of([(0, 1, np.zeros(100))])
     assert len(np.unique(rows.cycle)) == 6
-    rows = Rows.of([(0, 2, np.zeros(50)), (1, 5, np.zeros(50))])
+    rows = FitRows.of([(0, 2, np.zeros(50)), (1, 5, np.zeros(50))])
     assert len(np.unique(rows.cycle)) == 3 + 5
     assert np.array_equal(rows.condition, np.repeat([0, 1], 50))

@@ -112,7 +112,7 @@ class ModelComparison:
         Returns
         -------
         dict
-            Rows under ``compare``, the choice, the chosen member's terms.
+            FitRows under ``compare``, the choice, the chosen member's terms.
         """
         return {
             "mapping": self.source.origin,

@@ -23,7 +23,7 @@ from esea_gen.identify.fit import solve_linear
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recording import Recording, resample
-from esea_gen.identify.resampling import Resampled, resampled, rows_of, whole_conditions
+from esea_gen.identify.resampling import LeftOut, resampled, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member
@@ -140,7 +140,7 @@ def fit_member(
 
 def member_spread(
     terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
-) -> tuple[dict[int, float], Resampled]:
+) -> tuple[dict[int, float], LeftOut]:
     """Standard deviations of the weights above 0, by place among the terms.
 
     Which terms carry torque is taken as it was found.

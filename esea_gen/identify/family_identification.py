@@ -19,7 +19,7 @@ from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.notes import band_notes, recording_notes, specimen_notes
 from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recording import Recording, load_recordings
-from esea_gen.identify.resampling import Resampled
+from esea_gen.identify.resampling import LeftOut
 from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.model.family import FittedMember, Member
 from esea_gen.toml_file import nearest
@@ -35,7 +35,7 @@ class FamilyIdentification(Identified):
         The model.
     sigma : dict of int to float
         Standard deviations of the weights above 0, by place among the terms.
-    spread : Resampled
+    spread : LeftOut
         What leaving blocks out says; its band is the torque's.
     device, source, recordings, verdict, notes, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
@@ -43,7 +43,7 @@ class FamilyIdentification(Identified):
 
     fitted: FittedMember
     sigma: dict[int, float]
-    spread: Resampled
+    spread: LeftOut
 
     def to_dict(self) -> dict[str, Any]:
         """Report, JSON-ready and the same for the same input.
@@ -68,7 +68,7 @@ class FamilyIdentification(Identified):
         return super().to_dict() | {"model": model, "uncertainty": self.spread.to_dict()}
 
 
-def member_named(name: str) -> Member:
+def _member_named(name: str) -> Member:
     """A member by its name, as comparisons print it."""
     known = {m.name: m for m in members()}
     if name not in known:
@@ -111,7 +111,7 @@ def identify_member(
     begun = time.monotonic()
     tell: Progress = progress or (lambda share, text: None)
     tell(0.0, "reading")
-    member = member_named(name)
+    member = _member_named(name)
     source = load_mapping(mapping_path, data_folder)
     recordings = load_recordings(source)
     tell(0.2, "weights")
@@ -171,4 +171,4 @@ def _notes(
     return tuple(notes)
 
 
-__all__ = ["FamilyIdentification", "identify_member", "member_named"]
+__all__ = ["FamilyIdentification", "identify_member"]

@@ -12,7 +12,7 @@ from esea_gen.identify.fit import Fit
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import at_bound
 from esea_gen.identify.recording import Recording
-from esea_gen.identify.resampling import Resampled, covered
+from esea_gen.identify.resampling import LeftOut, covered
 from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.identify.verdict import Verdict
 
@@ -104,7 +104,7 @@ def recording_notes(source: MappingFile, recordings: list[Recording]) -> list[st
 
 
 def band_notes(
-    recordings: Sequence[Recording], verdict: Verdict, spread: Resampled, full_scale_Nm: float
+    recordings: Sequence[Recording], verdict: Verdict, spread: LeftOut, full_scale_Nm: float
 ) -> list[str]:
     """How far the torque may be off, by this device's own residuals, and how far it was."""
     error = np.concatenate(

@@ -14,7 +14,7 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.recording import Recording, resample
-from esea_gen.identify.resampling import Rows, rows_of, whole_conditions
+from esea_gen.identify.resampling import FitRows, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import torque_sensor
@@ -124,11 +124,11 @@ class FittedPlant:
         self.measured = np.concatenate(measured)
         self._spring = self._collect([(s.theta_rad, s.theta_rad**3) for s in self.streams])
 
-    def _rows(self, recordings: Sequence[Recording]) -> Rows:
+    def _rows(self, recordings: Sequence[Recording]) -> FitRows:
         ways = [np.sign(np.gradient(s.theta_rad))[at] for s in self.streams for at in s.training]
         sets = [(r, s) for r in recordings for s in r.sets if len(s.training)]
         if len(ways) != len(sets):  # a coarse grid lost a data set of very few samples
-            return Rows.of([(i, 1, way) for i, way in enumerate(ways)])
+            return FitRows.of([(i, 1, way) for i, way in enumerate(ways)])
         return rows_of(sets, ways)
 
     def _collect(self, per_stream: list[tuple[Array, ...]]) -> Array:

@@ -39,7 +39,7 @@ BAND = 0.95
 
 
 @dataclass(frozen=True)
-class Rows:
+class FitRows:
     """Which block each row belongs to.
 
     cycle, condition: numbers of blocks, shape (rows,).
@@ -51,7 +51,7 @@ class Rows:
     way: Array
 
     @classmethod
-    def of(cls, sets: Sequence[tuple[int, int, Array]]) -> Rows:
+    def of(cls, sets: Sequence[tuple[int, int, Array]]) -> FitRows:
         """Of data sets, in the order of the rows.
 
         sets: of each its condition, how many cycles its rows span, and the rows' direction.
@@ -69,11 +69,11 @@ class Rows:
         )
 
 
-def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) -> Rows:
+def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) -> FitRows:
     """Of data sets that train, with the direction of the deflection at their rows."""
     known = [conditions_of(r, s)[0] for r, s in sets]
     names = list(dict.fromkeys(known))
-    return Rows.of(
+    return FitRows.of(
         [
             (names.index(c), s.cycles.get("training", 1), way)
             for c, (_, s), way in zip(known, sets, ways, strict=True)
@@ -87,7 +87,7 @@ def whole_conditions(recordings: Sequence[Recording]) -> bool:
 
 
 @dataclass(frozen=True)
-class Resampled:
+class LeftOut:
     """What leaving blocks out says.
 
     sigma: standard deviation of each parameter, in its own unit.
@@ -115,8 +115,8 @@ class Resampled:
 
 
 def resampled(
-    jacobian: Array, residual: Array, weight: Array, rows: Rows, whole_conditions: bool
-) -> Resampled:
+    jacobian: Array, residual: Array, weight: Array, rows: FitRows, whole_conditions: bool
+) -> LeftOut:
     """Leave every cycle and every condition out, in turn.
 
     jacobian: torque by parameter, shape (rows, parameters).
@@ -138,7 +138,7 @@ def resampled(
         variance = variance + found[:-1] ** 2
     by = rows.condition if whole_conditions and not few else rows.cycle
     outside = _left_out(jacobian, residual, weight, by)
-    return Resampled(
+    return LeftOut(
         np.sqrt(variance), _quantile(np.abs(outside), weight**2), friction, len(np.unique(names[1]))
     )
 
@@ -186,4 +186,4 @@ def covered(error: Array, band_Nm: float) -> float:
     return float(np.mean(np.abs(error) <= band_Nm)) if len(error) else float("nan")
 
 
-__all__ = ["Resampled", "Rows", "covered", "resampled", "rows_of", "whole_conditions"]
+__all__ = ["FitRows", "LeftOut", "covered", "resampled", "rows_of", "whole_conditions"]

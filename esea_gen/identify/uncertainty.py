@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from esea_gen.identify.parameters import at_bound
-from esea_gen.identify.resampling import Resampled, Rows, resampled
+from esea_gen.identify.resampling import FitRows, LeftOut, resampled
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -56,7 +56,7 @@ class Uncertainty:
     sigma: dict[str, float | None]
     weakest: dict[str, Any]
     correlation_factor: float
-    resampled: Resampled | None = None
+    resampled: LeftOut | None = None
 
 
 class Fitted(Protocol):
@@ -64,7 +64,7 @@ class Fitted(Protocol):
 
     measured: Array
     weight: Array
-    rows: Rows
+    rows: FitRows
     whole: bool
 
     def torque(self, values: Mapping[str, float], /) -> Array:
