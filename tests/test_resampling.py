@@ -144,3 +144,15 @@ def test_few_cycles_are_cut_into_blocks():
     rows = FitRows.of([(0, 2, np.zeros(50)), (1, 5, np.zeros(50))])
     assert len(np.unique(rows.cycle)) == 3 + 5
     assert np.array_equal(rows.condition, np.repeat([0, 1], 50))
+
+
+def test_fewer_blocks_than_parameters_leave_none_without_a_deviation():
+    """Six blocks and eight parameters: without more the deviations span five directions only."""
+    rng = np.random.default_rng(6)
+    j = rng.normal(size=(300, 8))
+    noise = rng.normal(0, 0.1, 300)
+    residual = noise - j @ np.linalg.lstsq(j, noise, rcond=None)[0]
+    rows = FitRows.of([(0, 1, np.zeros(300))])
+    found = resampled(j, residual, np.ones(300), rows, False)
+    plain = 0.01 * np.linalg.inv(j.T @ j)
+    assert np.linalg.eigvalsh(found.covariance).min() > 0.5 * np.linalg.eigvalsh(plain).min()

@@ -112,7 +112,7 @@ class ModelComparison:
         Returns
         -------
         dict
-            FitRows under ``compare``, the choice, the chosen member's terms.
+            Rows under ``compare``, the choice, the chosen member's terms.
         """
         return {
             "mapping": self.source.origin,

@@ -90,17 +90,22 @@ def whole_conditions(recordings: Sequence[Recording]) -> bool:
 class LeftOut:
     """What leaving blocks out says.
 
-    sigma: standard deviation of each parameter, in its own unit.
+    covariance: of the parameters, in their own units.
     band_Nm: half width that holds 95 % of the torque errors in blocks left out.
     friction_Nm: Coulomb friction that the residuals show and the model has not; None where they
         show none.
     conditions: how many there are.
     """
 
-    sigma: Array
+    covariance: Array
     band_Nm: float
     friction_Nm: float | None
     conditions: int
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of each parameter."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, apart from the deviations."""
@@ -127,26 +132,43 @@ def resampled(
     names = (rows.cycle, rows.condition)
     few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
     used = names[:1] if few else names
-    variance = _mean_variance(jacobian, residual, weight, used)
+    covariance = _mean_covariance(jacobian, residual, weight, used)
+    if len(np.unique(rows.cycle)) <= jacobian.shape[1]:
+        # Fewer blocks than parameters leave directions in which nothing seems to move.
+        covariance = covariance + _plain(jacobian, residual, weight)
     friction = None
     more = np.column_stack([jacobian, rows.way])
     found = np.linalg.lstsq(more * weight[:, None], residual * weight, rcond=None)[0]
     left = residual - more @ found
-    own = _mean_variance(more, left, weight, used)
-    if abs(found[-1]) > CLEAR * np.sqrt(own[-1]) and own[-1] > 0:
+    own = float(_mean_covariance(more, left, weight, used)[-1, -1])
+    if abs(found[-1]) > CLEAR * np.sqrt(own) and own > 0:
         friction = float(found[-1])
-        variance = variance + found[:-1] ** 2
+        covariance = covariance + np.outer(found[:-1], found[:-1])
     by = rows.condition if whole_conditions and not few else rows.cycle
     outside = _left_out(jacobian, residual, weight, by)
     return LeftOut(
-        np.sqrt(variance), _quantile(np.abs(outside), weight**2), friction, len(np.unique(names[1]))
+        covariance, _quantile(np.abs(outside), weight**2), friction, len(np.unique(names[1]))
     )
 
 
-def _mean_variance(
+def _mean_covariance(
     jacobian: Array, residual: Array, weight: Array, names: Sequence[Blocks]
 ) -> Array:
-    return np.asarray(np.mean([_variance(jacobian, residual, weight, n) for n in names], axis=0))
+    return np.asarray(np.mean([_covariance(jacobian, residual, weight, n) for n in names], axis=0))
+
+
+def autocorrelation(residual: Array) -> float:
+    """Of neighbours, as of a first-order autoregressive noise: from 0 to just below 1."""
+    rho = float(residual[1:] @ residual[:-1] / (residual @ residual))
+    return min(max(rho, 0.0), 1 - 2.0 / len(residual))
+
+
+def _plain(jacobian: Array, residual: Array, weight: Array) -> Array:
+    # Right form, autoregressive noise.
+    j, r = jacobian * weight[:, None], residual * weight
+    rho = autocorrelation(r)
+    noise = float(r @ r) / max(1, len(r) - j.shape[1]) * (1 + rho) / (1 - rho)
+    return np.asarray(noise * np.linalg.pinv(j.T @ j, rcond=1e-12, hermitian=True))
 
 
 def _moves(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> dict[int, Array]:
@@ -161,10 +183,10 @@ def _moves(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> d
     return out
 
 
-def _variance(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> Array:
+def _covariance(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> Array:
     moves = np.array(list(_moves(jacobian, residual, weight, blocks).values()))
-    count = len(moves)
-    return np.asarray((count - 1) / count * np.sum((moves - moves.mean(axis=0)) ** 2, axis=0))
+    count, apart = len(moves), moves - moves.mean(axis=0)
+    return np.asarray((count - 1) / count * apart.T @ apart)
 
 
 def _left_out(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> Array:
@@ -186,4 +208,12 @@ def covered(error: Array, band_Nm: float) -> float:
     return float(np.mean(np.abs(error) <= band_Nm)) if len(error) else float("nan")
 
 
-__all__ = ["FitRows", "LeftOut", "covered", "resampled", "rows_of", "whole_conditions"]
+__all__ = [
+    "FitRows",
+    "LeftOut",
+    "autocorrelation",
+    "covered",
+    "resampled",
+    "rows_of",
+    "whole_conditions",
+]

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from esea_gen.identify.parameters import at_bound
-from esea_gen.identify.resampling import FitRows, LeftOut, resampled
+from esea_gen.identify.resampling import FitRows, LeftOut, autocorrelation, resampled
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -32,12 +32,6 @@ def relative_jacobian(
         up, down = (run({**values, k: values[k] + s}) for s in (step, -step))
         columns.append((up - down) / (2 * step) * values[k])
     return np.stack(columns, axis=1)
-
-
-def autocorrelation(residual: Array) -> float:
-    """Of neighbours, as of a first-order autoregressive noise: from 0 to just below 1."""
-    rho = float(residual[1:] @ residual[:-1] / (residual @ residual))
-    return min(max(rho, 0.0), 1 - 2.0 / len(residual))
 
 
 @dataclass(frozen=True)
