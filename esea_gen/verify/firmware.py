@@ -140,10 +140,10 @@ def build_firmware(
         folder = Path(scratch)
         texts = {f"{real}/{n}": t for n, t in files.items()}
         texts |= {f"dialect/{n}": t for n, t in render_dialect(device).files.items()}
-        for part in ("app", "drivers", "port", f"boards/{board}"):
+        for part in ("app", "drivers", "port", chosen.folder):
             shutil.copytree(firmware_folder() / part, folder / part)
         if drivers is not None:
-            texts[f"boards/{board}/drivers.c"] = drivers
+            texts[f"{chosen.folder}/drivers.c"] = drivers
         for name, text in texts.items():
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -152,7 +152,7 @@ def build_firmware(
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
         objects += _compile_app(folder, chosen, _defined(device, FORMATS[real].link_header(prefix)))
-        script = f"boards/{board}/link.ld"
+        script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
         built = folder / f"{prefix}_{board}.elf"
@@ -224,10 +224,11 @@ def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Pat
     common = [find_compiler(*board.processor.toolchain.gcc), *board.compile_flags, *SECTION_FLAGS]
     includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport"]
     includes += ["-Iapp", "-Idrivers"]
-    bare = (folder / f"boards/{board.name}/link.ld").is_file()
-    flags = [*APP_FLAGS, *board.app_flags, *includes, *defined]
+    bare = (folder / board.folder / "link.ld").is_file()
+    named = f'-DESEA_BOARD_NAME="{board.name}"'
+    flags = [*APP_FLAGS, *board.app_flags, *includes, *defined, named]
     flags += ["-fcallgraph-info=su"] if bare else []
-    parts = ("app", "drivers", f"boards/{board.name}", *(["port"] if bare else []))
+    parts = ("app", "drivers", board.folder, *(["port"] if bare else []))
     made = []
     for source in (p for part in parts for p in sorted((folder / part).glob("*.c"))):
         name = source.relative_to(folder).as_posix()
