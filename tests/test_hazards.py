@@ -25,7 +25,7 @@ def is_there(place: str, root: Path = ROOT) -> bool:
         return False
     kinds = {
         ".py": rf"^\s*(def|class) {name}\b",
-        ".c": rf"^[a-z][\w *]*\b{name}\([^;{{]*\)\n{{",
+        ".c": rf"^[A-Za-z_][()\w *]*\b{name}\([^;{{]*\)\n{{",
     }
     return re.search(kinds[path.suffix], path.read_text(encoding="utf-8"), re.MULTILINE) is not None
 

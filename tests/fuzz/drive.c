@@ -7,6 +7,7 @@
  * License: MIT. */
 #include "board.c" /* firmware/boards/sim: clock, drivers and line, which are moved from here */
 
+#include <stdio.h>
 #include <stdlib.h>
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -26,11 +27,14 @@ static struct {
     uint8_t cells[ESEA_STORE_AREAS][sizeof cells[0]];
 } driven;
 
-static void must(bool holds)
+static void hold(bool holds, const char *what)
 {
-    if (!holds)
-        abort();
+    if (holds)
+        return;
+    fprintf(stderr, "broken: %s\n", what);
+    abort();
 }
+#define must(what) hold(what, #what)
 
 static uint8_t next(void)
 {
