@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.faults import Fault
 from esea_gen.control.latch import RELEASED_KEY
 from esea_gen.control.limits import limits
-from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
@@ -35,11 +33,6 @@ from .limits_model import (
 
 EVERY = [*REALS, "q31"]
 WIDTHS = {"f64": 64, "f32": 32, "q31": 32}
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")

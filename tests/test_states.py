@@ -48,11 +48,6 @@ ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def powered(drive):
     require_tool("gcc")
     board = SimBoard(drive)
