@@ -6,6 +6,7 @@ asks for, 0 Nm where it asks for nothing.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -217,7 +218,10 @@ class BoardSource(InputSource):
         )
 
     def close(self) -> None:
-        """End the recording; the connection is not ours to end."""
+        """Disarm what was armed here, and end the recording; the connection is not ours to end."""
+        if self.drive and self.device.state() in WORKING:
+            with contextlib.suppress(LinkError):
+                self.device.disarm()
         if self._recording is not None:
             self._recording.close()
         self.device.receiver.unsubscribe(self._queue)
@@ -235,4 +239,4 @@ class _Wearer(Actor):
             source.pull()
         except LinkError as error:
             raise UserError(f"{error}", "Look at cable and power.") from None
-        return (source.board_ns - self._begun_ns) * 1e-9, dict(source.values)
+        return round((source.board_ns - self._begun_ns) * 1e-9, 6), dict(source.values)
