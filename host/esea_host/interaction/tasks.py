@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -62,7 +62,7 @@ def familiar_rad(time_s: float) -> float:
 class _InteractionTask(StudyTask):
     version = "2"
     inputs = ("theta_rad",)
-    switches = ("pause",)
+    switches: ClassVar[tuple[str, ...]] = ("pause",)
 
     def longest_s(self, parameters: Any) -> float:
         return float(parameters.seconds)

@@ -61,6 +61,7 @@ class BoardSource(InputSource):
     ) -> None:
         self.device, self.folder, self.drive, self.advance = device, folder, drive, advance
         self.values: dict[str, float] = {}
+        self._state = "UNKNOWN"
         self._limits = device.parameters()
         self._most_Nm = self._limits.get("limits.tau_max_Nm", math.inf)
         self._recording: LiveRecording | None = None
@@ -87,7 +88,7 @@ class BoardSource(InputSource):
             self.pull()
             if self.drive:
                 self._arm()
-            state = self.device.state()
+            self._state = state = self.device.state()
         except (LinkError, UserError) as error:
             return found | {"problem": str(error)}
         tau_Nm = self.values["tau_Nm"]
@@ -201,12 +202,16 @@ class BoardSource(InputSource):
                 f"The task asks the board for {', '.join(unknown)}; it takes {', '.join(WANTED)}.",
                 "Run it with the device that it is for.",
             )
-        state = self.device.state()
+        self._state = state = self.device.state()
         if state in ("FAULT", "STOPPED"):
             raise UserError(self._trouble(state) + ".", "See to it, then go on with study resume.")
         if state in WORKING:
             wanted = {"tau_desired_Nm": 0.0, **requests}
             self.device.want(DEADLINE_MS, mode=TORQUE_MODE, **wanted)
+
+    def status(self) -> str:
+        """The board's own, as it was seen last."""
+        return self._state
 
     def gauges(self) -> tuple[Gauge, ...]:
         """Torque and angle beside the limits in force."""

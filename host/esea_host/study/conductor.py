@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from esea_gen.errors import UserError
 from esea_host.study.folder import StudyFolder
@@ -41,6 +41,16 @@ class ShownScene:
     number: int = 0
     onsets: int = 0
     made_s: float = 0.0
+
+
+class FrameCounter(Protocol):
+    """A screen that knows when it has painted."""
+
+    def drop(self) -> None:
+        """Forget what was painted outside of trials."""
+
+    def take(self, whole: bool) -> Mapping[str, Any]:
+        """Numbers of the last trial, or of the whole session."""
 
 
 def appears(before: Scene, now: Scene) -> bool:
@@ -75,8 +85,8 @@ class Conductor(SessionWatcher):
     ----------
     phase : str
         starting, running, resting, paused, held, over.
-    display : callable, optional
-        What a screen has to tell of a trial's frames, and (told True) of all; goes into the log.
+    display : FrameCounter, optional
+        What a screen has to tell of its frames; into the log after every trial, and at the end.
     """
 
     def __init__(
@@ -101,7 +111,7 @@ class Conductor(SessionWatcher):
         self.said, self.reason = "", ""
         self.error: Exception | None = None
         self.happened: deque[tuple[float, str]] = deque(maxlen=MOST_HAPPENED)
-        self.display: Callable[[bool], Mapping[str, Any]] | None = None
+        self.display: FrameCounter | None = None
         self.paused = False
         self._pause_told = False
         self._recentre = False
@@ -222,7 +232,7 @@ class Conductor(SessionWatcher):
             self.reason = session.run(watcher=self)
             self._write_notes(session)
             if self.display is not None:
-                session.say("display", trial=None, **self.display(True))
+                session.say("display", trial=None, **self.display.take(True))
             self.study.finish(self.code, self.number, session)
         except Exception as error:
             # A full disk, for one; whoever holds the conductor sees it.
@@ -284,7 +294,7 @@ class Conductor(SessionWatcher):
         self.shown = ShownScene(Scene(), self.shown.number, self.shown.onsets)
         self.phase = RUNNING
         if self.display is not None:
-            self.display(False)  # what was shown before is of no trial
+            self.display.drop()
         self._tell(f"trial {trial.number}: {trial.block}")
 
     def steps(self, time_s: float, step: TaskStep) -> None:
@@ -305,7 +315,7 @@ class Conductor(SessionWatcher):
         self.states = {**self.states, number: state}
         self.reasons = {**self.reasons, number: str(reason)}
         if self.display is not None:
-            session.say("display", trial=number, **self.display(False))
+            session.say("display", trial=number, **self.display.take(False))
         if self._again and state != ABORTED:  # it was over before the word was heard
             self._jobs.put(partial(session.repeat, number, str(self._again)))
         self.advice = tuple(row.get("complaints", ()))

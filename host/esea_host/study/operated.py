@@ -1,4 +1,4 @@
-"""A source of inputs as an operator has it: in the clock's time, with switches, never out of reach."""
+"""A source of inputs as an operator has it: in the clock's time, with switches to press."""
 
 from __future__ import annotations
 
@@ -66,6 +66,10 @@ class OperatedSource(InputSource):
     def now_s(self) -> float:
         """As the source inside."""
         return self.inner.now_s()
+
+    def status(self) -> str:
+        """As the source inside."""
+        return self.inner.status()
 
     def gauges(self) -> tuple[Gauge, ...]:
         """As the source inside."""

@@ -62,6 +62,10 @@ class InputSource(ABC):
     def now_s(self) -> float:
         """Time since the session's start."""
 
+    def status(self) -> str:
+        """In which state the device is, in a word."""
+        return ""
+
     def gauges(self) -> tuple[Gauge, ...]:
         """What an operator sees of the device, beside its limits."""
         return ()

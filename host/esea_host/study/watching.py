@@ -1,4 +1,4 @@
-"""Who looks on while a session runs, and may say what comes next; what an operator sees of a device."""
+"""Who looks on while a session runs, and may say what comes next; gauges of a device."""
 
 from __future__ import annotations
 

@@ -113,15 +113,15 @@ class Neutral(_WristTask):
         kept = (*(x for x in state.kept if x[0] > time_s - 1.0), (time_s, *angles(inputs)))
         outcome = None
         p, values = state.parameters, np.array(kept)[:, 1:]
+        fe, ru = (float(x) for x in np.mean(values, axis=0))
         still = float(np.max(np.ptp(values, axis=0))) <= p.still_deg
         if time_s >= p.seconds and still:
-            fe, ru = np.mean(values, axis=0)
-            found = {"neutral_fe_deg": float(fe), "neutral_ru_deg": float(ru)}
+            found = {"neutral_fe_deg": fe, "neutral_ru_deg": ru}
             outcome = TrialOutcome({"impairment": p.impairment, **found})
         elif time_s >= self.longest_s(p):
             outcome = TrialOutcome(None, f"the hand never rested within {p.still_deg:g} deg")
         # The room that the hand is to stay in, round where it was in the last second.
-        room = Shape("ring", "guide", *np.mean(values, axis=0).tolist(), 1.0 + p.still_deg)
+        room = Shape("ring", "guide", fe, ru, 1.0 + p.still_deg)
         texts = (Text("neutral"), *(() if still else (Text("still"),)))
         scene = Scene((room, dot("cursor", *angles(inputs))), texts)
         asked = requests(state.parameters)
@@ -293,7 +293,9 @@ class VelocitySweep(_WristTask):
         axis = state.parameters.axis
         low, high = state.past.range_of(axis)
         # A full disc is a node that was crossed often and fast enough so far.
-        short = {c.node_deg for c in state.wanting} if state.done > 0 else set(state.past.nodes(axis))
+        short = (
+            {c.node_deg for c in state.wanting} if state.done > 0 else set(state.past.nodes(axis))
+        )
         nodes = [
             Shape("ring" if n in short else "disc", "node", *place(axis, n), 2.0)
             for n in state.past.nodes(axis)
