@@ -55,6 +55,12 @@ class RigPlayer(MovingHand):
         long = self._lost_since_s is not None and self.time_s - self._lost_since_s > LOST_S
         return {"theta_rad": self.read[-1], "recentre": float(long)}
 
+    def pointed_deg(self, scene: Scene, across: float, up: float) -> tuple[float, ...]:
+        """Across is the angle; in the game, where the angle is a speed, up is."""
+        if isinstance(self.asked, TrackingParameters):
+            return (min(max(across, -1.0), 1.0) * screen_deg(self.asked.target),)
+        return (min(max(up, -1.0), 1.0) * MOST_DEG,)
+
     def look(self, scene: Scene) -> None:
         """What the screen tells of the own hand, and whether the paddle is there at all."""
         super().look(scene)

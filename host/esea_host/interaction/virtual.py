@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from esea_host.interaction.design import ELEMENTS
+from esea_host.interaction.design import ELEMENTS, SPRING
 from esea_host.interaction.player import RigPlayer
 from esea_host.interaction.recordings import MANIFEST
-from esea_host.interaction.rig import ElementRig, element_library
-from esea_host.people.hand import MovingHand
+from esea_host.interaction.rig import ElementRig, element_library, law_ends
+from esea_host.people.hand import MovingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.source import PersonSource, VirtualPeople
 from esea_host.study.folder import StudyFolder
@@ -20,6 +21,7 @@ from esea_host.study.plan import group_of
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
 from esea_host.study.task import Situation, StudyTask
+from esea_host.study.watching import Gauge
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 PREFIX = "interaction."
@@ -36,10 +38,14 @@ class RigSource(PersonSource):
         The person.
     folder : Path
         Where the recordings of the session go.
+    pointer : callable, optional
+        Somebody real who points moves this person's hand.
     """
 
-    def __init__(self, who: VirtualParticipant, folder: Path) -> None:
-        super().__init__(who)
+    def __init__(
+        self, who: VirtualParticipant, folder: Path, pointer: Pointer | None = None
+    ) -> None:
+        super().__init__(who, pointer)
         self.folder = folder
         self.aims = [0.0]
         self._player: RigPlayer | None = None
@@ -47,6 +53,17 @@ class RigSource(PersonSource):
     def ready(self) -> Mapping[str, Any]:
         """Nothing can be wrong with what is simulated."""
         return {"simulated": True}
+
+    def gauges(self) -> tuple[Gauge, ...]:
+        """Torque of the element beside its full scale, and its angle as far as its law goes."""
+        rig = self._player.rig if self._player is not None else None
+        most_rad, most_Nm = law_ends(rig.element if rig is not None else SPRING)
+        theta_deg = math.degrees(rig.theta_rad) if rig is not None else 0.0
+        most_deg = math.degrees(most_rad)
+        return (
+            Gauge("torque", rig.tau_Nm if rig is not None else 0.0, -most_Nm, most_Nm, "Nm"),
+            Gauge("angle", theta_deg, -most_deg, most_deg, "deg"),
+        )
 
     def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
         """The person, told what to do, on the rig with the element of this trial."""

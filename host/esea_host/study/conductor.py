@@ -306,7 +306,7 @@ class Conductor(SessionWatcher):
         for event in step.events:
             if "advice" in event.data:
                 self.advice = tuple(event.data["advice"])
-            self._tell(event.name)
+            self._tell(event.name.replace("_", " "))
 
     def ends(
         self, session: StudySession, number: int, state: str, reason: str, row: Mapping[str, Any]

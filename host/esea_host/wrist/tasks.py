@@ -187,10 +187,10 @@ class Range(_WristTask):
             outcome = TrialOutcome(row)
         far = place(p.axis, 100.0 * p.way)
         shapes = (
-            Shape("line", "guide", 0.0, 0.0, 1.0, *far),
+            Shape("line", "guide", 0.0, 0.0, 0.4, *far),
             dot("target", *far),
-            Shape("ring", "node", *place(p.axis, p.way * end), 2.0),
-            dot("cursor", *place(p.axis, theta)),
+            Shape("ring", "node", *place(p.axis, p.way * end), 4.0),
+            dot("cursor", *place(p.axis, theta), 2.5),
         )
         texts = [Text(DIRECTIONS[p.axis, p.way]), Text("reached", {"end_deg": round(end)})]
         # Who stands still before the time is up may have more to give.
@@ -300,8 +300,8 @@ class VelocitySweep(_WristTask):
             Shape("ring" if n in short else "disc", "node", *place(axis, n), 2.0)
             for n in state.past.nodes(axis)
         ]
-        goal = dot("target", *place(axis, low if state.way < 0 else high), 2.0)
+        goal = dot("target", *place(axis, low if state.way < 0 else high), 4.0)
         left = state.parameters.movements - max(state.done, 0)
         words = [Text(w) for w in dict.fromkeys(c.key for c in state.wanting)]
-        cursor = dot("cursor", *place(axis, theta))
-        return Scene((*nodes, goal, cursor), (Text("sweep", {"left": left}), *words), 90.0)
+        cursor = dot("cursor", *place(axis, theta), 2.5)
+        return Scene((goal, *nodes, cursor), (Text("sweep", {"left": left}), *words), 90.0)

@@ -137,13 +137,13 @@ class OperatorWindow(QMainWindow):
         self.trials = QTableWidget(len(plan.trials), len(COLUMNS))
         self.trials.setHorizontalHeaderLabels(list(COLUMNS))
         self.trials.verticalHeader().hide()
+        self.trials.verticalHeader().setDefaultSectionSize(24)
         self.trials.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.trials.setSelectionMode(QTableWidget.SelectionMode.SingleSelection)
         self.trials.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
         self._changing = [(QTableWidgetItem(), QTableWidgetItem()) for _ in plan.trials]
         for row, t in enumerate(plan.trials):
-            kind = " (catch)" if t.catch and not self._blind else ""
-            title = task_named(t.task, "plan").title + kind
+            title = task_named(t.task, "plan").title + self._details(t)
             for k, text in enumerate((str(t.number), t.block, title, self._condition(t))):
                 self.trials.setItem(row, k, QTableWidgetItem(text))
             for k, item in enumerate(self._changing[row], 4):
@@ -152,6 +152,13 @@ class OperatorWindow(QMainWindow):
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setStretchLastSection(True)
         self._drawn: dict[int, tuple[str, str]] = {}
+
+    def _details(self, trial: PlannedTrial) -> str:
+        # What differs within a block tells nothing of the group.
+        block = [t for t in self.conductor.plan.trials if t.block == trial.block]
+        differ = [k for k in trial.parameters if len({str(t.parameters[k]) for t in block}) > 1]
+        said = ", ".join(f"{k} {trial.parameters[k]}" for k in differ)
+        return (f": {said}" if said else "") + (" (catch)" if trial.catch else "")
 
     def _condition(self, trial: PlannedTrial) -> str:
         # A condition that the group decides would tell the group.
@@ -329,7 +336,7 @@ class OperatorWindow(QMainWindow):
             parts.append(f"trial {c.trial_s:.1f} s of at most {c.longest_s(c.trial):g} s")
         if c.source.status():
             parts.append(f"board {c.source.status()}")
-        return " &nbsp;|&nbsp; ".join(parts)
+        return "   |   ".join(parts)
 
     def _list_trials(self) -> None:
         c = self.conductor

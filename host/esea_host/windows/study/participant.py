@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Literal
 
 from PySide6.QtCore import QRectF, Qt, QTimer
@@ -37,7 +38,7 @@ class ParticipantWindow(SceneView):
         super().__init__(language, dark)
         self.conductor, self.patch = conductor, patch
         self.lit = False
-        self.pointed = (0.0, 0.0)
+        self.point: Callable[[tuple[float, float]], None] = lambda _: None
         screen = QGuiApplication.primaryScreen()
         refresh_Hz = screen.refreshRate() if screen is not None else 60.0
         self.frames = FrameTimes(refresh_Hz if refresh_Hz > 1 else 60.0)
@@ -87,7 +88,7 @@ class ParticipantWindow(SceneView):
         """Where somebody points: 1 is the edge of the scene."""
         middle, half = square_in(self.width(), self.height())
         at = event.position()
-        self.pointed = (at.x() - middle.x()) / half, (middle.y() - at.y()) / half
+        self.point(((at.x() - middle.x()) / half, (middle.y() - at.y()) / half))
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """A participant's window that has gone ends the session."""

@@ -24,13 +24,13 @@ def run_windows(
     dark: bool | None = None,
     patch: Patch = "off",
     close: bool = False,
-    opened: Callable[[ParticipantWindow], None] | None = None,
+    point: Callable[[tuple[float, float]], None] | None = None,
 ) -> None:
     """Show a session, and return when its windows are closed and it has ended.
 
     dark: None: as the desktop has it.
     close: the windows close by themselves once the session is over.
-    opened: told of the participant's window, for who points into it.
+    point: told where somebody points into the participant's window, 1 is its edge.
     """
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
@@ -39,8 +39,8 @@ def run_windows(
     participant = ParticipantWindow(conductor, language, patch=patch)
     operator = OperatorWindow(conductor, board, language, dark)
     operator.resize(1240, 820)
-    if opened is not None:
-        opened(participant)
+    if point is not None:
+        participant.point = point
     participant.place()
     operator.show()
     conductor.start()

@@ -14,6 +14,7 @@ from esea_host.windows.counting import take_many
 take_many()
 LEAST_PX = 2.0
 LETTERS = 0.04  # height of letters over that of the picture
+EDGE = 0.01  # of rings, over half of it
 PATCH = 0.08
 
 
@@ -64,7 +65,13 @@ def _paint_shape(
         painter.drawLine(at, QPointF(middle.x() + s.to_x * scale, middle.y() - s.to_y * scale))
         return
     ring = s.kind == "ring"
-    painter.setPen(QPen(colour, max(size / 10, LEAST_PX)) if ring else Qt.PenStyle.NoPen)
+    edge = max(EDGE * middle.y(), LEAST_PX)
+    if ring:
+        painter.setPen(QPen(colour, edge))
+    elif s.role == "cursor":  # seen before whatever it stands on
+        painter.setPen(QPen(QColor(colours["text"]), edge / 2))
+    else:
+        painter.setPen(Qt.PenStyle.NoPen)
     painter.setBrush(Qt.BrushStyle.NoBrush if ring else colour)
     if s.kind == "square":
         painter.drawRect(QRectF(at.x() - size, at.y() - size, 2 * size, 2 * size))
