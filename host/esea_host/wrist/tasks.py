@@ -202,6 +202,14 @@ class Range(_WristTask):
 # -- velocity --------------------------------------------------------------------------------------
 
 
+PATIENCE_S = 8.0
+NOT_REACHED = Complaint(
+    "further",
+    f"no end of the range was reached for {PATIENCE_S:g} s",
+    "Ask for larger movements, or measure the range again.",
+)
+
+
 class VelocityParameters(OnAxis):
     """A block of linear movements."""
 
@@ -220,6 +228,7 @@ class Sweeping:
     way: int = -1
     times: tuple[float, ...] = ()
     thetas: tuple[float, ...] = ()
+    end_s: float = 0.0
     wanting: tuple[Complaint, ...] = ()
 
 
@@ -260,6 +269,7 @@ class VelocitySweep(_WristTask):
             state,
             done=state.done + there,
             way=-state.way if there else state.way,
+            end_s=time_s if there else state.end_s,
             times=(*state.times, time_s) if state.done >= 0 else (),
             thetas=(*state.thetas, theta) if state.done >= 0 else (),
         )
@@ -272,12 +282,17 @@ class VelocitySweep(_WristTask):
             advice = [c.words for c in state.wanting]
             about = {"theta_deg": theta, "done": max(state.done, 0), "advice": advice}
             events = (TaskEvent("end_reached", about),)
+        elif time_s - state.end_s > PATIENCE_S and NOT_REACHED not in state.wanting:
+            state = replace(state, wanting=(*state.wanting, NOT_REACHED))
+            events = (TaskEvent("end_not_reached", {"advice": [NOT_REACHED.words]}),)
         over = state.done >= p.movements or time_s >= p.longest_s
         outcome = self._outcome(state, low, high) if over else None
         return TaskStep(state, self._scene(state, theta), requests(p), events, outcome)
 
     def _outcome(self, state: Sweeping, low: float, high: float) -> TrialOutcome:
-        complaints = quality(low, high, [(state.times, state.thetas)]) if state.times else []
+        complaints = [NOT_REACHED]  # not even once: there is nothing to judge
+        if state.times:
+            complaints = quality(low, high, [(state.times, state.thetas)])
         return TrialOutcome(
             {
                 "impairment": state.parameters.impairment,

@@ -37,7 +37,7 @@ class GaugeBar(QWidget):
         """As it is now."""
         painter, g, theme = QPainter(self), self.gauge, self.theme
         painter.setPen(QColor(theme.alarm if self.near else theme.ink))
-        painter.drawText(0, 14, f"{g.name}: {g.value:.2f} {g.unit}")
+        painter.drawText(0, 14, f"{g.name}: {round(g.value, 2) + 0.0:.2f} {g.unit}")
         painter.setPen(QColor(theme.soft))
         painter.drawText(0, 42, f"{g.low:.2f}")
         width = float(self.width() - 2)

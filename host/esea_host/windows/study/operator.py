@@ -36,7 +36,7 @@ from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
 
 TURN_MS = 100
 UNCONFIRMED_S = 1.0
-COLUMNS = ("", "block", "task", "condition", "state", "reason")
+COLUMNS = ("", "state", "block", "task", "condition", "reason")
 HIDDEN = "hidden"
 WORDS = {STARTING: "STARTING", RESTING: "REST", PAUSED: "PAUSED", HELD: "WAITING FOR YOU"}
 BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "aborted": "alarm"}
@@ -118,6 +118,7 @@ class OperatorWindow(QMainWindow):
         held = QWidget()
         held.setLayout(column)
         self.setCentralWidget(held)
+        self.trials.setFocus()  # not where keys are letters
 
     def _side(self) -> QVBoxLayout:
         side = QVBoxLayout()
@@ -144,9 +145,10 @@ class OperatorWindow(QMainWindow):
         self._changing = [(QTableWidgetItem(), QTableWidgetItem()) for _ in plan.trials]
         for row, t in enumerate(plan.trials):
             title = task_named(t.task, "plan").title + self._details(t)
-            for k, text in enumerate((str(t.number), t.block, title, self._condition(t))):
-                self.trials.setItem(row, k, QTableWidgetItem(text))
-            for k, item in enumerate(self._changing[row], 4):
+            told = (str(t.number), t.block, title, self._condition(t))
+            items = [QTableWidgetItem(text) for text in told]
+            state, reason = self._changing[row]
+            for k, item in enumerate((items[0], state, *items[1:], reason)):
                 self.trials.setItem(row, k, item)
         header = self.trials.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
