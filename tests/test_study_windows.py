@@ -346,7 +346,7 @@ class Short(Actor):
         return self.time_s, {"fe_deg": 30.0 * math.sin(self.time_s), "ru_deg": 0.0}
 
 
-def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monkeypatch):
+def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monkeypatch, place):
     task = task_named("wrist.velocity", "")
     monkeypatch.setattr(type(task), "simulate", lambda *_: Short())
     conductor = begin(calibration(), at=[(4, 7.5), (4, 8.5)], hold=True)
@@ -364,6 +364,9 @@ def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monk
     until(lambda: conductor.phase == HELD)
     operator.refresh()
     assert "WAITING FOR YOU" in operator.state.text()
+    operator.resize(1180, 560)
+    operator.toggle_theme()
+    assert operator.grab().save(str(place / "study-waiting-dark.png"))
     # Live and at the end: on disk before anything is decided.
     assert advice in logged(conductor.study, "event")[-1][1]["advice"][0]
     (row,) = [r for r in conductor.study.rows("P01") if r["task"] == "wrist.velocity"]
@@ -647,11 +650,11 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
 
     require_tool("gcc")
     who = person(generator(1, 4, 0), PersonModel())
-    conductor = begin(wrist_protocol(1), VirtualPerson(who), at=[(6, 4.6)])
+    conductor = begin(wrist_protocol(1), VirtualPerson(who), at=[(6, 3.2)])
     participant, operator = windows(conductor)
     conductor.arrive()
     operator.resize(1180, 700)
-    for theme, name in ((LIGHT, "study-operator.png"), (DARK, "study-operator-dark.png")):
+    for theme, name in ((DARK, "study-operator-dark.png"), (LIGHT, "study-operator.png")):
         operator.set_theme(theme)
         picture = operator.grab()
         assert picture.save(str(place / name))

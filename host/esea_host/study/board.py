@@ -32,7 +32,7 @@ INPUTS = {
 # What a task may ask for: torque on the joint.  Anything else is no torque that can be stated.
 WANTED = ("tau_desired_Nm",)
 TORQUE_MODE, DEADLINE_MS = 1.0, 200
-FRAME_S, SILENT_S, READY_S = 0.01, 1.0, 8.0
+FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
 WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
 REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not one; assumed
 
@@ -88,6 +88,7 @@ class BoardSource(InputSource):
             self.pull()
             if self.drive:
                 self._arm()
+            self._pass(SETTLE_S)
             self._state = state = self.device.state()
         except (LinkError, UserError) as error:
             return found | {"problem": str(error)}

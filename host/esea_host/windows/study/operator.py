@@ -152,7 +152,8 @@ class OperatorWindow(QMainWindow):
                 self.trials.setItem(row, k, item)
         header = self.trials.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setStretchLastSection(True)
+        for k in (2, 3, 5):
+            header.setSectionResizeMode(k, QHeaderView.ResizeMode.Stretch)
         self._drawn: dict[int, tuple[str, str]] = {}
 
     def _details(self, trial: PlannedTrial) -> str:
