@@ -39,10 +39,12 @@ FOREVER = math.inf
 
 def of_tasks(*blocks: str, more: str = "") -> Protocol:
     """A protocol of one session; each block is its lines behind the name."""
-    head = (
-        f'schema = 1\nname = "short"\ntitle = "short"\nseed = 1\n{more}\n[[session]]\nname = "a"\n'
+    head = f'schema = 1\nname = "short"\ntitle = "short"\nseed = 1\n{more}\n'
+    head += '[[session]]\nname = "calibration"\n'
+    text = "".join(
+        f'[[session.block]]\nname = "{k}: {b.split(chr(34))[1]}"\n{b}\n'
+        for k, b in enumerate(blocks, 1)
     )
-    text = "".join(f'[[session.block]]\nname = "block {k}"\n{b}\n' for k, b in enumerate(blocks, 1))
     return parse_protocol(head + text, "short.toml")
 
 

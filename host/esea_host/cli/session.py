@@ -161,6 +161,8 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
             state, reason = _headless(study, code, number - 1, source)
         else:
             state, reason = _in_windows(study, code, number - 1, source, board, asked, pointed)
+    if asked.device in (VIRTUAL, POINTER) and study.protocol.file.groups:
+        _name_recordings(study)
     done = len(state.plan.trials) - len(state.remaining)
     whose = "Simulated participant: " if asked.device in (SIMULATED, VIRTUAL) else ""
     out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
@@ -208,6 +210,14 @@ def _in_windows(
     return read_session(study.log_of(code, number)), conductor.reason
 
 
+def _name_recordings(study: StudyFolder) -> None:
+    # What the rig has recorded, for analyse interaction.
+    from esea_host.interaction.virtual import LAST_S, recording_name, write_manifest
+
+    if any(study.path.glob(f"*/session-*/{recording_name('*')}")):
+        write_manifest(study.path, LAST_S)
+
+
 def _source(
     held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
 ) -> tuple[InputSource, ConnectedDevice | None]:
@@ -218,7 +228,7 @@ def _source(
     folder = study.log_of(code, number - 1).parent
     if asked.device in (VIRTUAL, POINTER):
         by_hand = pointer if asked.device == POINTER else None
-        return _virtual(study, folder, asked.seed, by_hand), None
+        return _virtual(study, code, folder, asked.seed, by_hand), None
     from esea_host.connection import open_device
     from esea_host.study.board import BoardSource
 
@@ -228,14 +238,17 @@ def _source(
     return source, board
 
 
-def _virtual(study: StudyFolder, folder: Path, seed: int, pointer: Pointer | None) -> InputSource:
+def _virtual(
+    study: StudyFolder, code: str, folder: Path, seed: int, pointer: Pointer | None
+) -> InputSource:
     from esea_host.interaction.virtual import RigSource
     from esea_host.people.person import PersonModel, person
     from esea_host.study.plan import generator
     from esea_host.wrist.virtual import VirtualPerson
 
     tasks = {b.task for s in study.protocol.file.session for b in s.block}
-    who = person(generator(seed, 4, 0), PersonModel())
+    # As study virtual has them; what they learnt in an earlier session is not known here.
+    who = person(generator(seed, 4, study.participants().get(code, 0)), PersonModel())
     made: dict[str, Callable[[], InputSource]] = {
         "wrist.": lambda: VirtualPerson(who, pointer),
         "interaction.": lambda: RigSource(who, folder, pointer),

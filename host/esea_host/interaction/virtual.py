@@ -80,7 +80,7 @@ class RigSource(PersonSource):
             (self.folder / recording_name(number)).write_text(text, encoding="utf-8")
 
 
-def recording_name(trial: int) -> str:
+def recording_name(trial: int | str) -> str:
     """File of a trial's recording, beside the session's log."""
     return f"encoder-{trial}.csv"
 
@@ -145,17 +145,18 @@ def run_crossover(
 
 
 def write_manifest(folder: Path, last_s: float) -> None:
-    """Name the recordings of a study for the analysis; familiarisation is left out."""
+    """Name the recordings that a study has, for the analysis; familiarisation is left out."""
     study = StudyFolder.open(folder, durable=False)
-    lines = ["# SIMULATED: no person took part.", "simulated = true", f"last_s = {last_s:g}", ""]
+    lines = ["# SIMULATED.", "simulated = true", f"last_s = {last_s:g}", ""]
     for code, index in study.participants().items():
         for row in study.rows(code):
-            if row["familiarisation"]:
-                continue
             block = row["session"] + 1
+            file = f"{code}/session-{block}/{recording_name(row['trial'])}"
+            if row["familiarisation"] or not (folder / file).exists():
+                continue
             lines += [
                 "[[recording]]",
-                f'file = "{code}/session-{block}/{recording_name(row["trial"])}"',
+                f'file = "{file}"',
                 f'participant = "{code}"',
                 f'group = "{group_of(study.protocol, index)}"',
                 f"block = {block}",

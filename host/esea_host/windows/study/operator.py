@@ -38,7 +38,12 @@ TURN_MS = 100
 UNCONFIRMED_S = 1.0
 COLUMNS = ("", "state", "block", "task", "condition", "reason")
 HIDDEN = "hidden"
-WORDS = {STARTING: "STARTING", RESTING: "REST", PAUSED: "PAUSED", HELD: "WAITING FOR YOU"}
+WORDS = {
+    STARTING: "STARTING",
+    RESTING: "REST",
+    PAUSED: "PAUSED",
+    HELD: "WAITING FOR YOU: repeat, or go on",
+}
 BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "aborted": "alarm"}
 
 
@@ -144,16 +149,16 @@ class OperatorWindow(QMainWindow):
         self.trials.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
         self._changing = [(QTableWidgetItem(), QTableWidgetItem()) for _ in plan.trials]
         for row, t in enumerate(plan.trials):
-            title = task_named(t.task, "plan").title + self._details(t)
-            told = (str(t.number), t.block, title, self._condition(t))
+            short = t.task.rpartition(".")[2] + self._details(t)
+            told = (str(t.number), t.block, short, self._condition(t))
             items = [QTableWidgetItem(text) for text in told]
             state, reason = self._changing[row]
             for k, item in enumerate((items[0], state, *items[1:], reason)):
+                item.setToolTip(task_named(t.task, "plan").title)
                 self.trials.setItem(row, k, item)
         header = self.trials.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        for k in (2, 3, 5):
-            header.setSectionResizeMode(k, QHeaderView.ResizeMode.Stretch)
+        header.setSectionResizeMode(len(COLUMNS) - 1, QHeaderView.ResizeMode.Stretch)
         self._drawn: dict[int, tuple[str, str]] = {}
 
     def _details(self, trial: PlannedTrial) -> str:
