@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,15 @@ study_app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(study_app, name="study")
+
+
+class ExportForm(StrEnum):
+    """For whom data is written."""
+
+    rows = "rows"
+    parquet = "parquet"
+    bids = "bids"
+
 
 TaskOption = Annotated[
     list[Path] | None, typer.Option("--task", metavar="FILE.py", help="File with a task of yours.")
@@ -160,9 +170,20 @@ def export(
     folder: FolderArgument,
     to: Annotated[Path, typer.Argument(metavar="OUT", help="A new folder.")],
     seed: Annotated[int, typer.Option("--seed", help="Of the order of the new codes.")] = 0,
+    as_: Annotated[
+        ExportForm, typer.Option("--as", help="rows: CSV and JSON; bids: samples and events too.")
+    ] = ExportForm.rows,
 ) -> None:
     """Write scrubbed data for others: new codes, no notes, no times of day."""
-    out.print(f"{to}: {opened(folder).export(to, seed)} rows")
+    from esea_host.study.exchange import to_bids, to_parquet
+    from esea_host.study.folder import StudyFolder
+
+    study = opened(folder)
+    if as_ is ExportForm.bids:
+        out.print(f"{to}: {to_bids(study, to, seed)} runs")
+    else:
+        write = to_parquet if as_ is ExportForm.parquet else StudyFolder.export
+        out.print(f"{to}: {write(study, to, seed)} rows")
 
 
 def opened(folder: Path) -> StudyFolder:
