@@ -54,7 +54,7 @@ def test_a_bids_data_set_by_its_specification(study, tmp_path):
     files = [p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()]
     top = {"dataset_description.json", "participants.tsv", "README"}
     scans = {f"sub-{s}/ses-1/sub-{s}_ses-1_scans.tsv" for s in ("S001", "S002")}
-    runs = [f for f in files if f not in top | scans]
+    runs = [f for f in files if f not in top | scans | {s[:-3] + "json" for s in scans}]
     assert all(RUN.fullmatch(f) for f in runs)
     assert len(runs) == 4 * 24
     assert pd.read_csv(out / "participants.tsv", sep="\t").participant_id.tolist() == [
@@ -70,6 +70,9 @@ def test_a_bids_data_set_by_its_specification(study, tmp_path):
         assert table.trial.tolist() == list(range(1, 13))
         assert all((out / name).parent.joinpath(f).exists() for f in table.filename)
         assert table.held.dtype == bool
+        said = json.loads((out / name).with_suffix(".json").read_text())
+        assert set(said) | {"filename"} == set(table)
+        assert said["held"]["Description"] == "whether it was held long enough"
     for name in (f for f in runs if f.endswith("_motion.json")):
         about = json.loads((out / name).read_text())
         stem = name.removesuffix("motion.json")

@@ -18,7 +18,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import PlannedTrial, plan_from
 from esea_host.study.session import COMPLETED
-from esea_host.study.task import Row
+from esea_host.study.task import Row, task_named
 
 # What BIDS calls a channel's kind, and its unit, by the end of our names.
 _KINDS = {
@@ -26,6 +26,17 @@ _KINDS = {
     "_rad": ("JNTANG", "rad"),
     "_rad_s": ("VEL", "rad/s"),
     "_Nm": ("MISC", "N m"),
+}
+_COUNTED = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
+# Beside a task's own columns, which declare their meaning.
+_MEANINGS = {
+    "trial": "number in the planned order of the session",
+    "session": "number of the session, from 0",
+    "block": "name of the block",
+    "task": "name of the task",
+    "condition": "name of the condition",
+    "catch": "whether it was a catch trial",
+    "familiarisation": "whether it is not meant for analysis",
 }
 TRACKED = "device"
 
@@ -184,7 +195,7 @@ def _write_run(place: Path, code: str, session: int, trace: TrialTrace, simulate
         "MotionChannelCount": len(channels) - 1,
         "MissingValues": "n/a",
     }
-    about |= {f"{k}ChannelCount": counted.count(k) for k in sorted(set(counted))}
+    about |= {f"{k}ChannelCount": counted.count(k) for k in _COUNTED}
     _json(place / "motion" / f"{head}_motion.json", about)
     events: list[list[Any]] = [["onset", "duration", "trial_type"]]
     events += [[at_s - start_s, 0, name] for at_s, name in trace.events]
@@ -198,6 +209,10 @@ def _scans(path: Path, names: Sequence[str], done: Sequence[TrialTrace]) -> None
     columns = list(dict.fromkeys(k for r in rows for k in r))
     lines = [[n, *(r.get(k) for k in columns)] for n, r in zip(names, rows, strict=True)]
     _tsv(path, [["filename", *columns], *lines])
+    kinds = {t.trial.task: task_named(t.trial.task, "log").columns for t in done}
+    own = {c.name: c.meaning for columns_ in kinds.values() for c in columns_}
+    known = own | _MEANINGS
+    _json(path.with_suffix(".json"), {k: {"Description": known[k]} for k in columns})
 
 
 def _tsv(path: Path, lines: Sequence[Sequence[Any]]) -> None:
