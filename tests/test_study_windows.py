@@ -569,6 +569,41 @@ def test_the_patch_changes_with_each_frame_or_at_an_onset(begin, windows):
         assert seen == wanted
 
 
+def test_on_a_second_monitor_it_is_full_screen(begin, windows, monkeypatch):
+    from PySide6.QtCore import QRect
+
+    from esea_host.windows.study import participant as module
+
+    class Screen:
+        def __init__(self, x: int, rate: float) -> None:
+            self.x, self.rate = x, rate
+
+        def geometry(self) -> QRect:
+            return QRect(self.x, 0, 700, 600)
+
+        def refreshRate(self) -> float:
+            return self.rate
+
+    both = [Screen(0, 60.0), Screen(800, 120.0)]
+
+    class Desk:
+        screens = staticmethod(lambda: both)
+        primaryScreen = staticmethod(lambda: both[0])
+
+    monkeypatch.setattr(module, "QGuiApplication", Desk)
+    conductor = begin(of_tasks(TRACKING), at=[(1, 0.1)])
+    participant, _ = windows(conductor)
+    assert participant.frames.refresh_Hz == 60.0
+    participant.place()
+    assert participant.isFullScreen()
+    assert participant.frames.refresh_Hz == 120.0
+    assert participant._timer.interval() == 8
+    both.pop()
+    other, _ = windows(conductor)
+    other.place()
+    assert not other.isFullScreen()
+
+
 # -- somebody points -------------------------------------------------------------------------------
 
 
@@ -663,10 +698,12 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
         ground = picture.toImage().pixelColor(3, 300)
         assert (ground.lightness() < 90) == (theme is DARK)
     participant.resize(480, 480)
-    for dark, name in ((True, "study-calibration.png"), (False, "study-calibration-light.png")):
+    for dark in (False, True):
         participant.set_dark(dark)
         participant.turn()
-        assert participant.grab().save(str(place / name))
+        picture = participant.grab()
+        assert (picture.toImage().pixelColor(3, 3).lightness() < 90) == dark
+    assert picture.save(str(place / "study-calibration.png"))
     assert "torque FE" in operator.gauges[0].gauge.name
     assert not operator.gauges[0].near
 
@@ -680,10 +717,9 @@ def test_pictures_of_the_game_for_the_manual(begin, windows, place):
     participant, operator = windows(conductor, language="de")
     conductor.arrive()
     participant.resize(480, 480)
-    for dark, name in ((True, "study-pong-dark.png"), (False, "study-pong.png")):
-        participant.set_dark(dark)
-        participant.turn()
-        assert participant.grab().save(str(place / name))
+    participant.set_dark(False)
+    participant.turn()
+    assert participant.grab().save(str(place / "study-pong.png"))
     operator.refresh()
     assert operator.buttons["Recentre"].isVisible()
     conductor.stop("that is enough")
