@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.cli import app
+from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.acting import SimulatedSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
@@ -259,6 +260,23 @@ def test_a_trial_comes_again_in_its_place(tmp_path, protocol):
     again = read_session(study.log_of("P01", 0))
     assert [r["trial"] for r in again.past] == [1, 2, 3, *range(5, 13), 4]
     assert all(same for _, _, same in replay(study.log_of("P01", 0)))
+
+
+def test_a_repeat_leaves_the_earlier_sessions_rows(tmp_path):
+    """They have the same numbers: trial 1 of the session before is where the neutral comes from."""
+    text = 'schema = 1\nname = "r"\ntitle = "r"\nseed = 1\n[[session]]\nname = "a"\n'
+    text += '[[session.block]]\nname = "b"\ntask = "wrist.range"\ntrials = [{ repeat = 2 }]\n'
+    know_shipped_tasks()
+    plan = build_plan(parse_protocol(text, "r.toml"), 0, 0)
+    neutral = {"neutral_fe_deg": 9.0, "neutral_ru_deg": 0.0, "trial": 1, "impairment": False}
+    earlier = ({**neutral, "task": "wrist.neutral"},)
+    path = tmp_path / "events.jsonl"
+    session = StudySession(path, plan, "P01", SimulatedSource(1), earlier, durable=False)
+    session.run()
+    session.repeat(1, "a cough")
+    session.run()
+    session.close()
+    assert all(same for _, _, same in replay(path, earlier))
 
 
 # -- nothing lost ----------------------------------------------------------------------------------

@@ -299,6 +299,7 @@ def test_repeat_and_skip_while_it_runs_with_a_reason_only(begin, windows, qtbot)
     assert [n for n, s, _ in order[3:] if s == "completed"] == [2, 3, 5, 6]
     assert [d["trial"] for _, d in logged(conductor.study, "skip")] == [4]
     assert sorted(r["trial"] for r in conductor.study.rows("P01")) == [1, 2, 3, 5, 6]
+    assert all(same for _, _, same in replay(conductor.study.log_of("P01", 0)))
     operator.refresh()
     assert operator.trials.item(3, 1).text() == "skipped"
     assert operator.trials.item(3, 5).text() == "no time"

@@ -438,14 +438,16 @@ def replay(
     """
     found = read_log(path).sound(path)
     plan = plan_from(found.entries[0].data["plan"])
-    past = list(earlier)
+    past: list[
+        Mapping[str, Any]
+    ] = []  # of this session: only its own rows are repeated or corrected
     for e in found.entries:
         if e.kind == "trial":
             trial = plan.trials[e.data["trial"] - 1]
             task, state, digest = task_named(trial.task, path.name), None, hashlib.sha256()
         elif e.kind == "frames":
             if state is None:  # one that could not begin has shown nothing
-                state = task.begin(situation_of(trial, tuple(past)))
+                state = task.begin(situation_of(trial, (*earlier, *past)))
             for k, sample in enumerate(e.data["samples"], 1):
                 inputs = dict(zip(e.data["names"], sample[1:], strict=True))
                 step = task.step(state, sample[0], inputs)
