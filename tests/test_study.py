@@ -219,6 +219,15 @@ def test_a_row_that_is_not_as_declared_fails_the_trial(tmp_path, protocol, monke
     assert "after_s" in run_one(study).state.reasons[1]
 
 
+def test_what_a_task_raises_fails_its_trial(tmp_path, protocol, monkeypatch):
+    study = study_in(tmp_path / "s", protocol)
+    monkeypatch.setattr(type(task_named("steady_hold", "")), "step", lambda *_: {}["theta"])
+    session = run_one(study)
+    assert session.state.states[1] == "failed"
+    assert "task steady_hold: KeyError: 'theta'" in session.state.reasons[1]
+    assert "trials in a row failed" in session.state.ended
+
+
 class NotReady(SimulatedSource):
     def ready(self):
         return {"problem": "the torque at rest is 0.4 Nm, at most 0.1 Nm is allowed"}

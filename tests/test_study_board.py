@@ -12,6 +12,8 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
+from esea_host.interaction.from_board import cut_trials, paused_at
+from esea_host.interaction.recordings import is_simulated, read_angle, write_recording
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import serve_hosts
 from esea_host.study.board import BoardSource
@@ -74,10 +76,36 @@ def test_what_the_board_tells_is_what_the_task_gets_and_every_run_is_recorded(be
         during = table.between(start + 5e-4, end + 5e-4)
         assert len(during) == 1000
         assert np.array_equal(during["theta_load_rad"][9::10], [s[1] for s in samples[100:]])
+    # Cut out for the analysis, trial by trial.
+    study = StudyFolder.open(session.log.path.parents[2])
+    assert cut_trials(study) == 2
+    assert cut_trials(study) == 0
+    cut = session.log.path.parent / "encoder-2.csv"
+    assert is_simulated(cut)
+    time_s, theta_deg = read_angle(cut)
+    assert np.allclose(time_s, np.arange(1, 1001) / 1000)
+    assert np.allclose(theta_deg, np.degrees(during["theta_load_rad"]), atol=1e-6)
+    (cut.parent / "device-1.mcap").rename(cut.parent / "device-2.txt")
+    cut.unlink()
+    assert cut_trials(study) == 0
     torque, angle = source.gauges()
     assert (torque.low, torque.high) == pytest.approx((-8.0, 8.0))
     assert angle.high == pytest.approx(np.degrees(2.5))
     assert lockstep.state() != "ACTIVE"  # disarmed with the source's end
+
+
+def test_what_counts_is_what_came_after_the_last_pause(tmp_path):
+    time_s = np.arange(1, 11) / 10
+    paused = paused_at(
+        time_s, [(0.2, "paused"), (0.35, "resumed"), (0.6, "paused"), (0.8, "resumed")]
+    )
+    assert np.flatnonzero(paused).tolist() == [1, 2, 5, 6]
+    write_recording(tmp_path / "a.csv", time_s, time_s, paused, False)
+    assert not is_simulated(tmp_path / "a.csv")
+    assert read_angle(tmp_path / "a.csv")[0].tolist() == pytest.approx([0.8, 0.9, 1.0])
+    write_recording(tmp_path / "b.csv", time_s, time_s, paused & False, False)
+    assert (tmp_path / "b.csv").read_text().startswith("time_s,theta_rad\n")
+    assert len(read_angle(tmp_path / "b.csv")[0]) == 10
 
 
 def test_a_board_that_is_not_armed_is_asked_for_nothing(begun, lockstep, monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import threading
 import time
 from itertools import combinations
@@ -20,14 +21,15 @@ from esea_host.people.person import PersonModel, person
 from esea_host.study.acting import SimulatedSource
 from esea_host.study.conductor import HELD, PAUSED, Conductor, appears
 from esea_host.study.folder import StudyFolder
-from esea_host.study.log import read_log
+from esea_host.study.log import EventLog, read_log
 from esea_host.study.operated import OperatedSource
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
-from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, Text, said
+from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, Text, catalogue, said
 from esea_host.study.session import replay
 from esea_host.study.task import Actor, task_named
 from esea_host.windows.study.frames import FrameTimes, summary
+from esea_host.wrist.tasks import DIRECTIONS
 from esea_host.wrist.virtual import VirtualPerson, wrist_protocol
 
 from .conftest import ROOT, require_tool
@@ -417,6 +419,45 @@ def test_nodes_fill_and_words_tell_while_it_goes_on():
     assert kinds == [{"ring"}, {"disc"}]
 
 
+def test_a_window_that_fails_does_not_stop_the_session(begin, windows, monkeypatch):
+    conductor = begin(of_tasks(TRACKING), at=[(1, 0.5)])
+    participant, _ = windows(conductor)
+    conductor.arrive()
+
+    def broken(_) -> None:
+        raise RuntimeError("drawing failed")
+
+    participant._timer.stop()
+    monkeypatch.setattr(participant, "painted", broken)
+    with pytest.raises(RuntimeError, match="drawing failed"):
+        participant.repaint()
+    monkeypatch.undo()
+    ended(conductor)
+    assert [r["trial"] for r in conductor.study.rows("P01")] == [1, 2, 3]
+
+
+def test_a_full_disk_is_told_and_what_was_written_is_whole(tmp_path, monkeypatch):
+    folder = tmp_path / "s"
+    study_of(folder, load_protocol(EXAMPLE))
+    written, write = [], EventLog._write
+
+    def full(self, line):
+        written.append(line)
+        if len(written) > 20:
+            raise OSError(28, "No space left on device")
+        write(self, line)
+
+    monkeypatch.setattr(EventLog, "_write", full)
+    monkeypatch.setattr("esea_host.windows.study.running.SHOWN_AT_END_MS", 50)
+    for more in (["--headless"], ["--close", "--speed", "500"]):
+        words = ["study", "run", str(folder), "P01", *more]
+        words[1] = "resume" if (folder / "P01").exists() else "run"
+        done = CliRunner().invoke(app, words)
+        assert isinstance(done.exception, UserError)
+        assert "No space left on device" in str(done.exception)
+        assert read_log(folder / "P01" / "session-1" / "events.jsonl").breaks == ()
+
+
 # -- time ------------------------------------------------------------------------------------------
 
 
@@ -517,6 +558,19 @@ def test_texts_are_the_languages_own_and_no_role_is_lost(qtbot):
     assert said(scene.texts[0], "de") == "mittlerer Fehler 1,5 Grad"
     assert said(scene.texts[0]) == "mean error 1.5 degrees"
     assert en[150, 150].tolist() == rgb(COLOURS["text"])
+
+
+def test_every_text_of_a_shipped_task_is_in_the_catalogue():
+    rooms = (ROOT / "host" / "esea_host" / room for room in ("study", "wrist", "interaction"))
+    used = {
+        k
+        for r in rooms
+        for p in r.glob("*.py")
+        for k in re.findall(r'Text\("(\w+)"', p.read_text())
+    }
+    assert {"paused", "follow", "neutral", "reached"} <= used
+    assert used <= set(catalogue("de"))
+    assert {*DIRECTIONS.values(), "faster", "further", "more"} <= set(catalogue("de"))
 
 
 # Machado, Oliveira, Fernandes, IEEE TVCG 15, 2009: what is seen without one kind of cone, linear.

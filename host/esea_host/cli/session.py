@@ -155,13 +155,20 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     if not asked.headless:
         need_a_screen("esea-host study run --headless")
     pointed = [(0.0, 0.0)]
-    with ExitStack() as held:
-        source, board = _source(held, study, code, number, asked, lambda: pointed[0])
-        if asked.headless:
-            state, reason = _headless(study, code, number - 1, source)
-        else:
-            state, reason = _in_windows(study, code, number - 1, source, board, asked, pointed)
-    if asked.device in (VIRTUAL, POINTER) and study.protocol.file.groups:
+    try:
+        with ExitStack() as held:
+            source, board = _source(held, study, code, number, asked, lambda: pointed[0])
+            if asked.headless:
+                state, reason = _headless(study, code, number - 1, source)
+            else:
+                given = study, code, number - 1, source, board, asked, pointed
+                state, reason = _in_windows(*given)
+    except OSError as error:
+        raise UserError(
+            f"{study.log_of(code, number - 1)}: cannot be written ({error.strerror or error}).",
+            "What was written before is whole; make room, then go on with study resume.",
+        ) from None
+    if asked.device != SIMULATED and study.protocol.file.groups:
         _name_recordings(study)
     done = len(state.plan.trials) - len(state.remaining)
     whose = "Simulated participant: " if asked.device in (SIMULATED, VIRTUAL) else ""
@@ -211,9 +218,12 @@ def _in_windows(
 
 
 def _name_recordings(study: StudyFolder) -> None:
-    # What the rig has recorded, for analyse interaction.
-    from esea_host.interaction.virtual import LAST_S, recording_name, write_manifest
+    # What the rig or the board has recorded, for analyse interaction.
+    from esea_host.interaction.from_board import cut_trials
+    from esea_host.interaction.recordings import recording_name
+    from esea_host.interaction.virtual import LAST_S, write_manifest
 
+    cut_trials(study)
     if any(study.path.glob(f"*/session-*/{recording_name('*')}")):
         write_manifest(study.path, LAST_S)
 

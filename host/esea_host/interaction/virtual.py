@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from esea_host.interaction.design import ELEMENTS, SPRING
 from esea_host.interaction.player import RigPlayer
-from esea_host.interaction.recordings import MANIFEST
+from esea_host.interaction.recordings import MANIFEST, is_simulated, recording_name, write_recording
 from esea_host.interaction.rig import ElementRig, element_library, law_ends
 from esea_host.people.hand import MovingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
@@ -69,20 +71,15 @@ class RigSource(PersonSource):
         """The person, told what to do, on the rig with the element of this trial."""
         self.aims[0] = 0.0  # between trials the hand is let go
         rig = ElementRig(situation.parameters.element, self.who.limbs[0])
-        self._player = RigPlayer(self.who, rig, self.aims, situation)
+        self._player = RigPlayer(self.who, rig, self.aims, situation, lambda: self.paused)
         return self._player
 
     def over(self, number: int, state: str) -> None:
         """Keep the recording of a trial that was completed."""
         if state == COMPLETED and self._player is not None:
-            rows = (f"{k / 1000:.3f},{x:.9g}\n" for k, x in enumerate(self._player.read, 1))
-            text = "# simulated\ntime_s,theta_rad\n" + "".join(rows)
-            (self.folder / recording_name(number)).write_text(text, encoding="utf-8")
-
-
-def recording_name(trial: int | str) -> str:
-    """File of a trial's recording, beside the session's log."""
-    return f"encoder-{trial}.csv"
+            read, held = self._player.read, self._player.held
+            time_s = np.arange(1, len(read) + 1) / 1000
+            write_recording(self.folder / recording_name(number), time_s, read, held, True)
 
 
 @dataclass(frozen=True)
@@ -147,13 +144,15 @@ def run_crossover(
 def write_manifest(folder: Path, last_s: float) -> None:
     """Name the recordings that a study has, for the analysis; familiarisation is left out."""
     study = StudyFolder.open(folder, durable=False)
-    lines = ["# SIMULATED.", "simulated = true", f"last_s = {last_s:g}", ""]
+    lines = []
+    simulated = False
     for code, index in study.participants().items():
         for row in study.rows(code):
             block = row["session"] + 1
             file = f"{code}/session-{block}/{recording_name(row['trial'])}"
             if row["familiarisation"] or not (folder / file).exists():
                 continue
+            simulated |= is_simulated(folder / file)
             lines += [
                 "[[recording]]",
                 f'file = "{file}"',
@@ -164,4 +163,6 @@ def write_manifest(folder: Path, last_s: float) -> None:
                 f'task = "{row["task"].removeprefix(PREFIX)}"',
                 "",
             ]
-    (folder / MANIFEST).write_text("\n".join(lines), encoding="utf-8")
+    # One that is simulated makes the study so.
+    head = [f"simulated = {str(simulated).lower()}", f"last_s = {last_s:g}", ""]
+    (folder / MANIFEST).write_text("\n".join([*head, *lines]), encoding="utf-8")

@@ -83,6 +83,8 @@ class _Operated(Actor):
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
         """As the actor inside, not before its time; a switch is there only while it is pressed."""
+        held = {k: v for k, v in self._source.pressed().items() if k in self._switches}
+        self._source.inner.paused = "pause" in held
         time_s, inputs = self._inner.react(scene, requests)
         if math.isfinite(self._source.speed):
             due_s = self._begun_s + time_s / self._source.speed
@@ -90,5 +92,4 @@ class _Operated(Actor):
             if late_s > LATE_S:
                 self._begun_s += late_s
             self._source.wait(due_s)
-        held = {k: v for k, v in self._source.pressed().items() if k in self._switches}
         return time_s, {**inputs, **held} if held else inputs

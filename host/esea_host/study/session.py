@@ -35,9 +35,11 @@ class InputSource(ABC):
     """Where a session's inputs come from: a board, or simulated people.
 
     ask: while something is waited for, why to stop waiting; the session sets it.
+    paused: whether the task is held, for a device's own recording.
     """
 
     ask: Stop = staticmethod(not_stopped)
+    paused: bool = False
 
     @abstractmethod
     def ready(self) -> Mapping[str, Any]:
@@ -291,7 +293,7 @@ class StudySession:
         ended, row, reason = ABORTED, None, ""
         try:
             actor = self.source.trial(task, situation, trial.number)
-            state = task.begin(situation)
+            state = _own(task, task.begin, situation)
             scene = Scene()
             requests: dict[str, float] = {}
             while True:
@@ -303,7 +305,7 @@ class StudySession:
                 if lost:
                     ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
                     break
-                step = task.step(state, time_s, inputs)
+                step = _own(task, task.step, state, time_s, inputs)
                 state, scene, requests = step.state, step.scene, dict(step.requests)
                 frames.add(time_s, inputs, step)
                 watcher.steps(time_s, step)
@@ -370,6 +372,16 @@ def situation_of(trial: PlannedTrial, past: tuple[Mapping[str, Any], ...]) -> Si
     """What a planned trial starts from."""
     task = task_named(trial.task, "plan")
     return Situation(task.Parameters(**trial.parameters), trial.condition, past, trial.seed)
+
+
+def _own(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
+    # What a task's own code raises fails the trial; the session, and the device, stay in hand.
+    try:
+        return part(*given)
+    except (TaskBrokenError, UserError):
+        raise
+    except Exception as error:
+        raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error
 
 
 def _whole_row(row: Mapping[str, Any], trial: PlannedTrial, plan: Plan) -> dict[str, Any]:

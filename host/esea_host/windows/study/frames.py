@@ -43,10 +43,13 @@ class FrameTimes:
 
     What is measured is when Qt has painted, by the host's clock.  When light leaves the screen only
     a photodiode on the patch can tell.
+
+    facts: what else is known of the screen, for the whole session.
     """
 
     def __init__(self, refresh_Hz: float) -> None:
         self.refresh_Hz = refresh_Hz
+        self.facts: dict[str, Any] = {}
         self._last_s: float | None = None
         self._onsets = 0
         self._trial: tuple[list[float], list[float]] = ([], [])
@@ -67,7 +70,7 @@ class FrameTimes:
     def take(self, whole: bool) -> dict[str, Any]:
         """Numbers since the last taking, or (whole) of every trial taken so far."""
         if whole:
-            return summary(*self._all, self.refresh_Hz)
+            return summary(*self._all, self.refresh_Hz) | self.facts
         taken, self._trial = self._trial, ([], [])
         for kept, new in zip(self._all, taken, strict=True):
             kept.extend(new)

@@ -64,6 +64,8 @@ class ParticipantWindow(SceneView):
             self.setCursor(Qt.CursorShape.BlankCursor)
         else:
             self.show()
+        size_px = [self.width(), self.height()]
+        self.frames.facts = {"patch": self.patch, "language": self.language, "size_px": size_px}
 
     def toggle_full_screen(self) -> None:
         """Full screen, or a window."""
