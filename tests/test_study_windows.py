@@ -234,6 +234,28 @@ def test_stop_acts_within_the_trial_from_either_window(begin, windows, qtbot, ho
     assert operator.stop_button.isVisible() == (how != "closed")
 
 
+def test_a_stopped_session_goes_on_as_if_it_had_not_been(begin, windows, tmp_path):
+    conductor = begin(load_protocol(EXAMPLE), at=[(5, 0.1)])
+    conductor.arrive()
+    conductor.stop("lunch")
+    ended(conductor)
+    again = Conductor(conductor.study, "P01", 0, SimulatedSource(3), FOREVER)
+    _, operator = windows(again)
+    operator.refresh()
+    assert operator.trials.item(4, 1).text() == "aborted"
+    assert operator.trials.item(4, 5).text() == "lunch"
+    assert again.coming.number == 5
+    again.start()
+    again.join(20)
+    assert again.error is None
+    plain = study_of(tmp_path / "plain", load_protocol(EXAMPLE))
+    session = plain.session("P01", 0, SimulatedSource(3))
+    session.run()
+    session.close()
+    assert conductor.study.rows("P01") == plain.rows("P01")
+    assert conductor.study.problems() == []
+
+
 def test_a_pause_holds_a_task_that_can_be_held_and_shows_the_score(begin, windows, qtbot):
     from PySide6.QtCore import Qt
 
