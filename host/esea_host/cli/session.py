@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from datetime import date
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -64,6 +65,9 @@ CloseOption = Annotated[bool, typer.Option("--close", help="Close the windows at
 HoldOption = Annotated[
     bool, typer.Option("--hold", help="Wait for you after a calibration that was not good enough.")
 ]
+EarlyOption = Annotated[
+    str, typer.Option("--early", help="Why the session comes before its washout is over.")
+]
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,7 @@ class _Asked:
     dark: bool | None
     close: bool
     hold: bool
+    early: str
 
 
 @study_app.command("run")
@@ -97,6 +102,7 @@ def run(
     dark: DarkOption = None,
     close: CloseOption = False,
     hold: HoldOption = False,
+    early: EarlyOption = "",
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
     study = opened(folder)
@@ -105,7 +111,7 @@ def run(
             f"{code} has begun session {session} already.",
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
-    asked = _Asked(device, arm, headless, seed, speed, language, patch, dark, close, hold)
+    asked = _Asked(device, arm, headless, seed, speed, language, patch, dark, close, hold, early)
     _run(study, code, session, asked)
 
 
@@ -124,6 +130,7 @@ def resume(
     dark: DarkOption = None,
     close: CloseOption = False,
     hold: HoldOption = False,
+    early: EarlyOption = "",
 ) -> None:
     """Show what an interrupted session holds, and go on with it in the planned order."""
     from esea_host.study.session import read_session
@@ -142,7 +149,9 @@ def resume(
     order = ", ".join(str(t.number) for t in state.remaining[:12])
     out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
     if state.remaining:
-        asked = _Asked(device, arm, headless, seed, speed, language, patch, dark, close, hold)
+        asked = _Asked(
+            device, arm, headless, seed, speed, language, patch, dark, close, hold, early
+        )
         _run(study, code, session, asked)
 
 
@@ -159,7 +168,7 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
         with ExitStack() as held:
             source, board = _source(held, study, code, number, asked, lambda: pointed[0])
             if asked.headless:
-                state, reason = _headless(study, code, number - 1, source)
+                state, reason = _headless(study, code, number - 1, source, asked.early)
             else:
                 given = study, code, number - 1, source, board, asked, pointed
                 state, reason = _in_windows(*given)
@@ -180,15 +189,20 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
 
 
 def _headless(
-    study: StudyFolder, code: str, number: int, source: InputSource
+    study: StudyFolder, code: str, number: int, source: InputSource, early: str
 ) -> tuple[SessionState, str]:
-    session = study.session(code, number, source)
+    session = study.session(code, number, source, _today(study), early)
     try:
         reason = session.run()
         study.finish(code, number, session)
     finally:
         session.close()
     return session.state, reason
+
+
+def _today(study: StudyFolder) -> int | None:
+    # Simulated people need no washout.
+    return None if study.simulated else date.today().toordinal()
 
 
 def _in_windows(
@@ -206,7 +220,8 @@ def _in_windows(
 
     # A board has its own clock: it is waited for anyhow.
     speed = asked.speed if board is None else math.inf
-    conductor = Conductor(study, code, number, source, speed, asked.hold)
+    given = study, code, number, source, speed, asked.hold, _today(study), asked.early
+    conductor = Conductor(*given)
 
     def point(place: tuple[float, float]) -> None:
         pointed[0] = place

@@ -80,6 +80,8 @@ class Conductor(SessionWatcher):
         or where nobody waits.
     hold : bool
         Whether the session waits after a trial that was not good enough.
+    day, early : int, str
+        As of :meth:`StudyFolder.session`.
 
     Attributes
     ----------
@@ -97,11 +99,13 @@ class Conductor(SessionWatcher):
         source: InputSource,
         speed: float = 1.0,
         hold: bool = False,
+        day: int | None = None,
+        early: str = "",
     ) -> None:
         super().__init__()
         self.study, self.code, self.number, self.hold = study, code, number, hold
         self.source = OperatedSource(source, speed, self._pressed)
-        self._session = study.session(code, number, self.source)
+        self._session = study.session(code, number, self.source, day, early)
         self.plan = self._session.state.plan
         self.states: Mapping[int, str] = dict(self._session.state.states)
         self.reasons: Mapping[int, str] = dict(self._session.state.reasons)

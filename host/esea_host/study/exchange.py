@@ -142,7 +142,7 @@ def to_bids(study: StudyFolder, out: Path, seed: int = 0) -> int:
     """
     study.new_folder(out)
     runs, people = 0, ["participant_id"]
-    simulated = bool(study.audited()[0][1].get("simulated", False))
+    simulated = study.simulated
     for new, old in study.new_codes(seed).items():
         people.append(f"sub-{new}")
         for code, number, path in study.sessions():

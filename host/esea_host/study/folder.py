@@ -80,6 +80,11 @@ class StudyFolder:
         path = self.path / "audit.jsonl"
         return [(e.kind, e.data) for e in read_log(path).sound(path).entries]
 
+    @property
+    def simulated(self) -> bool:
+        """Whether it was made for simulated people."""
+        return bool(self.audited()[0][1].get("simulated", False))
+
     def problems(self) -> list[str]:
         """Every break of a chain, each with file and line; sessions shorter than was recorded."""
         found = [f"audit.jsonl: {b}" for b in read_log(self.path / "audit.jsonl").breaks]

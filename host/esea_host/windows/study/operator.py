@@ -76,10 +76,9 @@ class OperatorWindow(QMainWindow):
         study = conductor.study
         self.group = study.group_shown(conductor.code, "operator")
         self._blind = "operator" in study.protocol.file.blinded
-        simulated = study.audited()[0][1].get("simulated", False)
         who = f"{conductor.code}, session {conductor.number + 1}: {conductor.plan.session_name}"
         group = f", group {self.group}" if self.group else ""
-        self._who = f"{'SIMULATED ' if simulated else ''}{who}{group}"
+        self._who = f"{'SIMULATED ' if study.simulated else ''}{who}{group}"
         self.setWindowTitle(f"{self._who} - esea-host")
         self._build(language)
         self._actions()
