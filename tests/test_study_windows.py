@@ -129,12 +129,17 @@ def ended(conductor: Stepped) -> None:
 # -- the same session ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("protocol", [EXAMPLE, None], ids=["steady_hold", "wrist"])
-def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, protocol):
+@pytest.mark.parametrize("of", ["steady_hold", "wrist", "interaction"])
+def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, of):
     from esea_host.windows.study.operator import OperatorWindow
     from esea_host.windows.study.participant import ParticipantWindow
 
-    asked = load_protocol(EXAMPLE) if protocol else calibration()
+    pong = 'task = "interaction.pong"\ntrials = [{ repeat = 2, parameters = { seconds = 3.0 } }]'
+    asked = {
+        "steady_hold": load_protocol(EXAMPLE),
+        "wrist": calibration(),
+        "interaction": of_tasks(TRACKING, pong),
+    }[of]
     plain = study_of(tmp_path / "plain", asked)
     session = plain.session("P01", 0, SimulatedSource(3))
     session.run()
@@ -310,7 +315,11 @@ def test_repeat_and_skip_while_it_runs_with_a_reason_only(begin, windows, qtbot)
     operator.repeat()
     operator.words.setText("no time")
     operator.trials.selectRow(3)
+    operator.refresh()
+    assert operator.buttons["Skip trial"].text() == "Skip trial 4"
     operator.skip()
+    operator.refresh()
+    assert operator.buttons["Skip trial"].text() == "Skip trial 2"  # the one that runs
     operator.words.setText("again")
     operator.trials.selectRow(4)
     operator.repeat_block()  # nothing of it was run

@@ -59,7 +59,8 @@ PatchOption = Annotated[
     typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
 ]
 DarkOption = Annotated[
-    bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
+    bool | None,
+    typer.Option("--dark/--light", help="Default: dark; the operator's as the desktop has it."),
 ]
 CloseOption = Annotated[bool, typer.Option("--close", help="Close the windows at the end.")]
 HoldOption = Annotated[

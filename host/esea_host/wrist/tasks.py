@@ -187,7 +187,7 @@ class Range(_WristTask):
             outcome = TrialOutcome(row)
         far = place(p.axis, 100.0 * p.way)
         shapes = (
-            Shape("line", "guide", 0.0, 0.0, 0.4, *far),
+            Shape("line", "guide", 0.0, 0.0, 0.4, *place(p.axis, 60.0 * p.way)),
             dot("target", *far),
             Shape("ring", "node", *place(p.axis, p.way * end), 4.0),
             dot("cursor", *place(p.axis, theta), 2.5),

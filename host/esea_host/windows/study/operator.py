@@ -241,6 +241,7 @@ class OperatorWindow(QMainWindow):
     def _written(self) -> str:
         text = self.words.text().strip()
         self.words.clear()
+        self.trials.clearSelection()
         self.trials.setFocus()
         return text
 
@@ -306,6 +307,9 @@ class OperatorWindow(QMainWindow):
         self.buttons["Pause"].setText("Go on (P)" if c.paused or c.phase == HELD else "Pause (P)")
         switches = task_named(trial.task, "plan").switches if trial is not None else ()
         self.buttons["Recentre"].setVisible("recentre" in switches)
+        number = self.chosen.number if self.chosen is not None else ""
+        for what in ("Repeat trial", "Skip trial"):
+            self.buttons[what].setText(f"{what} {number}".strip())
         for button in self.buttons.values():
             button.setEnabled(c.phase != OVER)
 

@@ -28,15 +28,17 @@ def run_windows(
 ) -> None:
     """Show a session, and return when its windows are closed and it has ended.
 
-    dark: None: as the desktop has it.
+    dark: None: the operator's window as the desktop has it, the participant's dark.
     close: the windows close by themselves once the session is over.
     point: told where somebody points into the participant's window, 1 is its edge.
     """
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
+    asked = dark
     if dark is None:
         dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
-    participant = ParticipantWindow(conductor, language, patch=patch)
+    # Where nobody asks for a light ground the participant's is dark, whatever the desktop.
+    participant = ParticipantWindow(conductor, language, asked is not False, patch)
     operator = OperatorWindow(conductor, board, language, dark)
     operator.resize(1240, 820)
     if point is not None:
