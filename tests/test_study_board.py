@@ -110,11 +110,15 @@ def test_what_counts_is_what_came_after_the_last_pause(tmp_path):
 
 def test_a_board_that_is_not_armed_is_asked_for_nothing(begun, lockstep, monkeypatch):
     asked = []
-    monkeypatch.setattr(lockstep, "want", lambda *a, **k: asked.append(k))
-    session, _ = begun(of_tasks(TRACKING.replace("repeat = 2", "repeat = 1")), drive=False)
-    assert session.run() == ""
+    monkeypatch.setattr(lockstep, "want", lambda *_, **wanted: asked.append(wanted))
+    _, source = begun(of_tasks(TRACKING), drive=False)
+    source.want({})
     assert asked == []
-    assert session.state.states == {1: COMPLETED}
+    monkeypatch.setattr(lockstep, "state", lambda: "ARMED")
+    source.want({})
+    source.want({"tau_desired_Nm": 0.5})
+    assert [(w["mode"], w["tau_desired_Nm"]) for w in asked] == [(1.0, 0.0), (1.0, 0.5)]
+    monkeypatch.undo()
 
 
 def test_what_a_board_has_not_fails_the_trial_with_words(begun):
@@ -158,10 +162,13 @@ def test_torque_at_rest_starts_nothing(begun, monkeypatch):
 def test_silence_is_told(begun, lockstep, monkeypatch):
     from esea_host.study import board
 
+    _, source = begun(of_tasks(TRACKING), drive=False)
+    lockstep.listen(["sense_out"])
+    source.pull()
     monkeypatch.setattr(board, "SILENT_S", 0.05)
-    session, source = begun(of_tasks(TRACKING), drive=False)
     source.advance = lambda _: None
-    assert "Nothing came from the board" in session.run()
+    with pytest.raises(UserError, match="Nothing came from the board"):
+        source.pull()
 
 
 def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot):
