@@ -29,7 +29,8 @@ DESCRIPTION = "modelDescription.xml"
 PLATFORM = {"2": "linux64", "3": "x86_64-linux"}
 # Only what FMI names is seen from outside; no table of symbols, which would name scratch files.
 _FLAGS = ("-fvisibility=hidden", "-s")
-_OWN = {"2": ("-DFMI2_OVERRIDE_FUNCTION_PREFIX",), "3": ("-DFMI3_OVERRIDE_FUNCTION_PREFIX",)}
+# In a library of its own every function has its plain name.
+_PLAIN = "-DFMI3_OVERRIDE_FUNCTION_PREFIX"
 _TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold: no date in the bytes
 
 
@@ -87,7 +88,8 @@ def _compiled(model: ExportedModel, fmi: Version) -> list[str]:
 
 
 def _description(model: ExportedModel, fmi: Version, token: str) -> str:
-    units = {v.unit: exponents(v.unit) for v in model.variables if v.unit != "1"}
+    named = dict.fromkeys(["s", *(v.unit for v in model.variables if v.unit != "1")])
+    units = {name: exponents(name) for name in named}
     env = model.renderer.env
     env.filters |= {"xml": lambda text: str(escape(text)), "double": lambda x: repr(float(x))}
     return env.get_template(f"export/fmu/description{fmi}.xml.j2").render(
@@ -133,7 +135,7 @@ def make_fmu(model: ExportedModel, fmi: Version = "3") -> Fmu:
     token = _token(texts)
     binary = compile_sources(
         texts | _headers(fmi),
-        (*_FLAGS, *_OWN[fmi]),
+        (*_FLAGS, _PLAIN),
         ("-lm",) if model.renderer.fmt.needs_libm else (),
     ).read_bytes()
     page = model.renderer.render("export/fmu/index.html.j2", model=model, fmi=fmi)

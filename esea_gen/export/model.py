@@ -205,15 +205,13 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
 
     raises: UserError for a Block that the device does not have.
     """
-    renderer, digest = _renderer(device, real)
     kinds: dict[str, Component] = {b.name: b for b in device.system.kinds}
     if name not in kinds:
         raise UserError(f"{device.name} has no Block '{name}'.", f"It has {', '.join(kinds)}.")
+    renderer, digest = _renderer(device, real)
     block, naming, found = kinds[name], renderer.naming, _Variables()
     stem = f"{renderer.prefix}_{name}"
-    found.ports(
-        "input", "step", [(p.name, naming.field(block, "in", p), p) for p in block.inputs]
-    )
+    found.ports("input", "step", [(p.name, naming.field(block, "in", p), p) for p in block.inputs])
     found.tunables("", block.tunables, {})
     found.ports(
         "output", "step", [(p.name, naming.field(block, "out", p), p) for p in block.outputs]
