@@ -61,20 +61,32 @@ def sources(model: ExportedModel, fmi: Version) -> dict[str, str]:
     folder = template_folder() / "export" / "fmu"
     chosen["instance.h"] = (folder / "instance.h").read_text(encoding="utf-8")
     render = model.renderer.render
-    model.renderer.env.filters["double"] = lambda x: repr(float(x))
     name = f"fmi{fmi}.c"
     written = render(f"export/fmu/{name}.j2", model=model, stubs=[])
-    # FMI 3.0's getters and setters are written by a loop, so the text is asked and not the template.
+    # FMI 3.0's getters and setters come from a loop: the text is asked, not the template.
     stubs = _stubs(written) if fmi == "3" else []
     chosen[name] = render(f"export/fmu/{name}.j2", model=model, stubs=stubs)
     shown = _description(model, fmi, "")
     digest = hashlib.sha256("\0".join([*sorted(chosen.values()), shown]).encode())
-    chosen["model.h"] = render("export/fmu/model.h.j2", model=model, token=digest.hexdigest()[:32])
+    chosen["model.h"] = model_header(model, digest.hexdigest()[:32])
     if fmi == "3":
         chosen["buildDescription.xml"] = render(
             "export/fmu/buildDescription.xml.j2", model=model, c_files=_compiled(model, fmi)
         )
     return chosen
+
+
+def model_header(model: ExportedModel, token: str) -> str:
+    """What calls the model by numbers in an array, as C text."""
+    _filters(model)
+    return model.renderer.render("export/fmu/model.h.j2", model=model, token=token)
+
+
+def _filters(model: ExportedModel) -> None:
+    model.renderer.env.filters |= {
+        "xml": lambda text: str(escape(text)),
+        "double": lambda x: repr(float(x)),
+    }
 
 
 def _token(files: Mapping[str, str]) -> str:
@@ -90,9 +102,8 @@ def _compiled(model: ExportedModel, fmi: Version) -> list[str]:
 def _description(model: ExportedModel, fmi: Version, token: str) -> str:
     named = dict.fromkeys(["s", *(v.unit for v in model.variables if v.unit != "1")])
     units = {name: exponents(name) for name in named}
-    env = model.renderer.env
-    env.filters |= {"xml": lambda text: str(escape(text)), "double": lambda x: repr(float(x))}
-    return env.get_template(f"export/fmu/description{fmi}.xml.j2").render(
+    _filters(model)
+    return model.renderer.env.get_template(f"export/fmu/description{fmi}.xml.j2").render(
         model=model,
         token=token,
         units=units,
