@@ -116,7 +116,9 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
     """
     allowed = [n for n, f in FORMATS.items() if f.floating or not form.arrays]
     if real not in allowed:
-        raise UserError(f"No number format '{real}' for {form.name}.", f"Choose {allowed}.")
+        raise UserError(
+            f"No number format '{real}' for {form.name}.", f"Choose from {', '.join(allowed)}."
+        )
     digest = format_hash(device, real)
     extra: dict[str, object] = {}
     try:
@@ -127,9 +129,12 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
     except UnsupportedOperationError as error:
         raise UserError(f"{device.origin}: {error.what}", error.fix) from None
     example = made.pop("main.c")
+    command = f"{_command(device, form)} --real {real}"
     if form.arrays:
         extra["model"] = model = controller_model(device, real)
         renderer = model.renderer
+    renderer.env.globals["command"] = command
+    if form.arrays:
         made["model.h"] = model_header(model, digest)
     extra["c_files"] = sorted(n for n in made if n.endswith(".c"))
 
@@ -145,15 +150,13 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
         files[f"{form.example}main.c"] = example
     for target, template in form.templates.items():
         files[target.format(p=renderer.prefix)] = rendered(template)
-    kind, command = f"export {form.name}", f"{_command(device, form)} --real {real}"
     steps = "\n".join(f"- {s}" for s in _steps(form, renderer.prefix, device.name))
     files["README.md"] = (
         f"# {renderer.prefix}\n\n{device.title}. Number format {real}, content {digest}, "
         f"MIT licence.\nWritten by `{command}`; do not edit.\n\n{steps}\n"
     )
-    return digest, Bundle(
-        renderer.prefix, files | manifest(device, digest, kind, command, files)
-    )
+    kind = f"export {form.name}"
+    return digest, Bundle(renderer.prefix, files | manifest(device, digest, kind, command, files))
 
 
 def _command(device: Device, form: LibraryForm) -> str:
