@@ -451,3 +451,64 @@ def test_the_command(tmp_path, monkeypatch):
         assert said in str(failed.exception)
     missing = run(app, ["export", "check", "none.fmu"])
     assert "no such file" in str(missing.exception)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["elbow_drive", "elbow_mpc"])
+def test_every_block_gives_the_host_librarys_bits(name, tmp_path):
+    """Vectors and Programs among them; numbers beyond the ports' ranges too."""
+    from fmpy.validation import validate_fmu
+
+    device = esea_gen.load_device(name)
+    library = compile_device(device, "f32")
+    rng = np.random.default_rng(7)
+    for block in device.system.kinds:
+        path = written(tmp_path, make_fmu(block_model(device, block.name), "3"), block.name)
+        assert validate_fmu(str(path)) == [], block.name
+        fmu, ours = Slave(path).start(), library.block(block.name)
+        for _ in range(20):
+            given = {
+                p.name: rng.uniform(1.1 * p.low, 1.1 * p.high, p.size).astype(np.float32)
+                for p in block.inputs
+            }
+            flat = {
+                (f"{n}[{i + 1}]" if len(v) > 1 else n): float(x)
+                for n, v in given.items()
+                for i, x in enumerate(v)
+            }
+            fmu.put(**flat)
+            fmu.step()
+            shaped = {n: v if len(v) > 1 else v[0] for n, v in given.items()}
+            for n, value in ours.step(**shaped).items():
+                for i, x in enumerate(np.atleast_1d(value)):
+                    at = f"{n}[{i + 1}]" if np.ndim(value) else n
+                    at = f"out.{at}" if f"out.{at}" in fmu.known else at
+                    seen = fmu.get(at)
+                    assert seen == float(x) or (np.isnan(seen) and np.isnan(x)), (block.name, at)
+
+
+@pytest.mark.slow
+def test_the_predictive_controller_whole(tmp_path):
+    from fmpy.validation import validate_fmu
+
+    device = esea_gen.load_device("elbow_mpc")
+    path = written(tmp_path, make_fmu(controller_model(device), "2"), "mpc")
+    assert validate_fmu(str(path)) == []
+    fmu, board = Slave(path).start(), compile_device(device, "f32").board()
+    for tick in range(60):
+        inputs = {
+            x.name: np.full(x.port.size, 0.01 * tick if x.port.size > 1 else tick % 2)
+            for x in device.system.inputs
+        }
+        for name, value in inputs.items():
+            for i, x in enumerate(value):
+                fmu.put(**{f"{name}[{i + 1}]" if len(value) > 1 else name: x})
+        fmu.step()
+        board.release(tick)
+        for task in device.system.tasks:
+            if tick % task.every != task.phase:
+                continue
+            given = {x.name: inputs[x.name] for x in device.system.task_inputs(task)}
+            given = {n: v if len(v) > 1 else v[0] for n, v in given.items()}
+            for n, value in board.step(task.name, **given).items():
+                assert fmu.get(n) == float(value), (tick, n)

@@ -6,6 +6,7 @@ FMI 2.0 and FMI 3.0, co-simulation.  The same model gives the same bytes.
 from __future__ import annotations
 
 import hashlib
+import html
 import io
 import json
 import re
@@ -14,8 +15,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
-
-from markupsafe import escape
 
 from esea_gen.emit.render import template_folder, versions
 from esea_gen.errors import UserError
@@ -84,7 +83,7 @@ def model_header(model: ExportedModel, token: str) -> str:
 
 def _filters(model: ExportedModel) -> None:
     model.renderer.env.filters |= {
-        "xml": lambda text: str(escape(text)),
+        "xml": html.escape,
         "double": lambda x: repr(float(x)),
     }
 

@@ -46,8 +46,8 @@ FORMS = {
             "cmake",
             {"CMakeLists.txt": "CMakeLists.txt", "cmake/{p}Config.cmake.in": "config.cmake.in"},
             (
-                "Build, try, install: cmake -B build && cmake --build build && ctest --test-dir build "
-                "&& cmake --install build --prefix DIR",
+                "Build, try, install: cmake -B build && cmake --build build && "
+                "ctest --test-dir build && cmake --install build --prefix DIR",
                 "Use: find_package({p} CONFIG REQUIRED), target_link_libraries(app PRIVATE "
                 "esea::{name})",
             ),
@@ -100,7 +100,7 @@ FORMS = {
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenLibrary:
     """A library as it was written."""
 
     folder: Path
@@ -169,7 +169,7 @@ def _steps(form: LibraryForm, prefix: str, name: str) -> tuple[str, ...]:
 
 def write_library(
     device: Device, form: LibraryForm, real: str = "f32", folder: Path | None = None
-) -> Written:
+) -> WrittenLibrary:
     """Write a library into a folder of its own, whole or not at all.
 
     folder: named by the library where none is given; one that holds other files is refused.
@@ -178,4 +178,4 @@ def write_library(
     target = folder or Path(f"{bundle.folder}_{form.name}")
     whole = target.absolute()
     write_bundles([Bundle(whole.name, bundle.files)], whole.parent)
-    return Written(target, bundle.files, digest, _steps(form, bundle.folder, device.name))
+    return WrittenLibrary(target, bundle.files, digest, _steps(form, bundle.folder, device.name))

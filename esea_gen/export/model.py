@@ -14,7 +14,6 @@ from esea_gen.emit.build import build_command, format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.errors import UserError
-from esea_gen.language.component import Component
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import System
 from esea_gen.twin.people import PlantVariant
@@ -205,7 +204,7 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
 
     raises: UserError for a Block that the device does not have.
     """
-    kinds: dict[str, Component] = {b.name: b for b in device.system.kinds}
+    kinds = {b.name: b for b in device.system.kinds}  # Programs among them
     if name not in kinds:
         raise UserError(f"{device.name} has no Block '{name}'.", f"It has {', '.join(kinds)}.")
     renderer, digest = _renderer(device, real)
