@@ -477,7 +477,7 @@ def test_every_block_gives_the_host_librarys_bits(name, tmp_path):
                 for i, x in enumerate(v)
             }
             fmu.put(**flat)
-            fmu.step()
+            fmu.step(block.period_s)
             shaped = {n: v if len(v) > 1 else v[0] for n, v in given.items()}
             for n, value in ours.step(**shaped).items():
                 for i, x in enumerate(np.atleast_1d(value)):
