@@ -45,15 +45,12 @@ class HostResults:
                 content = json.loads(path.read_text(encoding="utf-8"))
             except (OSError, ValueError) as error:
                 raise UserError(f"{path}: no JSON that can be read ({error}).", FIX) from None
-            kinds = [
-                k for mark, k in MARKS.items() if isinstance(content, dict) and mark in content
-            ]
+            content = content if isinstance(content, dict) else {}
+            kinds = [kind for mark, kind in MARKS.items() if mark in content]
             if not kinds:
                 raise UserError(f"{path}: not a result of the host's studies.", FIX)
             if content.get("simulated") is False:
-                raise UserError(
-                    f"{path}: people took part in it; this page is of simulations.", FIX
-                )
+                raise UserError(f"{path}: people took part in it, not simulated ones.", FIX)
             found[kinds[0]] = content
         return cls(found)
 

@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 CHAPTERS = (3, 4, 5, 6, 7, 8)
 SCHEMA_VERSION = 1
 NOTE = (
-    "No machine and no person took part in what is computed here. Chapter 5 is simulated: the controllers' "
-    "generated C against a virtual exoskeleton; chapters 6 to 8: virtual people. What the thesis measured "
-    "on specimens and people cannot be recomputed, for the recordings are not published."
+    "No machine and no person took part in what is computed here. Chapter 5 is simulated: the "
+    "controllers' generated C against a virtual exoskeleton; chapters 6 to 8: virtual people. What "
+    "the thesis measured on specimens and people cannot be recomputed, for the recordings are not "
+    "published."
 )
 
 
