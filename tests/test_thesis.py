@@ -168,12 +168,14 @@ def host_files(tmp_path):
         tables[t] = [line(m, u, 3.0, 4.0) for m, u, _ in LEARNED]
     wrist = {
         "simulated": True,
+        "participants": 10,
         "tables": tables,
         "sides": sides | {"7.3 sessions": ("session 1", "session 2")},
     }
     medians = {"spring": 5.0, "elastomer": 6.0, "block_1": 7.0, "block_2": 8.0}
     both = {
         "simulated": True,
+        "people": ["P01"] * 10,
         "comparisons": [
             {"task": t, "metric": m, "thesis_medians": medians}
             for t in ("tracking", "pong")
@@ -182,6 +184,7 @@ def host_files(tmp_path):
     }
     ways = ("expected", "thesis", "random")
     assess = {
+        "patients": {"inside": 10},
         "motions": {w: {"mean": 4.0} for w in ways},
         "ways": {w: {"accuracy": 0.8} for w in ways},
     }
@@ -199,6 +202,7 @@ def test_results_of_virtual_people_stand_beside_and_prove_nothing(host_files):
     for j in people:
         assert j.verdict == WORDS["people"]
         assert j.to_dict()["simulated"] is True
+        assert j.ours["number of virtual people"] == 10
         # Every published number has ours beside it, by the same name.
         assert set(j.printed.published) <= set(j.ours), j.printed.id
     without = recompute(chapters=(6,))

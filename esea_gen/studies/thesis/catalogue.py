@@ -70,7 +70,7 @@ class Misprint:
 
 
 @dataclass(frozen=True)
-class Judged:
+class VerdictOn:
     """A table or figure with our numbers and the verdict.
 
     ours: by name; empty where nothing was computed.
@@ -113,16 +113,16 @@ def published() -> tuple[tuple[Printed, ...], tuple[Misprint, ...]]:
     return items, tuple(Misprint(**entry) for entry in found["misprint"])
 
 
-def judge_printed(p: Printed, ours: Mapping[str, float] | None) -> Judged:
+def judge_printed(p: Printed, ours: Mapping[str, float] | None) -> VerdictOn:
     """The verdict on one table or figure.
 
     ours: None where it was not computed.
     """
     if p.kind in WORDS:
         absent = f" ({NOT_RUN})" if p.measure and ours is None else ""
-        return Judged(p, WORDS[p.kind] + absent, p.because, ours or {})
+        return VerdictOn(p, WORDS[p.kind] + absent, p.because, ours or {})
     if ours is None:
-        return Judged(p, NOT_RUN, "")
+        return VerdictOn(p, NOT_RUN, "")
     if p.kind == "claims":
         return _claims(p, ours)
     off = {n: _off(ours[n], x) for n, x in p.published.items()}
@@ -131,24 +131,24 @@ def judge_printed(p: Printed, ours: Mapping[str, float] | None) -> Judged:
     if p.kind == "inputs":
         told = "our code runs with these numbers" if good == len(off) else "not as printed"
         why = "; ".join(filter(None, [told, p.because]))
-        return Judged(p, TAKEN if good == len(off) else UNEXPLAINED, why, ours, off)
+        return VerdictOn(p, TAKEN if good == len(off) else UNEXPLAINED, why, ours, off)
     if good == len(off):
-        return Judged(p, REPRODUCED, f"within {_percent(worst)}", ours, off)
+        return VerdictOn(p, REPRODUCED, f"within {_percent(worst)}", ours, off)
     told = f"{good} of {len(off)} within {_percent(p.within)}, the worst {_percent(worst)} away"
     if p.because and worst <= p.most:
-        return Judged(p, DIFFERS, f"{told}: {p.because}", ours, off)
-    return Judged(p, UNEXPLAINED, told, ours, off)
+        return VerdictOn(p, DIFFERS, f"{told}: {p.because}", ours, off)
+    return VerdictOn(p, UNEXPLAINED, told, ours, off)
 
 
-def _claims(p: Printed, ours: Mapping[str, float]) -> Judged:
+def _claims(p: Printed, ours: Mapping[str, float]) -> VerdictOn:
     missed = {n: ours[n] for n, x in p.published.items() if ours[n] != x}
     if not missed:
         why = "; ".join(filter(None, ["as the thesis says", p.because]))
-        return Judged(p, REPRODUCED, why, ours)
+        return VerdictOn(p, REPRODUCED, why, ours)
     told = "; ".join(f"{n}: {x:g}" for n, x in missed.items())
     if p.because and min(missed.values()) >= p.least:
-        return Judged(p, DIFFERS, f"{told}: {p.because}", ours)
-    return Judged(p, UNEXPLAINED, told, ours)
+        return VerdictOn(p, DIFFERS, f"{told}: {p.because}", ours)
+    return VerdictOn(p, UNEXPLAINED, told, ours)
 
 
 def _off(ours: float, printed: float) -> float:

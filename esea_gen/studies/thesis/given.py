@@ -13,6 +13,7 @@ from esea_gen.errors import UserError
 # A word that only one command writes at the top of its file.
 MARKS = {"comparisons": "interaction", "tables": "wrist", "motions": "assess"}
 FIX = "Give what esea-host study virtual interaction, ... wrist or esea-host assess evaluate wrote."
+COUNT = "number of virtual people"
 MEASURED = {"interaction": "interaction", "wrist": "wrist", "assessment": "assess"}
 TABLES = {
     "wrist_ru": "7.1 validation, RU",
@@ -70,11 +71,12 @@ class HostResults:
 
 
 def _medians(content: dict[str, Any], sides: dict[str, str]) -> dict[str, float]:
-    return {
+    found = {
         f"{c['task']} {c['metric']} {shown}": float(c["thesis_medians"][key])
         for c in content["comparisons"]
         for shown, key in sides.items()
     }
+    return found | {COUNT: len(content["people"])}
 
 
 def _lines(content: dict[str, Any], table: str) -> dict[str, float]:
@@ -84,7 +86,7 @@ def _lines(content: dict[str, Any], table: str) -> dict[str, float]:
         for side, value in zip(sides, (line["first"], line["second"]), strict=True):
             if value is not None:
                 found[f"{line['metric']} {side} / {line['unit']}"] = float(value)
-    return found
+    return found | {COUNT: content["participants"]}
 
 
 def _assessed(content: dict[str, Any]) -> dict[str, float]:
@@ -93,4 +95,4 @@ def _assessed(content: dict[str, Any]) -> dict[str, float]:
     for way, text in words.items():
         found[f"movements to 95 %, {text}"] = float(content["motions"][way]["mean"])
         found[f"right answers, {text}"] = float(content["ways"][way]["accuracy"])
-    return found
+    return found | {COUNT: content["patients"]["inside"]}

@@ -17,7 +17,7 @@ from esea_gen.studies.thesis.catalogue import (
     REPRODUCED,
     TAKEN,
     UNEXPLAINED,
-    Judged,
+    VerdictOn,
     Misprint,
     judge_printed,
     published,
@@ -45,7 +45,7 @@ class Recomputed:
     misprints: each with numbers that show it, where there are any.
     """
 
-    judged: tuple[Judged, ...]
+    judged: tuple[VerdictOn, ...]
     misprints: tuple[tuple[Misprint, Mapping[str, float]], ...]
 
     def counts(self) -> Counter[str]:
@@ -120,7 +120,7 @@ class Recomputed:
         return figure
 
 
-def _section(j: Judged) -> list[str]:
+def _section(j: VerdictOn) -> list[str]:
     p = j.printed
     simulated = " Ours is **simulated**." if p.simulated and j.ours else ""
     why = f": {j.why}" if j.why else ""
