@@ -406,6 +406,68 @@ def test_the_sources_alone_build_the_same_behaviour(sensor, elbow_f32, tmp_path)
     assert fmu.get("tau_Nm") == float(elbow_f32.block("sensor").run(given)[0]["tau_Nm"][0])
 
 
+DRIVER = """
+#include <assert.h>
+#include <stdlib.h>
+#include "fmi3Functions.h"
+#define TOKEN "%s"
+static int told;
+static void say(fmi3InstanceEnvironment e, fmi3Status s, fmi3String c, fmi3String m)
+{ (void)e, (void)s, (void)c, (void)m; ++told; }
+int main(void)
+{
+    const fmi3ValueReference in[2] = { 0, 1 }, far = 1000000;
+    fmi3Float64 x[2] = { 0.01, 0.1 }, at;
+    fmi3Boolean b1, b2, b3;
+    fmi3FMUState state = NULL, other = NULL;
+    size_t size;
+    int k;
+    fmi3Byte *bytes;
+    fmi3Instance i;
+
+    i = fmi3InstantiateCoSimulation("i", TOKEN, "", 0, 0, 0, 0, NULL, 0, NULL, say, NULL);
+    assert(i != NULL);
+    assert(fmi3InstantiateCoSimulation("j", "x", "", 0, 0, 0, 0, NULL, 0, NULL, say, NULL) == NULL);
+    assert(fmi3DoStep(i, 0, 0.001, 1, &b1, &b2, &b3, &at) == fmi3Error);
+    assert(fmi3EnterInitializationMode(i, 0, 0, 0, 0, 0) == fmi3OK);
+    assert(fmi3ExitInitializationMode(i) == fmi3OK);
+    for (k = 0; k < 20; ++k) {
+        assert(fmi3SetFloat64(i, in, 2, x, 2) == fmi3OK);
+        assert(fmi3DoStep(i, 0.001 * k, 0.001, 1, &b1, &b2, &b3, &at) == fmi3OK);
+    }
+    assert(fmi3GetFloat64(i, &far, 1, x, 1) == fmi3Error);
+    assert(fmi3GetFMUState(i, &state) == fmi3OK && fmi3GetFMUState(i, &state) == fmi3OK);
+    assert(fmi3SerializedFMUStateSize(i, state, &size) == fmi3OK);
+    bytes = malloc(size + 1);
+    /* At an odd address: nothing may rest on how the caller's bytes lie. */
+    assert(fmi3SerializeFMUState(i, state, bytes + 1, size) == fmi3OK);
+    assert(fmi3DeserializeFMUState(i, bytes + 1, size, &other) == fmi3OK);
+    assert(fmi3SetFMUState(i, other) == fmi3OK && fmi3Reset(i) == fmi3OK);
+    assert(fmi3FreeFMUState(i, &state) == fmi3OK && fmi3FreeFMUState(i, &other) == fmi3OK);
+    assert(fmi3DoStep(i, 0, 1e300, 1, &b1, &b2, &b3, &at) == fmi3Error);
+    free(bytes);
+    fmi3FreeInstance(i);
+    return told == 4 ? 0 : 1;
+}
+"""
+
+
+def test_no_leak_and_no_undefined_behaviour(sensor, tmp_path):
+    """The whole interface under the compiler's sanitizers; armed: an instance that is not freed."""
+    with zipfile.ZipFile(sensor["3"]) as archive:
+        archive.extractall(tmp_path)
+    source = tmp_path / "sources"
+    driver, built = DRIVER % check_fmu(sensor["3"])["token"], tmp_path / "driver"
+    flags = ("-std=c99", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    plain = ("-DFMI3_OVERRIDE_FUNCTION_PREFIX", f"-I{ROOT / 'templates/export/fmi'}")
+    for text, said in ((driver, ""), (driver.replace("fmi3FreeInstance(i);", ""), "leaked")):
+        (source / "driver.c").write_text(text)
+        subprocess.run(["gcc", *flags, *plain, "-o", built, *source.glob("*.c")], check=True)
+        done = subprocess.run([built], capture_output=True, text=True, check=False)
+        assert (done.returncode == 0) == (not said), done.stderr
+        assert said in done.stderr
+
+
 def test_units_have_the_dimensions_of_their_names():
     """Against a table worked out by hand: exponents of kg, m, s, rad."""
     by_hand = {

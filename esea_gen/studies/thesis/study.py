@@ -17,8 +17,8 @@ from esea_gen.studies.thesis.catalogue import (
     REPRODUCED,
     TAKEN,
     UNEXPLAINED,
-    VerdictOn,
     Misprint,
+    VerdictOn,
     judge_printed,
     published,
 )
