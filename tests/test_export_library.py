@@ -263,6 +263,7 @@ def test_what_cannot_be_written_is_refused(elbow, tmp_path, monkeypatch):
     with pytest.raises(UserError, match="No number format 'q31' for simulink"):
         library_files(elbow, FORMS["simulink"], "q31")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(esea_gen, "load_device", lambda name, controller=None: elbow)
     done = CliRunner().invoke(app, ["export", "cmake", "elbow"])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "esea_elbow_cmake/CMakeLists.txt").is_file()
