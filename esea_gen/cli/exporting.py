@@ -25,6 +25,9 @@ app.add_typer(export, name="export", no_args_is_help=True)
 FormatOption = Annotated[
     str, typer.Option("--real", metavar="f64|f32", help="Number format of the C.")
 ]
+AnyFormatOption = Annotated[
+    str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the C.")
+]
 FolderOption = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default: named by it.")
 ]
@@ -58,14 +61,14 @@ def export_fmu(
         ),
     ] = None,
     person: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--person",
-            metavar="NAME",
-            help="Who is in the virtual exoskeleton; none holds the load.",
+            metavar="|".join(PEOPLE),
+            help="Who is in the virtual exoskeleton; default: who suits the plant.",
             autocompletion=completing(lambda: PEOPLE),
         ),
-    ] = "uncertain",
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of plant and person.")] = 0,
     fmi: Annotated[str, typer.Option("--fmi", metavar="2|3", help="FMI 2.0 or FMI 3.0.")] = "3",
     real: FormatOption = "f32",
@@ -93,7 +96,8 @@ def export_fmu(
                     f"{loaded.name} has no drive, so there is no virtual exoskeleton of it.",
                     "Take a device with one, such as elbow_drive.",
                 )
-            variant = plant_variant(loaded, plant, person, seed)
+            suits = {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
+            variant = plant_variant(loaded, plant, person or suits, seed)
             tick_s = loaded.system.base_period_s
             model = twin_model(variant, tick_s, loaded.title, loaded.digest)
         elif block is not None:
@@ -107,7 +111,7 @@ def export_fmu(
     out.print(f"{path}: {model.title}; FMI {fmi}.0, {model.renderer.fmt.name}")
     out.print(f"{inputs} inputs, {tunables} tunables, {outputs} outputs; tick {model.tick_s:g} s")
     out.print(f"content {model.digest}")
-    out.print(f"Next: esea-gen export check {path}; what it does in time: docs/export.md")
+    out.print(f"Next: esea-gen export check {path}")
 
 
 @export.command("check")
@@ -129,7 +133,7 @@ def _library(kind: str, text: str) -> None:
     def run(
         device: DeviceArgument,
         folder: FolderOption = None,
-        real: FormatOption = "f32",
+        real: AnyFormatOption = "f32",
         controller: ControllerOption = None,
     ) -> None:
         from esea_gen.export.library import FORMS, write_library

@@ -67,7 +67,7 @@ def sources(model: ExportedModel, fmi: Version) -> dict[str, str]:
     chosen[name] = render(f"export/fmu/{name}.j2", model=model, stubs=stubs)
     shown = _description(model, fmi, "")
     digest = hashlib.sha256("\0".join([*sorted(chosen.values()), shown]).encode())
-    chosen["model.h"] = model_header(model, digest.hexdigest()[:32])
+    chosen["model.h"] = model_header(model, digest.hexdigest()[:32], model.command)
     if fmi == "3":
         chosen["buildDescription.xml"] = render(
             "export/fmu/buildDescription.xml.j2", model=model, c_files=_compiled(model, fmi)
@@ -75,10 +75,14 @@ def sources(model: ExportedModel, fmi: Version) -> dict[str, str]:
     return chosen
 
 
-def model_header(model: ExportedModel, token: str) -> str:
-    """What calls the model by numbers in an array, as C text."""
+def model_header(model: ExportedModel, token: str, command: str) -> str:
+    """What calls the model by numbers in an array, as C text.
+
+    command: that writes it.
+    """
     _filters(model)
-    return model.renderer.render("export/fmu/model.h.j2", model=model, token=token)
+    given = {"model": model, "token": token, "command": command}
+    return model.renderer.render("export/fmu/model.h.j2", **given)
 
 
 def _filters(model: ExportedModel) -> None:

@@ -133,10 +133,8 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
     if form.arrays:
         extra["model"] = model = controller_model(device, real)
         renderer = model.renderer
-    renderer.env.globals["command"] = command
-    if form.arrays:
-        made["model.h"] = model_header(model, digest)
-    extra["c_files"] = sorted(n for n in made if n.endswith(".c"))
+        made["model.h"] = model_header(model, digest, command)
+    extra["command"], extra["c_files"] = command, sorted(n for n in made if n.endswith(".c"))
 
     def rendered(name: str) -> str:
         return renderer.render(f"export/{form.name}/{name}.j2", **extra)

@@ -67,6 +67,7 @@ class ExportedModel:
     kind: what ``model.h`` runs in a tick.
     stem: of the C names of params, coefficients and state.
     files: names of the renderer's files that are part of it.
+    command: that exports it.
     bodies, substeps, step_s: of the virtual exoskeleton: bodies that move, and steps of a tick.
     """
 
@@ -82,6 +83,7 @@ class ExportedModel:
     tuned: bool
     latched: bool
     files: tuple[str, ...]
+    command: str
     bodies: int = 0
     substeps: int = 0
     step_s: float = 0.0
@@ -196,6 +198,7 @@ def controller_model(device: Device, real: str = "f32") -> ExportedModel:
         bool(system.tunables),
         bool(system.latches),
         _sources(renderer),
+        _command(device, real),
     )
 
 
@@ -229,6 +232,7 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
         bool(block.coefficients),
         False,
         tuple(n for n in _sources(renderer) if n not in whole),
+        f"{_command(device, real)} --block {name}",
     )
 
 
@@ -241,7 +245,8 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
     system = plant_system(variant.device, variant.cable, variant.step_s, tick_s)
     fmt = FORMATS["f64"]
     content = content_hash(system, digest, title, [fmt])
-    renderer = Renderer(system, fmt, content, "esea-gen export fmu --plant", title)
+    command = f"esea-gen export fmu {variant.device.name} --plant NAME"
+    renderer = Renderer(system, fmt, content, command, title)
     found = _Variables()
     move, encode = system.tasks
     found.ports("input", "move", [(x.name, x.name, x.port) for x in system.task_inputs(move)])
@@ -272,10 +277,15 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
         True,
         False,
         _sources(renderer),
+        command,
         state.size,
         round(tick_s / variant.step_s),
         variant.step_s,
     )
+
+
+def _command(device: Device, real: str) -> str:
+    return build_command(device).replace("build", "export fmu", 1) + f" --real {real}"
 
 
 def _instances(found: _Variables, system: System, values: Mapping[str, float]) -> None:
