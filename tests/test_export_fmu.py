@@ -154,6 +154,13 @@ def test_fmpy_finds_nothing_wrong(sensor, loop):
     for path in (*sensor.values(), loop["controller"], loop["twin"]):
         assert validate_fmu(str(path)) == []
         assert check_fmu(path)["identifier"]
+    import fmpy
+    from lxml import etree
+
+    schema = Path(fmpy.__file__).parent / "schema/fmi3/fmi3BuildDescription.xsd"
+    with zipfile.ZipFile(sensor["3"]) as archive:
+        built = etree.fromstring(archive.read("sources/buildDescription.xml"))
+    etree.XMLSchema(etree.parse(str(schema))).assertValid(built)
 
 
 @pytest.mark.parametrize("fmi", ["2", "3"])
