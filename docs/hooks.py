@@ -48,6 +48,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             "model.gear_encoder",
             "model.family",
             "model.family_inverse",
+            "model.rubber",
             *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
             *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
             *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
@@ -60,6 +61,8 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Identification, twin, analysis",
         (
             *(f"identify.{m}" for m in ("mapping", "replay", "identification", "verdict")),
+            "identify.identified",
+            "identify.family_identification",
             "identify.compare",
             "twin.closed_loop",
             *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),
@@ -305,7 +308,8 @@ def _section_rows(
 ) -> tuple[list[str], list[tuple[str, dict[str, Any], dict[str, Any], bool]]]:
     rows, inner = [], []
     for key, about in node["properties"].items():
-        needed = key in required.get("required", ())
+        either = [k for one in required.get("oneOf", ()) for k in one["required"]]
+        needed = key in (*required.get("required", ()), *either)
         properties = about.get("properties", {})
         if "value" in properties:
             number = properties["value"]
@@ -321,6 +325,12 @@ def _section_rows(
                 unit.group(1) if unit else "1",
                 sizes + _bounds(row["items"]),
             )
+        elif "properties" in about.get("items", {}):
+            row = about["items"]
+            inner.append(
+                (f"[{name}.{key}]", row | {"description": about["description"]}, row, True)
+            )
+            continue
         elif properties:
             below = required.get("properties", {}).get(key, {})
             inner.append((f"{name}.{key}" if name else key, about, below, needed))

@@ -20,9 +20,8 @@ from esea_gen.devices.file import (
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
-from esea_gen.model.elastomer import torque_sensor
 from esea_gen.model.filters import tracking_observer
-from esea_gen.model.inverse import chosen_inverse
+from esea_gen.model.rubber import rubber_inverse, rubber_sensor
 from esea_gen.model.sensing import sensing_system
 from esea_gen.observe import Drive, drive_of, has_drive
 
@@ -57,7 +56,7 @@ class Device(DeviceData):
     @cached_property
     def sensor(self) -> Block:
         """The torque sensor Block (spec section 3)."""
-        return torque_sensor(self)
+        return rubber_sensor(self)
 
     @cached_property
     def velocity(self) -> Block:
@@ -67,7 +66,7 @@ class Device(DeviceData):
     @cached_property
     def inverse(self) -> Block:
         """The inverse that the section ``[inverse]`` asks for; exact where there is none."""
-        return chosen_inverse(self)
+        return rubber_inverse(self)
 
     @cached_property
     def drive(self) -> Drive | None:

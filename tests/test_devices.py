@@ -501,7 +501,7 @@ def conforms(value, schema, where="") -> list[str]:
     """The part of JSON schema that ours uses, checked independently of pydantic."""
     known = {"$schema", "title", "description", "type", "properties", "required", "const", "enum"}
     known |= {"additionalProperties", "minimum", "maximum", "minLength", "pattern", "items"}
-    known |= {"maxItems", "anyOf"}
+    known |= {"maxItems", "minItems", "anyOf", "oneOf"}
     assert set(schema) <= known, (where, set(schema) - known)
     wrong = []
     types = {"object": dict, "string": str, "number": (int, float), "integer": int, "array": list}
@@ -524,6 +524,9 @@ def conforms(value, schema, where="") -> list[str]:
     if "anyOf" in schema:
         ways = [conforms(value, s, where) for s in schema["anyOf"]]
         wrong += [] if [] in ways else ways[-1]
+    if "oneOf" in schema:
+        ways = [conforms(value, s, where) for s in schema["oneOf"]]
+        wrong += [] if ways.count([]) == 1 else [*ways[0], f"{where}: not one of several"]
     wrong += [f"{where}.{k}: missing" for k in schema.get("required", ()) if k not in value]
     for key, v in value.items() if "properties" in schema else ():
         if key in schema["properties"]:

@@ -10,19 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from esea_gen.devices.fields import DeviceFile
+from esea_gen.device import Device
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.identify.candidates import members
-from esea_gen.identify.family_fit import FamilyDevice
+from esea_gen.identify.family_file import family_device as device_of
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor, unit_terms
 from esea_gen.model.family_step import maxwell_shares
 from esea_gen.model.inverse import inverse_system
+from esea_gen.model.rubber import fitted_of
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare as compare_c
 from esea_gen.verify.fixed import compare_fixed
@@ -245,7 +246,7 @@ def test_a_member_without_a_sure_slope_is_refused(hdrb_device):
     soft = Term("spring", LINEAR, softening=Softening("path", 8.0))
     fitted = FittedMember(Member("soft", "soft", (soft,)), 0.2, (1.0,))
     with pytest.raises(UserError, match="need not rise"):
-        FamilyDevice(hdrb_device.file, "rig", fitted)
+        device_of(hdrb_device, fitted, "drawn")
 
 
 @pytest.mark.parametrize(
@@ -297,18 +298,17 @@ def test_merged_terms_are_the_weighted_sum(name, hdrb_device):
     assert np.abs(y["tau_Nm"] - parts).max() < 1e-12
 
 
-def family_device(file: DeviceFile, name: str) -> FamilyDevice:
+def family_device(base: Device, name: str) -> Device:
     member = next(m for m in members() if m.name == name)
     rng = np.random.default_rng(3)
-    fitted = some_member(rng, member)
-    return FamilyDevice(file, "tried", fitted)
+    return device_of(base, some_member(rng, member), "drawn")
 
 
 @pytest.mark.parametrize("name", ["slips, worn", "stops, worn", *TIMED])
 def test_the_c_is_the_model(name, hdrb_device):
     """f64 as the symbols; f32 within the bound that the walker derives."""
     require_tool("gcc")
-    device = family_device(hdrb_device.file, name)
+    device = family_device(hdrb_device, name)
     bounds, rule = bounds_or_rule(device, device.sensor)
     for real in ("f64", "f32"):
         library = compile_device(device, real)
@@ -330,7 +330,7 @@ def test_the_whole_number_c_is_its_executor(hdrb_device):
         Term("maxwell", LINEAR, (3.0,)),
     )
     fitted = FittedMember(Member("few", "few", terms), 0.2, (1.0, 0.5, 2.0, 0.4, 0.3))
-    device = FamilyDevice(hdrb_device.file, "tried", fitted)
+    device = device_of(hdrb_device, fitted, "drawn")
     plan = plan_block(device.sensor)
     runner, bound = compile_device(device, "q31").block("sensor"), any_bound(plan)
     for stream in streams(device.sensor, 5, 150)[:2]:
@@ -339,12 +339,12 @@ def test_the_whole_number_c_is_its_executor(hdrb_device):
 
 def test_another_model_has_another_hash(hdrb_device):
     """So that no board runs another rubber than its file says."""
-    found = {family_device(hdrb_device.file, n).digest for n in ("slips, worn", "stops, worn")}
+    found = {family_device(hdrb_device, n).digest for n in ("slips, worn", "stops, worn")}
     assert len(found | {hdrb_device.digest}) == 3
 
 
 def test_a_conditioned_start_is_softer_than_a_virgin_one(hdrb_device):
-    fitted = family_device(hdrb_device.file, "slips, worn").fitted
+    fitted = fitted_of(family_device(hdrb_device, "slips, worn"))
     theta = np.linspace(0, 0.1, 50)
     first, later = (
         family_sensor(hdrb_device, fitted, start)
@@ -363,8 +363,8 @@ SWEEP_Nm = 2.0 * np.sin(2 * np.pi * (0.2 * np.arange(4000) / 1000 + (np.arange(4
 @pytest.mark.parametrize("name", ["slips, worn", "stops, worn", *TIMED])
 def test_the_inverse_gives_the_request_back(name, hdrb_device):
     """The sensor Block at its set-points, on a sweep to 2 Hz that turns back and softens."""
-    device = family_device(hdrb_device.file, name)
-    inverse = family_inverse(device, device.fitted)
+    device = family_device(hdrb_device, name)
+    inverse = family_inverse(device, fitted_of(device))
     y, _ = inverse.simulator().run({"tau_Nm": SWEEP_Nm})
     felt, _ = device.sensor.simulator().run(
         {"theta_rad": y["theta_rad"], "omega_rad_s": 0 * SWEEP_Nm}
@@ -377,8 +377,8 @@ def test_the_inverse_gives_the_request_back(name, hdrb_device):
 @pytest.mark.parametrize("name", ["slips, worn", *TIMED])
 def test_the_inverse_finds_the_one_root(name, hdrb_device):
     """Brent's method on the sensor's own torque, from the same memory, jumps included."""
-    device = family_device(hdrb_device.file, name)
-    block = family_inverse(device, device.fitted, steps=30)
+    device = family_device(hdrb_device, name)
+    block = family_inverse(device, fitted_of(device), steps=30)
     good = next(f.threshold for f in block.status_port.flags if f.name == "NOT_CONVERGED")
     inverse = block.simulator()
     sensor = device.sensor.simulator()
@@ -396,7 +396,7 @@ def test_the_inverse_finds_the_one_root(name, hdrb_device):
         root = brentq(missing, -limit, limit, xtol=1e-13)
         found = float(inverse.step(tau_Nm=wanted)["theta_rad"])
         assert abs(missing(found)) < good
-        assert abs(found - root) < good / device.fitted.least_slope_Nm_rad(limit)
+        assert abs(found - root) < good / fitted_of(device).least_slope_Nm_rad(limit)
         sensor.step(theta_rad=found, omega_rad_s=0.0)
 
 
@@ -414,8 +414,8 @@ def test_a_newton_step_out_of_the_bracket_is_caught(hdrb_device):
 
 
 def test_what_cannot_be_reached_ends_at_the_limit_and_says_so(hdrb_device):
-    device = family_device(hdrb_device.file, "slips, worn")
-    inverse = family_inverse(device, device.fitted)
+    device = family_device(hdrb_device, "slips, worn")
+    inverse = family_inverse(device, fitted_of(device))
     runner = inverse.simulator()
     names = [f.name for f in inverse.status_port.flags]
     for _ in range(20):
@@ -429,8 +429,8 @@ def test_what_cannot_be_reached_ends_at_the_limit_and_says_so(hdrb_device):
 
 def test_the_inverse_in_single_precision(hdrb_device):
     require_tool("gcc")
-    device = family_device(hdrb_device.file, "slips, worn")
-    inverse = family_inverse(device, device.fitted)
+    device = family_device(hdrb_device, "slips, worn")
+    inverse = family_inverse(device, fitted_of(device))
     wanted = SWEEP_Nm.astype(np.float32).astype(float)
     exact, _ = inverse.simulator().run({"tau_Nm": wanted})
     library = compile_system(inverse_system(device, inverse), "f32")

@@ -177,13 +177,12 @@ def test_a_wrong_mapping_is_explained(old: str, new: str, parts: list[str]) -> N
     says(caught.value, "map.toml", *parts)
 
 
-def test_rate_terms_need_time() -> None:
+def test_rate_terms_take_an_assumed_period() -> None:
+    """And say so: test_family_quality has what becomes of it."""
     text = MAPPING.replace("rate_terms = false", "rate_terms = true").replace(
         'time_column = "t"', 'period_s = { value = 0.01, status = "assumed", source = "x" }'
     )
-    with pytest.raises(UserError) as caught:
-        parse_mapping(text, "map.toml")
-    says(caught.value, "rate_terms = true", "sampling.period_s = 0.01 s is only assumed")
+    assert parse_mapping(text, "map.toml").device.rate_terms
     assert parse_mapping(text.replace('"assumed"', '"published"'), "map.toml").device.rate_terms
 
 

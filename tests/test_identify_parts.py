@@ -19,8 +19,9 @@ from esea_gen.identify.peers import bouc_wen, maxwell_coulomb
 from esea_gen.identify.plant import equal_weights, thinned
 from esea_gen.identify.plays import phi_range, play_at_bound, play_bounds, play_space, play_spread
 from esea_gen.identify.population import finalists, polished, runner_up, sobol_population
+from esea_gen.identify.resampling import FitRows, autocorrelation
 from esea_gen.identify.space import GAIN, Space, edges_of
-from esea_gen.identify.uncertainty import autocorrelation, relative_jacobian, uncertainty
+from esea_gen.identify.uncertainty import relative_jacobian, uncertainty
 
 # Search.
 
@@ -137,6 +138,8 @@ def line(values, unit=1.0):
         weight=np.full(9, 1 / 3),
         torque=lambda v: basis @ [v["k1_Nm_rad"], v["k3_Nm_rad3"]],
         basis=basis,
+        rows=FitRows.of([(0, 9, np.zeros(9))]),
+        whole=False,
     )
 
 

@@ -81,11 +81,11 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def mapping(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The rubber's mapping for a device of 150 Hz: fewer steps to emulate."""
+    """The rubber's mapping for a device of 160 Hz: fewer steps to emulate."""
     folder = tmp_path_factory.mktemp("hdrb")
     shutil.copy(HDRB / "hdrb.csv", folder)
     text = (HDRB / "hdrb.toml").read_text()
-    rate = 'sense_rate_Hz = { value = 150, status = "assumed", source = "shorter test" }'
+    rate = 'sense_rate_Hz = { value = 160, status = "assumed", source = "shorter test" }'
     (folder / "hdrb.toml").write_text(text.replace("[device]\n", f"[device]\n{rate}\n"))
     return folder / "hdrb.toml"
 

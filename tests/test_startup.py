@@ -19,6 +19,7 @@ from esea_gen.control.linear_loop import least_damped
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
+from esea_gen.model.rubber import stiffness_range_Nm_rad
 from esea_gen.studies.startup.checks import checks_of
 from esea_gen.studies.startup.device_text import device_text
 from esea_gen.studies.startup.drive_model import gain_and_loss
@@ -27,7 +28,6 @@ from esea_gen.studies.startup.margins import (
     LIMITS,
     CutLoop,
     LoopDrive,
-    coupling_range_Nm_rad,
     enough,
     loop_margins,
     slope_with_margins,
@@ -418,7 +418,7 @@ def test_at_its_margins_the_loop_itself_begins_to_grow(drive):
 
 
 def test_on_the_devices_own_drive_the_loop_is_that_of_the_laws_own_check():
-    soft, stiff = coupling_range_Nm_rad(DEVICE)
+    soft, stiff = stiffness_range_Nm_rad(DEVICE)
     damping = []
     for k in (soft, stiff):
         loop = CutLoop(DEVICE, replace(NOMINAL, stiffness_Nm_rad=k))

@@ -226,7 +226,7 @@ class NumpyPeer:
     @staticmethod
     def fits(device: Device) -> bool:
         """Whether a device has the parts that this peer has: rate terms, no dead zone."""
-        elastomer = device.file.elastomer
+        elastomer = device.elastomer
         return elastomer.maxwell is not None and elastomer.dead_zone_rad is None
 
     def __init__(self, device: Device, stream: Stream) -> None:

@@ -16,6 +16,8 @@ from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
 
+PUBLISHED = "published"
+
 
 @app.command()
 def identify(
@@ -30,21 +32,53 @@ def identify(
     inverse: Annotated[
         bool, typer.Option("--inverse", help="Refit the published inverse's play operators too.")
     ] = False,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            metavar="NAME",
+            help='Torque model: published, or a member of the family, as "slips, worn".',
+        ),
+    ] = PUBLISHED,
     compare: Annotated[
         bool,
         typer.Option(
-            "--compare", help="Compare models by conditions left out, and write no device file."
+            "--compare",
+            help="Compare models by conditions left out; with --out, write the chosen one's "
+            "device file.",
         ),
     ] = False,
     json_file: JsonOption = None,
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
-    if compare:
-        if inverse or folder is not None:
-            raise UserError("--compare writes no device file.", "Leave --inverse and --out out.")
-        _compare_models(mapping, data, json_file)
+    if compare and (inverse or model != PUBLISHED):
+        given = "--inverse" if inverse else "--model"
+        raise UserError(f"--compare chooses the model itself: {given}.", f"Leave {given} out.")
+    if inverse and model != PUBLISHED:
+        raise UserError(
+            f"--inverse refits the published inverse, which is of the published model, not of "
+            f"'{model}'.",
+            "Leave it out: a member of the family has an exact inverse of its own.",
+        )
+    if not compare:
+        _identify_model(mapping, data, folder, model, inverse, json_file)
         return
-    from esea_gen.identify import identify as identify_recording
+    chosen = _compare_models(mapping, data, json_file)
+    if folder is not None:
+        _identify_model(mapping, data, folder, chosen, False, None)
+
+
+def _identify_model(
+    mapping: Path,
+    data: Path | None,
+    folder: Path | None,
+    model: str,
+    inverse: bool,
+    json_file: Path | None,
+) -> None:
+    from esea_gen.identify import identify as identify_published
+    from esea_gen.identify.family_identification import identify_member
+    from esea_gen.identify.identified import Identified
     from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page
 
@@ -53,9 +87,14 @@ def identify(
         def tell(share: float, what: str) -> None:
             say(f"{100 * share:.0f} % {what}")
 
-        result, refit = identify_recording(mapping, data, progress=tell), None
-        if inverse:
-            result, refit = refit_identified(result, tell)
+        result: Identified
+        refit = None
+        if model != PUBLISHED:
+            result = identify_member(mapping, model, data, tell)
+        elif inverse:
+            result, refit = refit_identified(identify_published(mapping, data, tell), tell)
+        else:
+            result = identify_published(mapping, data, tell)
     target = folder or Path("identified") / result.device.name
     content = result.to_dict() | ({} if refit is None else {"inverse": refit.to_dict()})
     page, text = target / f"{result.device.name}.html", identification_page(result)
@@ -70,7 +109,7 @@ def identify(
     write_json(json_file, content)
 
 
-def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) -> None:
+def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) -> str:
     from esea_gen.bench.sensor_cost import missing_tool, sensor_instructions
     from esea_gen.identify.compare import compare
 
@@ -85,6 +124,7 @@ def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) ->
             lambda share, what: say(f"{100 * share:.0f} % {what}"),
         )
     show(result, json_file)
+    return result.chosen
 
 
 @app.command(cls=StudyCommand)

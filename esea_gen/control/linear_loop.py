@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
-from esea_gen.model.elastomer import stop_grid
+from esea_gen.model.rubber import stiffness_range_Nm_rad
 from esea_gen.observe import drive_of
 
 if TYPE_CHECKING:
@@ -77,11 +77,7 @@ def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = Non
     The switching gain's part that grows with the wanted acceleration (5.20) counts as if it always
     pushed on: the law then acts on ``J + J_unc``.
     """
-    e = device.file.elastomer
-    values = {c.name: c.value for c in device.constants("elastomer")}
-    weights = stop_grid(values, round(e.stops.value))[1]
-    soft = e.k1_Nm_rad.value
-    stiff = soft + sum(float(w) for w in weights) + values.get("kv_Nm_rad", 0.0)
+    soft, stiff = stiffness_range_Nm_rad(device)
     slope = sliding_mode_numbers(device).lambda_1_s.value if lambda_1_s is None else lambda_1_s
     modes = [_worst(device, lead, slope, k) for k in (soft, stiff)]
     return min(modes, key=lambda m: m.damping)

@@ -135,7 +135,7 @@ class _Drive:
         self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
         self.width = a.coulomb_width_rad_s.value
         self.tau_c, self.u_max = a.tau_c_s.value, drive.u_Nm
-        e = device.file.elastomer
+        e = device.elastomer
         numbers = {c.name: c.value for c in device.constants("elastomer")}
         r, shares = stop_grid(numbers, int(e.stops.value))
         self.stops = Stops(tuple(map(float, r)), tuple(float(w) for w in shares))

@@ -6,14 +6,16 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
+
+from esea_gen.devices.numbers import Quantity, Section, Series, number, series
+from esea_gen.devices.rubber import Elastomer, Family
 
 SCHEMA = 1
 SCHEMA_FILE = "esea-gen.schema.json"
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
 AXIS_PATTERN = r"^[a-z]{1,12}$"  # letters only: a digit or underscore could read as part of a unit
 MOST_AXES = 6  # their torques, rates and status words fit one telemetry frame
-MAX_DEAD_ZONE_RAD = math.radians(6)
 TABLE_SIZES = (4, 8, 16, 32, 64)  # of an encoder's correction: a turn's counts divide evenly
 
 
@@ -23,106 +25,30 @@ MOST_LAWS = 8
 LAW_SECTIONS = {"sliding_mode": ("inverse",), "predictive": ()}
 
 
-class Quantity(BaseModel):
-    """A number with its provenance."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-    value: float = Field(description="The number, in the unit that the key's suffix names.")
-    status: Literal["published", "identified", "assumed"] = Field(
-        description="published: printed in the source; identified: fitted to a recording; "
-        "assumed: a choice, shown as such in every report."
-    )
-    source: str = Field(min_length=1, description="Table, recording, or reason for the choice.")
-
-
-class Series(BaseModel):
-    """A row of numbers with its provenance."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-    # Strict, but for the container: TOML and JSON have lists only.
-    values: Annotated[tuple[float, ...], Field(strict=False)] = Field(
-        description="The numbers, in the unit that the key's suffix names."
-    )
-    status: Literal["published", "identified", "assumed"] = Field(
-        description=Quantity.model_fields["status"].description
-    )
-    source: str = Field(min_length=1, description="Table, recording, or reason for the choice.")
-
-
-def _number(low: float, high: float, text: str, *, whole: bool = False, **more: Any) -> Any:
-    extra: Any = {"low": low, "high": high, "whole": whole}
-    return Field(description=text, json_schema_extra=extra, **more)
-
-
-def _series(low: float, high: float, sizes: tuple[int, ...], text: str) -> Any:
-    extra: Any = {"low": low, "high": high, "whole": False, "sizes": list(sizes)}
-    return Field(default=None, description=text, json_schema_extra=extra)
-
-
-class Section(BaseModel):
-    """A table of the file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Maxwell(Section):
-    """Rate terms: one Maxwell element whose viscosity depends on deflection and rate."""
-
-    kv_Nm_rad: Quantity = _number(0, 1000, "Stiffness kv of the Maxwell element, eq. 3.3.")
-    A_Nms_rad: Quantity = _number(0, 1000, "Deflection gain A of the viscosity, eq. 3.4.")
-    m: Quantity = _number(0, 4, "Deflection exponent m of the viscosity, eq. 3.4.")
-    eps1_Nms_rad: Quantity = _number(1e-6, 1, "Viscosity offset eps1 at zero deflection, eq. 3.4.")
-    B: Quantity = _number(0, 1000, "Rate gain B of the viscosity, eq. 3.4.")
-    n: Quantity = _number(0, 1, "Rate exponent n of the viscosity, eq. 3.4.")
-    eps2: Quantity = _number(1e-6, 12, "Viscosity offset eps2 at zero rate, eq. 3.4.")
-
-
-class Elastomer(Section):
-    """Torque model of the rubber coupling, equations 3.1 to 3.11."""
-
-    k1_Nm_rad: Quantity = _number(0, 1000, "Linear stiffness k1, eq. 3.2.")
-    k3_Nm_rad3: Quantity = _number(0, 2500, "Cubic stiffness k3, eq. 3.2.")
-    alpha_Nm_rad: Quantity = _number(0, 1000, "Stop weight alpha, eq. 3.10.")
-    beta_1_rad: Quantity = _number(0, 1000, "Decay beta of the stop weight, eq. 3.10.")
-    omega_rad: Quantity = _number(1e-6, 0.1, "Spacing omega of the stop thresholds, eq. 3.11.")
-    stops: Quantity = _number(1, 32, "Number N of stop operators, eq. 3.9.", whole=True)
-    dead_zone_rad: Quantity | None = _number(
-        0,
-        MAX_DEAD_ZONE_RAD,
-        "Half-width of the dead zone, eq. 8.7/8.8; leave the key out where there is none.",
-        default=None,
-    )
-    maxwell: Maxwell | None = Field(
-        default=None, description="Rate terms; leave the table out where they are not identified."
-    )
-
-
 class Domain(Section):
     """Where the parameters were identified; outside it the firmware says so and goes on."""
 
-    theta_max_rad: Quantity = _number(1e-3, 3.2, "Largest identified |deflection|.")
-    omega_max_rad_s: Quantity = _number(1e-3, 100, "Largest identified |deflection rate|.")
-    tau_full_scale_Nm: Quantity = _number(1e-3, 1000, "Full scale for errors in % of full scale.")
+    theta_max_rad: Quantity = number(1e-3, 3.2, "Largest identified |deflection|.")
+    omega_max_rad_s: Quantity = number(1e-3, 100, "Largest identified |deflection rate|.")
+    tau_full_scale_Nm: Quantity = number(1e-3, 1000, "Full scale for errors in % of full scale.")
 
 
 class Limits(Section):
     """Physical ranges of the ports; a value outside is an invalid input."""
 
-    theta_rad: Quantity = _number(1e-3, 3.2, "Largest plausible |deflection|.")
-    omega_rad_s: Quantity = _number(1e-2, 1000, "Largest plausible |deflection rate|.")
-    tau_Nm: Quantity = _number(1e-2, 2000, "Largest plausible |torque|.")
+    theta_rad: Quantity = number(1e-3, 3.2, "Largest plausible |deflection|.")
+    omega_rad_s: Quantity = number(1e-2, 1000, "Largest plausible |deflection rate|.")
+    tau_Nm: Quantity = number(1e-2, 2000, "Largest plausible |torque|.")
 
 
 class Timing(Section):
     """Task rates."""
 
-    sense_rate_Hz: Quantity = _number(50, 10000, "Rate of the sensing task.")
-    control_rate_Hz: Quantity | None = _number(
+    sense_rate_Hz: Quantity = number(50, 10000, "Rate of the sensing task.")
+    control_rate_Hz: Quantity | None = number(
         10, 10000, "Rate of the control task; it divides the sensing task's.", default=None
     )
-    control_release_s: Quantity | None = _number(
+    control_release_s: Quantity | None = number(
         1e-4,
         0.1,
         "From the start of the control task to the release of its command; leave it out for a "
@@ -134,20 +60,20 @@ class Timing(Section):
 class Velocity(Section):
     """Velocity estimate shared by all that need a rate."""
 
-    bandwidth_Hz: Quantity = _number(2, 100, "Bandwidth of the tracking observer's triple pole.")
+    bandwidth_Hz: Quantity = number(2, 100, "Bandwidth of the tracking observer's triple pole.")
 
 
 class EncoderSide(Section):
     """One encoder: how it is mounted, where its zero is, and what is known of its errors."""
 
-    direction: Quantity | None = _number(
+    direction: Quantity | None = number(
         -1,
         1,
         "1 where the count rises with the joint angle, -1 where it falls; 1 when left out.",
         whole=True,
         default=None,
     )
-    zero_rad: Quantity | None = _number(
+    zero_rad: Quantity | None = number(
         -math.pi,
         math.pi,
         "What a calibration found: corrected angle of the encoder, times direction, where the "
@@ -155,35 +81,35 @@ class EncoderSide(Section):
         "calibration sets it.",
         default=None,
     )
-    step_max_rad: Quantity | None = _number(
+    step_max_rad: Quantity | None = number(
         1e-4,
         1.5,
         "Largest believable |step| between two samples; left out, the joint's speed limit times "
         "the period, 0.5 deg for noise, and one count.",
         default=None,
     )
-    held_max: Quantity | None = _number(
+    held_max: Quantity | None = number(
         1,
         10,
         "Bad frames in a row that are bridged with the last good angle; 3 when left out.",
         whole=True,
         default=None,
     )
-    orientation_rad: Quantity | None = _number(
+    orientation_rad: Quantity | None = number(
         -math.pi,
         math.pi,
         "Angle at which the encoder is mounted now, from a mark on its part; any fixed mark will "
         "do.  0 when left out.",
         default=None,
     )
-    correction_rad: Series | None = _series(
+    correction_rad: Series | None = series(
         -0.09,
         0.09,
         TABLE_SIZES,
         "What is added to the raw angle, at 4, 8, 16, 32 or 64 equal steps of the encoder's turn "
         "from count 0 on.",
     )
-    correction_orientation_rad: Quantity | None = _number(
+    correction_orientation_rad: Quantity | None = number(
         -math.pi,
         math.pi,
         "Angle at which the encoder was mounted when the correction was characterised; needed with "
@@ -195,7 +121,7 @@ class EncoderSide(Section):
 class Encoder(Section):
     """Encoders on either side of the coupling."""
 
-    resolution_bits: Quantity = _number(8, 24, "Counts per turn, as a power of two.", whole=True)
+    resolution_bits: Quantity = number(8, 24, "Counts per turn, as a power of two.", whole=True)
     motor: EncoderSide | None = Field(default=None, description="The one on the motor's side.")
     load: EncoderSide | None = Field(default=None, description="The one on the load's side.")
 
@@ -211,13 +137,13 @@ class Inverse(Section):
         default="none",
         description="Filter of the published inverse's disturbance observer; none leaves it out.",
     )
-    kappa_rad: Quantity | None = _number(
+    kappa_rad: Quantity | None = number(
         0, 5, "Weight kappa of the play operators, eq. 4.9.", default=None
     )
-    phi_1_rad: Quantity | None = _number(
+    phi_1_rad: Quantity | None = number(
         0, 5, "Decay phi of the play operators' weight, eq. 4.9.", default=None
     )
-    chi_rad: Quantity | None = _number(
+    chi_rad: Quantity | None = number(
         1e-6, 1, "Spacing chi of the play operators, eq. 4.11.", default=None
     )
 
@@ -225,17 +151,17 @@ class Inverse(Section):
 class Actuator(Section):
     """Motor and cable drive, equations 5.1 and 5.2; torques at the motor shaft times the ratio."""
 
-    gear_ratio: Quantity = _number(1, 1000, "Gear ratio n from motor shaft to joint, eq. 5.2.")
-    J_kgm2: Quantity = _number(1e-4, 100, "Inertia J of motor and drive at the joint, eq. 5.2.")
-    fv_Nms_rad: Quantity = _number(0, 100, "Viscous friction fv at the joint, eq. 5.2.")
-    fc_Nm: Quantity = _number(0, 100, "Coulomb friction fc at the joint, eq. 5.2.")
-    coulomb_width_rad_s: Quantity = _number(
+    gear_ratio: Quantity = number(1, 1000, "Gear ratio n from motor shaft to joint, eq. 5.2.")
+    J_kgm2: Quantity = number(1e-4, 100, "Inertia J of motor and drive at the joint, eq. 5.2.")
+    fv_Nms_rad: Quantity = number(0, 100, "Viscous friction fv at the joint, eq. 5.2.")
+    fc_Nm: Quantity = number(0, 100, "Coulomb friction fc at the joint, eq. 5.2.")
+    coulomb_width_rad_s: Quantity = number(
         1e-3, 10, "Width of the smoothed Coulomb friction, tanh(omega/width)."
     )
-    tau_c_s: Quantity = _number(1e-4, 1, "Lag tau_c of the motor's torque, eq. 5.1.")
-    u_max_Nm: Quantity = _number(1e-3, 100, "Largest |motor torque| at the motor shaft.")
-    omega_max_rad_s: Quantity = _number(1e-2, 1000, "Largest plausible |motor side's speed|.")
-    encoder_bits: Quantity = _number(
+    tau_c_s: Quantity = number(1e-4, 1, "Lag tau_c of the motor's torque, eq. 5.1.")
+    u_max_Nm: Quantity = number(1e-3, 100, "Largest |motor torque| at the motor shaft.")
+    omega_max_rad_s: Quantity = number(1e-2, 1000, "Largest plausible |motor side's speed|.")
+    encoder_bits: Quantity = number(
         8, 32, "Counts per turn of the motor shaft, as a power of two.", whole=True
     )
 
@@ -243,15 +169,15 @@ class Actuator(Section):
 class Joint(Section):
     """The joint and what hangs on its load side."""
 
-    Jh_kgm2: Quantity = _number(1e-4, 100, "Inertia Jh of load side and limb, eq. 5.3.")
-    theta_min_rad: Quantity = _number(-6.4, 6.4, "Smallest angle of the joint's range of motion.")
-    theta_max_rad: Quantity = _number(-6.4, 6.4, "Largest angle of the joint's range of motion.")
-    omega_max_rad_s: Quantity = _number(1e-2, 1000, "Largest plausible |joint speed|.")
-    tau_human_max_Nm: Quantity = _number(1e-2, 1000, "Largest plausible |human torque|.")
-    motor_velocity_Hz: Quantity = _number(
+    Jh_kgm2: Quantity = number(1e-4, 100, "Inertia Jh of load side and limb, eq. 5.3.")
+    theta_min_rad: Quantity = number(-6.4, 6.4, "Smallest angle of the joint's range of motion.")
+    theta_max_rad: Quantity = number(-6.4, 6.4, "Largest angle of the joint's range of motion.")
+    omega_max_rad_s: Quantity = number(1e-2, 1000, "Largest plausible |joint speed|.")
+    tau_human_max_Nm: Quantity = number(1e-2, 1000, "Largest plausible |human torque|.")
+    motor_velocity_Hz: Quantity = number(
         2, 400, "Cut-off of the motor side's velocity filter (Butterworth, 4th order)."
     )
-    load_velocity_Hz: Quantity = _number(
+    load_velocity_Hz: Quantity = number(
         2, 400, "Cut-off of the load side's velocity filter (Butterworth, 4th order)."
     )
 
@@ -259,32 +185,32 @@ class Joint(Section):
 class Disturbance(Section):
     """Disturbance observers, equations 5.5 and 5.10, and the extended-state human-torque one."""
 
-    drive_1_s: Quantity = _number(0, 200, "Bandwidth L of the drive's disturbance observer, 5.5.")
-    human_1_s: Quantity = _number(0, 50, "Bandwidth L of the human-torque observer, eq. 5.10.")
-    decay_s: Quantity = _number(0.01, 10, "Decay time of the human torque's rate.")
-    gain_theta: Quantity = _number(0, 1, "Innovation gain on the load angle.")
-    gain_omega_1_s: Quantity = _number(0, 1000, "Innovation gain on the load speed.")
-    gain_tau_Nm_rad: Quantity = _number(0, 1e5, "Innovation gain on the human torque.")
-    gain_rate_Nm_s_rad: Quantity = _number(0, 1e6, "Innovation gain on the human torque's rate.")
+    drive_1_s: Quantity = number(0, 200, "Bandwidth L of the drive's disturbance observer, 5.5.")
+    human_1_s: Quantity = number(0, 50, "Bandwidth L of the human-torque observer, eq. 5.10.")
+    decay_s: Quantity = number(0.01, 10, "Decay time of the human torque's rate.")
+    gain_theta: Quantity = number(0, 1, "Innovation gain on the load angle.")
+    gain_omega_1_s: Quantity = number(0, 1000, "Innovation gain on the load speed.")
+    gain_tau_Nm_rad: Quantity = number(0, 1e5, "Innovation gain on the human torque.")
+    gain_rate_Nm_s_rad: Quantity = number(0, 1e6, "Innovation gain on the human torque's rate.")
 
 
 class SlidingMode(Section):
     """Sliding mode torque control, equations 5.12 to 5.22."""
 
-    lambda_1_s: Quantity = _number(
+    lambda_1_s: Quantity = number(
         1,
         25,
         "Slope lambda of the sliding surface, eq. 5.12; beyond, the motor's lag makes the loop "
         "swing, or it does not follow.",
     )
-    phi_rad_s: Quantity = _number(1e-3, 100, "Width phi of the boundary layer, 5.22.")
-    fv_share: Quantity = _number(0, 1, "Uncertain share of the viscous friction, eq. 5.20.")
-    fc_share: Quantity = _number(0, 1, "Uncertain share of the Coulomb friction, eq. 5.20.")
-    J_unc_kgm2: Quantity = _number(0, 10, "Uncertain inertia, eq. 5.20.")
-    k1_unc_Nm_rad: Quantity = _number(0, 1000, "Uncertain torque per deflection, eq. 5.20.")
-    k3_unc_Nm_rad3: Quantity = _number(0, 2500, "Uncertain torque per deflection cubed, 5.20.")
-    eta_rad_s2: Quantity = _number(0, 100, "Reaching rate eta, eq. 5.20.")
-    setpoint_filter_Hz: Quantity | None = _number(
+    phi_rad_s: Quantity = number(1e-3, 100, "Width phi of the boundary layer, 5.22.")
+    fv_share: Quantity = number(0, 1, "Uncertain share of the viscous friction, eq. 5.20.")
+    fc_share: Quantity = number(0, 1, "Uncertain share of the Coulomb friction, eq. 5.20.")
+    J_unc_kgm2: Quantity = number(0, 10, "Uncertain inertia, eq. 5.20.")
+    k1_unc_Nm_rad: Quantity = number(0, 1000, "Uncertain torque per deflection, eq. 5.20.")
+    k3_unc_Nm_rad3: Quantity = number(0, 2500, "Uncertain torque per deflection cubed, 5.20.")
+    eta_rad_s2: Quantity = number(0, 100, "Reaching rate eta, eq. 5.20.")
+    setpoint_filter_Hz: Quantity | None = number(
         2,
         400,
         "Cut-off of the Butterworth filter (4th order) before the set-point's differentiation; "
@@ -299,11 +225,11 @@ class SlidingMode(Section):
 class Predictive(Section):
     """Model predictive control in place of sliding mode; its horizon, weights and estimates."""
 
-    intervals: Quantity = _number(2, 100, "Intervals of the horizon.", whole=True)
-    interval_s: Quantity = _number(1e-3, 10, "Length of an interval.")
-    substeps: Quantity = _number(1, 50, "Integration steps in an interval.", whole=True)
-    Q: Quantity = _number(0.01, 1e5, "Weight of the torque error, (Nm)^-2.")
-    R: Quantity = _number(1e-4, 1e4, "Weight of the motor torque's rate, (Nm/s)^-2.")
+    intervals: Quantity = number(2, 100, "Intervals of the horizon.", whole=True)
+    interval_s: Quantity = number(1e-3, 10, "Length of an interval.")
+    substeps: Quantity = number(1, 50, "Integration steps in an interval.", whole=True)
+    Q: Quantity = number(0.01, 1e5, "Weight of the torque error, (Nm)^-2.")
+    R: Quantity = number(1e-4, 1e4, "Weight of the motor torque's rate, (Nm/s)^-2.")
     future: Literal["given", "extrapolated", "held"] = Field(
         default="extrapolated",
         description="given: what is wanted at the end of every interval is an input; extrapolated: "
@@ -329,71 +255,69 @@ class Predictive(Section):
 class Impedance(Section):
     """Impedance control: a PD law on the joint gives the desired torque."""
 
-    Kp_Nm_rad: Quantity = _number(0, 20, "Stiffness Kp.")
-    Kd_Nms_rad: Quantity = _number(0, 5, "Damping Kd.")
+    Kp_Nm_rad: Quantity = number(0, 20, "Stiffness Kp.")
+    Kd_Nms_rad: Quantity = number(0, 5, "Damping Kd.")
 
 
 class Safety(Section):
     """Maxima of the limits Block; compiled in, no message can widen them."""
 
-    u_max_Nm: Quantity = _number(1e-3, 100, "Largest |motor command|, at the motor shaft.")
-    u_rate_Nm_s: Quantity = _number(1e-2, 1e4, "Fastest change of the motor command.")
-    tau_max_Nm: Quantity = _number(1e-2, 1000, "Interaction torque that trips.")
-    theta_max_rad: Quantity = _number(1e-3, 3.2, "Deflection that trips.")
-    rom_min_rad: Quantity = _number(-6.4, 6.4, "Joint angle below which nothing pushes further.")
-    rom_max_rad: Quantity = _number(-6.4, 6.4, "Joint angle above which nothing pushes further.")
-    rom_margin_rad: Quantity = _number(
+    u_max_Nm: Quantity = number(1e-3, 100, "Largest |motor command|, at the motor shaft.")
+    u_rate_Nm_s: Quantity = number(1e-2, 1e4, "Fastest change of the motor command.")
+    tau_max_Nm: Quantity = number(1e-2, 1000, "Interaction torque that trips.")
+    theta_max_rad: Quantity = number(1e-3, 3.2, "Deflection that trips.")
+    rom_min_rad: Quantity = number(-6.4, 6.4, "Joint angle below which nothing pushes further.")
+    rom_max_rad: Quantity = number(-6.4, 6.4, "Joint angle above which nothing pushes further.")
+    rom_margin_rad: Quantity = number(
         1e-3, 3.2, "How far beyond the range of motion the joint may be before it trips."
     )
-    omega_max_rad_s: Quantity = _number(1e-2, 100, "Joint or drive speed that trips.")
-    energy_J: Quantity = _number(1e-3, 1e4, "Energy given to the limb in the window that trips.")
-    energy_window_s: Quantity = _number(1e-2, 60, "Window of the energy limit.")
+    omega_max_rad_s: Quantity = number(1e-2, 100, "Joint or drive speed that trips.")
+    energy_J: Quantity = number(1e-3, 1e4, "Energy given to the limb in the window that trips.")
+    energy_window_s: Quantity = number(1e-2, 60, "Window of the energy limit.")
 
 
 class Redundancy(Section):
     """How far the motor's encoder, the joint's encoders and the motor's torque may disagree."""
 
-    cable_Nm_rad: Quantity = _number(1, 1e5, "Usual stiffness of the cable, at the joint.")
-    cable_least_Nm_rad: Quantity = _number(1, 1e5, "Stiffness of the softest cable.")
-    apart_rad: Quantity = _number(
+    cable_Nm_rad: Quantity = number(1, 1e5, "Usual stiffness of the cable, at the joint.")
+    cable_least_Nm_rad: Quantity = number(1, 1e5, "Stiffness of the softest cable.")
+    apart_rad: Quantity = number(
         1e-3, 1, "Angle between drive and motor side that backlash and encoder errors explain."
     )
-    torque_Nm: Quantity = _number(
+    torque_Nm: Quantity = number(
         1e-2, 100, "Torque at the drive that friction and the gear's disturbance explain."
     )
-    torque_share: Quantity = _number(
+    torque_share: Quantity = number(
         0, 1, "Share of the interaction torque that the elastomer's model may be wrong by."
     )
-    inertia_share: Quantity = _number(
+    inertia_share: Quantity = number(
         0, 1, "Share of the torque that moved the drive's inertia of late: wrong inertia and lag."
     )
-    rate_1_s: Quantity = _number(1, 200, "Bandwidth of the observer of the unexplained torque.")
+    rate_1_s: Quantity = number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
 
 class PassiveInteraction(Section):
     """What keeps every law from giving a hand energy that is not wanted."""
 
-    damping_Nms_rad: Quantity = _number(
-        1e-3, 5, "Largest damping added; Kd counts as a part of it."
-    )
-    least_Nms_rad: Quantity = _number(0, 1, "Damping that a hand feels at least.")
-    window_s: Quantity = _number(1e-2, 10, "Time over which power and speed are averaged.")
-    energy_J: Quantity = _number(0.1, 1e3, "Energy that drive and command may hold.")
-    Kp_max_Nm_rad: Quantity = _number(0, 20, "Largest stiffness that is passive; compiled in.")
-    Kd_max_Nms_rad: Quantity = _number(1e-3, 5, "Largest damping that is passive; compiled in.")
+    damping_Nms_rad: Quantity = number(1e-3, 5, "Largest damping added; Kd counts as a part of it.")
+    least_Nms_rad: Quantity = number(0, 1, "Damping that a hand feels at least.")
+    window_s: Quantity = number(1e-2, 10, "Time over which power and speed are averaged.")
+    energy_J: Quantity = number(0.1, 1e3, "Energy that drive and command may hold.")
+    Kp_max_Nm_rad: Quantity = number(0, 20, "Largest stiffness that is passive; compiled in.")
+    Kd_max_Nms_rad: Quantity = number(1e-3, 5, "Largest damping that is passive; compiled in.")
 
 
 class Cable(Section):
     """The cable between gear and motor side; its stiffness is the usual one of the redundancy."""
 
-    backlash_rad: Quantity = _number(0, 0.2, "Whole gap until it has been learnt.")
-    backlash_most_rad: Quantity = _number(1e-3, 0.2, "Largest gap that may be learnt.")
-    loss: Quantity = _number(0, 0.5, "Share of the |cable's torque| that its friction takes.")
-    contact_Nm: Quantity = _number(
+    backlash_rad: Quantity = number(0, 0.2, "Whole gap until it has been learnt.")
+    backlash_most_rad: Quantity = number(1e-3, 0.2, "Largest gap that may be learnt.")
+    loss: Quantity = number(0, 0.5, "Share of the |cable's torque| that its friction takes.")
+    contact_Nm: Quantity = number(
         1e-3, 10, "Interaction torque above which the cable is at an end of its gap."
     )
-    rate_1_s: Quantity = _number(0, 200, "How fast the ends of the gap are learnt.")
-    drive_1_s: Quantity = _number(
+    rate_1_s: Quantity = number(0, 200, "How fast the ends of the gap are learnt.")
+    drive_1_s: Quantity = number(
         0, 200, "Bandwidth L of the drive's disturbance observer on the motor's own encoder."
     )
 
@@ -416,7 +340,16 @@ class DeviceFile(Section):
         description="Control laws of a device with a drive, the first one in force after the "
         "start; predictive where the file has that section, else sliding_mode, when left out.",
     )
-    elastomer: Elastomer
+    elastomer: Elastomer | None = Field(
+        default=None,
+        description="Torque model of the rubber coupling, equations 3.1 to 3.11; needed where "
+        "there is no [family].",
+    )
+    family: Family | None = Field(
+        default=None,
+        description="Torque model of the rubber coupling: a member of the family, in place of "
+        "[elastomer].",
+    )
     domain: Domain
     limits: Limits
     timing: Timing
@@ -452,8 +385,8 @@ def quantities_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Q
         value = getattr(section, key)
         if isinstance(value, Quantity):
             yield prefix + key, value
-        elif isinstance(value, BaseModel):
-            yield from quantities_of(value, f"{prefix}{key}.")
+        for name, part in _parts(key, value):
+            yield from quantities_of(part, f"{prefix}{name}.")
 
 
 def series_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Series]]:
@@ -462,8 +395,15 @@ def series_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Serie
         value = getattr(section, key)
         if isinstance(value, Series):
             yield prefix + key, value
-        elif isinstance(value, Section):
-            yield from series_of(value, f"{prefix}{key}.")
+        for name, part in _parts(key, value):
+            yield from series_of(part, f"{prefix}{name}.")
+
+
+def _parts(key: str, value: Any) -> list[tuple[str, Section]]:
+    # Sub-sections below a key; those of a row are numbered from 0, as in messages.
+    if isinstance(value, tuple):
+        return [(f"{key}[{i}]", v) for i, v in enumerate(value) if isinstance(v, Section)]
+    return [(key, value)] if isinstance(value, Section) else []
 
 
 def models_of(annotation: Any) -> list[type[BaseModel]]:
@@ -479,7 +419,7 @@ def section_at(names: Iterable[str]) -> type[BaseModel] | None:
     """The section that a path of keys leads to."""
     model: type[BaseModel] = DeviceFile
     for name in names:
-        field = model.model_fields.get(name)
+        field = model.model_fields.get(name.partition("[")[0])
         found = [m for m in models_of(field.annotation) if issubclass(m, Section)] if field else []
         if not found:
             return None

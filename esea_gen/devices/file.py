@@ -17,20 +17,15 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.devices.checks import check_content
-from esea_gen.devices.fields import (
-    MOST_AXES,
-    NAME_PATTERN,
-    DeviceFile,
-    Quantity,
-    Section,
-    Series,
-    quantities_of,
-)
+from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile, quantities_of
+from esea_gen.devices.numbers import Quantity, Section, Series
+from esea_gen.devices.rubber import Elastomer
 from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
 from esea_gen.toml_file import Problem, checked, nearest, parse_toml, read_text
 
+TORQUE_MODELS = ("elastomer", "family")  # one of the two
 SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", source = "where from" }'
 
 
@@ -63,6 +58,25 @@ class DeviceData:
     def period_s(self) -> float:
         """Period of the sensing task."""
         return 1.0 / self.file.timing.sense_rate_Hz.value
+
+    @property
+    def elastomer(self) -> Elastomer:
+        """The published model's numbers; a member of the family has none."""
+        if self.file.elastomer is None:
+            raise UserError(
+                f"{self.origin}: the torque model is [family], and what was asked for is made for "
+                "the published model, [elastomer].",
+                "Use a device with [elastomer] here.",
+            )
+        return self.file.elastomer
+
+    @property
+    def rate_terms(self) -> bool:
+        """Whether the torque depends on time, not on the path alone."""
+        e, family = self.file.elastomer, self.file.family
+        if family is not None:
+            return any(t.kind == "maxwell" for t in family.terms)
+        return e is not None and e.maxwell is not None
 
     @property
     def tau_full_scale_Nm(self) -> float:
@@ -180,8 +194,10 @@ def controller_document(name: str) -> dict[str, Any]:
 
 
 def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    # Sections merge; a number or a row of them is replaced with its status and source.
-    out = dict(base)
+    # Sections merge; a number or a row of them is replaced with its status and source, and the
+    # torque model as a whole by one of the other kind.
+    other = {a for a, b in (TORQUE_MODELS, TORQUE_MODELS[::-1]) if b in over and a not in over}
+    out = {k: v for k, v in base.items() if k not in other}
     for key, value in over.items():
         below = out.get(key)
         section = isinstance(value, dict) and not {"value", "values"} & set(value)
@@ -201,7 +217,7 @@ def _stem(key: str) -> str:
 
 def _fix(problem: Problem) -> str | UserError:
     key, name = problem.key, str(problem.loc[-1])
-    row = "correction_rad" in problem.loc
+    row = "correction_rad" in problem.loc or "times_s" in problem.loc
     if problem.kind == "extra_forbidden":
         same = [k for k in problem.known if _stem(k) == _stem(name)]
         if not same:
@@ -250,6 +266,8 @@ def copied_file(base: DeviceData, name: str) -> DeviceFile:
                 update[key] = value.model_copy(update={"status": "assumed", "source": source})
             elif isinstance(value, Section):
                 update[key] = assumed(value)
+            elif isinstance(value, tuple):
+                update[key] = tuple(assumed(v) if isinstance(v, Section) else v for v in value)
         return section.model_copy(update=update)
 
     title = f"{name}: new device, all numbers copied from {base.name}"

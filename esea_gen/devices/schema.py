@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
 
-from esea_gen.devices.fields import DeviceFile, Quantity, Section, Series, models_of
-from esea_gen.devices.file import shipped_controllers, shipped_devices
+from esea_gen.devices.fields import DeviceFile, models_of
+from esea_gen.devices.file import TORQUE_MODELS, shipped_controllers, shipped_devices
+from esea_gen.devices.numbers import Quantity, Section, Series
 from esea_gen.language.ports import unit_of
 
 
@@ -34,7 +35,10 @@ def json_schema() -> dict[str, Any]:
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Device file of esea-gen",
         **content,
-        "anyOf": [{"required": ["extends"]}, _required_of(DeviceFile)],
+        "anyOf": [
+            {"required": ["extends"]},
+            _required_of(DeviceFile) | {"oneOf": [{"required": [k]} for k in TORQUE_MODELS]},
+        ],
     }
 
 
@@ -45,7 +49,7 @@ def _required_of(model: type[BaseModel]) -> dict[str, Any]:
     below = {
         key: _required_of(section)
         for key, f in keys.items()
-        if (section := _section_of(f.annotation)) is not None
+        if (section := _section_of(f.annotation)) is not None and not _is_row(f.annotation)
     }
     content: dict[str, Any] = {"required": [k for k, f in keys.items() if f.is_required()]}
     inner = {k: v for k, v in below.items() if v["required"] or "properties" in v}
@@ -56,6 +60,10 @@ def _section_of(annotation: Any) -> type[BaseModel] | None:
     return next((m for m in models_of(annotation) if issubclass(m, Section)), None)
 
 
+def _is_row(annotation: Any) -> bool:
+    return get_origin(annotation) is tuple
+
+
 def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
     properties = {}
     for name, f in model.model_fields.items():
@@ -63,6 +71,9 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
         section = _section_of(f.annotation)
         if Series in models_of(f.annotation):
             about = _series_schema(key, f.json_schema_extra)
+        elif section is not None and _is_row(f.annotation):
+            needed = [k for k, inner in section.model_fields.items() if inner.is_required()]
+            about = {"type": "array", "items": _schema_of(section) | {"required": needed}}
         elif section is not None:
             about = _schema_of(section)
         elif Quantity in models_of(f.annotation):

@@ -7,7 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from esea_gen.devices.fields import SCHEMA, DeviceFile, Quantity, Section, Series
+from esea_gen.devices.fields import SCHEMA, DeviceFile
+from esea_gen.devices.numbers import Quantity, Section, Series
 
 
 def render_toml(file: DeviceFile) -> str:
@@ -27,31 +28,36 @@ def render_toml(file: DeviceFile) -> str:
             about = DeviceFile.model_fields[key].description
             lines += [f"# {about}", f"{key} = {json.dumps(list(names))}"]
 
-    def section(name: str, model: BaseModel) -> None:
-        lines.extend(["", f"# {(type(model).__doc__ or '').strip()}", f"[{name}]"])
+    def section(name: str, model: BaseModel, first: bool = True, row: bool = False) -> None:
+        # Of a row of sections the first one has the comments.
+        about = [f"# {(type(model).__doc__ or '').strip()}"] if first else []
+        lines.extend(["", *about, f"[[{name}]]" if row else f"[{name}]"])
         subsections = []
         for key, f in type(model).model_fields.items():
             value = getattr(model, key)
             extra: Any = f.json_schema_extra
             limits = f"Limits {extra['low']:g} to {extra['high']:g}." if extra else ""
-            if value is None and extra:
+            if value is None and extra and not row:
                 lines.append(f"# Optional, {key}: {f.description}  {limits}")
             if isinstance(value, Quantity | Series):
                 if isinstance(value, Series):
                     content = f"values = {[float(v) for v in value.values]!r}"
                 else:
                     content = f"value = {int(value.value) if extra['whole'] else value.value!r}"
-                lines.append(f"# {f.description}  {limits}")
+                lines.extend([f"# {f.description}  {limits}"] if first else [])
                 lines.append(
                     f"{key} = {{ {content}, status = {json.dumps(value.status)}, "
                     f"source = {json.dumps(value.source, ensure_ascii=False)} }}"
                 )
             elif isinstance(value, str):
-                lines.extend([f"# {f.description}", f"{key} = {json.dumps(value)}"])
+                lines.extend([f"# {f.description}"] if first else [])
+                lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
             elif isinstance(value, BaseModel):
-                subsections.append((f"{name}.{key}", value))
-        for sub, value in subsections:
-            section(sub, value)
+                subsections.append((f"{name}.{key}", value, True, False))
+            elif isinstance(value, tuple):
+                subsections += [(f"{name}.{key}", v, not i, True) for i, v in enumerate(value)]
+        for sub in subsections:
+            section(*sub)
 
     for key in DeviceFile.model_fields:
         value = getattr(file, key)

@@ -25,17 +25,19 @@ from esea_gen.device import Device
 from esea_gen.identify.candidates import members
 from esea_gen.identify.conditions import Split, splits_of
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.family_fit import FamilyDevice, UnitTerms, fit_member, misfits_of
+from esea_gen.identify.family_file import drafted_member, grid_rate
+from esea_gen.identify.family_fit import UnitTerms, fit_member, misfits_of, term_rows
 from esea_gen.identify.fit import Progress
-from esea_gen.identify.identification import FIT_RATE_HZ, fit_split
+from esea_gen.identify.identification import fit_split
 from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.peers import PEERS, fit_peer
 from esea_gen.identify.recording import Recording, load_recordings
 from esea_gen.language.ports import Array
 from esea_gen.model.family import Member
+from esea_gen.model.rubber import fitted_of
 
-THESIS = "thesis"
+THESIS = "published"
 THESIS_POPULATION = 256
 Cost = Callable[[Device], float]
 
@@ -119,9 +121,13 @@ class ModelComparison:
             "chosen": self.chosen,
             "best": self.best,
             "standard_error": self.standard_error,
-            "terms": _terms(self.devices[self.chosen]),
+            "terms": self._terms(),
             "notes": list(self.notes),
         }
+
+    def _terms(self) -> list[dict[str, Any]]:
+        device = self.devices[self.chosen]
+        return [] if device.file.family is None else term_rows(fitted_of(device))
 
     def table(self) -> list[str]:
         """Lines for the terminal: a model a line, its errors by condition.
@@ -155,23 +161,6 @@ class ModelComparison:
             )
         lines.append(chosen)
         return lines + [f"note: {n}" for n in self.notes]
-
-
-def _terms(device: Device) -> list[dict[str, Any]]:
-    if not isinstance(device, FamilyDevice):
-        return []
-    return [
-        {
-            "term": t.text,
-            "kind": t.kind,
-            "rise": [t.rise.kind, t.rise.number, t.rise.side],
-            "numbers": list(t.numbers),
-            "exponent": t.exponent,
-            "softening": None if t.softening is None else [t.softening.kind, t.softening.number],
-            "weight_Nm": w,
-        }
-        for w, t in device.fitted.used
-    ]
 
 
 def compare(
@@ -278,23 +267,17 @@ class _Run:
             self.add(THESIS, split, errors)
 
     def member(self, member: Member) -> None:
-        terms = UnitTerms(member, self.recordings, _grid_rate(self.source))
+        terms = UnitTerms(member, self.recordings, grid_rate(self.source))
         for split in self.splits:
             fitted = fit_member(terms, split.recordings, self.full_scale_Nm)
             if split.declared:
-                template = draft(self.source, list(split.recordings), False)
-                self.price(member.name, FamilyDevice(template.file, template.origin, fitted))
+                self.price(member.name, drafted_member(self.source, list(split.recordings), fitted))
             self.add(member.name, split, misfits_of(terms, split.recordings, fitted))
 
     def peer(self, name: str) -> None:
         for split in self.splits:
             torque = fit_peer(name, split.recordings, self.source.mapping.search.seed)
             self.add(name, split, _errors(split.recordings, torque))
-
-
-def _grid_rate(source: MappingFile) -> float:
-    fine = source.mapping.device.sense_rate_Hz.value
-    return source.mapping.sampling.fit_rate_Hz or min(FIT_RATE_HZ, fine)
 
 
 def _thesis(source: MappingFile, split: Split) -> tuple[Device, Misfits]:

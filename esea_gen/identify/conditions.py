@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from esea_gen.errors import UserError
 from esea_gen.identify.cycles import DataSet
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.mapping import Cycles
+from esea_gen.toml_file import nearest
+
+if TYPE_CHECKING:
+    from esea_gen.identify.recording import Recording
+
+# With fewer, leaving one out leaves too little, or one on one side only.
+LEAST_CONDITIONS = 3
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,32 @@ def splits_of(recordings: Sequence[Recording]) -> tuple[Split, ...]:
     return tuple(splits)
 
 
+def divided(recordings: list[Recording], rules: Cycles) -> list[Recording]:
+    """Recordings as their mapping divides them: with ``hold_out``, a whole condition judges.
+
+    Where the mapping says neither which condition nor how many cycles to hold out, and every file
+    is used by cycles, the condition of middle amplitude is held out: what lies inside.
+    """
+    used = [(r, s) for r in recordings for s in r.sets if len(s.training) or len(s.held_out)]
+    known = list(dict.fromkeys(c for r, s in used for c in conditions_of(r, s)))
+    asked = rules.hold_out
+    if asked is not None:
+        if asked not in known or len(known) < 2:
+            raise UserError(
+                f"cycles.hold_out = '{asked}' is no condition that could be left out.",
+                f"{nearest(asked, known)}There are: {', '.join(known)}; two at least are needed.",
+            )
+    elif rules.hold_out_last is None and len(known) >= LEAST_CONDITIONS:
+        mixed = all(len(s.training) and len(s.held_out) for _, s in used)
+        if mixed and all(len(conditions_of(r, s)) == 1 for r, s in used):
+            sizes = {
+                c: float(np.mean([s.amplitude_rad for r, s in used if c in conditions_of(r, s)]))
+                for c in known
+            }
+            asked = sorted(known, key=lambda c: sizes[c])[len(known) // 2]
+    return recordings if asked is None else [_without(r, asked) for r in recordings]
+
+
 def _without(recording: Recording, condition: str) -> Recording:
     sets = []
     for s in recording.sets:
@@ -63,4 +98,4 @@ def _without(recording: Recording, condition: str) -> Recording:
     return replace(recording, sets=tuple(sets))
 
 
-__all__ = ["Split", "conditions_of", "splits_of"]
+__all__ = ["Split", "conditions_of", "divided", "splits_of"]

@@ -124,7 +124,7 @@ def divide(theta: Array, rules: Cycles, use: str) -> tuple[Cycle, ...]:
             roles.append("transition")
         elif place < rules.skip_first:
             roles.append("conditioning")
-        elif place >= size - rules.hold_out_last:
+        elif place >= size - rules.held_out_last:
             roles.append("held_out")
         else:
             roles.append("training")
@@ -152,7 +152,13 @@ def _work(theta: Array, tau: Array, cycle: Cycle) -> float:
 
 
 def _one_set(
-    label: str, theta: Array, tau: Array, cycles: Sequence[Cycle], use: str, whole: bool
+    label: str,
+    theta: Array,
+    tau: Array,
+    cycles: Sequence[Cycle],
+    use: str,
+    whole: bool,
+    spoilt: npt.NDArray[np.bool_],
 ) -> DataSet:
     if whole:
         every = np.arange(len(theta), dtype=np.intp)
@@ -184,8 +190,8 @@ def _one_set(
     return DataSet(
         label=label,
         amplitude_rad=float(np.median(amplitudes)),
-        training=training,
-        held_out=held_out,
+        training=training[~spoilt[training]],
+        held_out=held_out[~spoilt[held_out]],
         cycles=counts,
         asymmetry=float(np.mean(asymmetries)) if asymmetries else None,
         work_first_J=work[0] if several else None,
@@ -194,14 +200,21 @@ def _one_set(
 
 
 def data_sets(
-    label: str, theta: Array, tau: Array, cycles: tuple[Cycle, ...], use: str
+    label: str,
+    theta: Array,
+    tau: Array,
+    cycles: tuple[Cycle, ...],
+    use: str,
+    spoilt: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[DataSet, ...]:
+    """What errors are given for; samples that are spoilt are in none."""
+    spoilt = np.zeros(len(theta), dtype=bool) if spoilt is None else spoilt
     if use != "cycles":
-        return (_one_set(label, theta, tau, cycles, use, True),)
+        return (_one_set(label, theta, tau, cycles, use, True, spoilt),)
     blocks = sorted({c.block for c in cycles if c.role in ("training", "held_out")})
     out = []
     for n, b in enumerate(blocks):
         name = f"{label} block {n + 1}" if len(blocks) > 1 else label
         own = [c for c in cycles if c.block == b]
-        out.append(_one_set(name, theta, tau, own, use, False))
+        out.append(_one_set(name, theta, tau, own, use, False, spoilt))
     return tuple(out)

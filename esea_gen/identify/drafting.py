@@ -8,17 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from esea_gen.device import Device, parse_device
-from esea_gen.devices.fields import (
-    DeviceFile,
-    Domain,
-    Elastomer,
-    Encoder,
-    Limits,
-    Maxwell,
-    Quantity,
-    Timing,
-    Velocity,
-)
+from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing, Velocity
+from esea_gen.devices.numbers import Quantity
+from esea_gen.devices.rubber import Elastomer, Maxwell
 from esea_gen.devices.writing import render_toml
 from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.fit import Fit
@@ -26,9 +18,10 @@ from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import EPS2_DEFAULT, at_bound, with_parameters
 from esea_gen.identify.recording import MAX_TAU_NM, MAX_THETA_RAD, Recording
 from esea_gen.identify.uncertainty import Uncertainty
+from esea_gen.model.elastomer import RATE_KEYS
 
 
-def _round_up(x: float) -> float:
+def round_up(x: float) -> float:
     digit = 10.0 ** (math.floor(math.log10(x)) - 1)
     return float(f"{math.ceil(x / digit - 1e-9) * digit:.6g}")
 
@@ -40,7 +33,7 @@ def scales_assumed(source: MappingFile) -> bool:
     return any(q.status == "assumed" for q in used)
 
 
-def _origin(source: MappingFile, files: str) -> str:
+def origin_of(source: MappingFile, files: str) -> str:
     scales = "; scales assumed" if scales_assumed(source) else ""
     return f"{files} ({source.origin}{scales})"
 
@@ -53,20 +46,26 @@ def files_of(recordings: Sequence[Recording], only_training: bool = True) -> str
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
+def largest_torque(source: MappingFile, recordings: Sequence[Recording]) -> float:
+    """100 % of errors: the mapping's, or the largest recorded torque."""
+    asked = source.mapping.full_scale_Nm
+    return asked.value if asked else max(float(np.abs(r.tau_Nm).max()) for r in recordings)
+
+
 def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) -> Device:
     """A device whose ranges hold the recordings, with parameters yet to be found."""
     m = source.mapping
     d = m.device
-    where = _origin(source, files_of(recordings))
+    where = origin_of(source, files_of(recordings))
     trained = [(r, s) for r in recordings for s in r.sets if len(s.training)]
     theta = max(float(np.abs(r.theta_rad[s.training]).max()) for r, s in trained)
     reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
     timed = all(r.timed for r in recordings)
     omega = min(100.0, max([1e-3, *(_rate(r, s) for r, s in trained)]))
     full = m.full_scale_Nm or Quantity(
-        value=max(float(np.abs(r.tau_Nm).max()) for r in recordings),
+        value=largest_torque(source, recordings),
         status="identified",
-        source=f"largest |torque| of {_origin(source, files_of(recordings, False))}",
+        source=f"largest |torque| of {origin_of(source, files_of(recordings, False))}",
     )
     largest = max([full.value, *(float(np.abs(r.tau_Nm).max()) for r in recordings)])
 
@@ -76,7 +75,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     def factor(value: float, high: float, what: str) -> Quantity:
         text = f"device.limit_factor {d.limit_factor:g} of {source.origin} over {what}"
         return Quantity(
-            value=min(high, _round_up(d.limit_factor * value)), status="assumed", source=text
+            value=min(high, round_up(d.limit_factor * value)), status="assumed", source=text
         )
 
     maxwell = Maxwell(
@@ -119,7 +118,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
         limits=Limits(
             theta_rad=factor(max(reach, 1e-3), MAX_THETA_RAD, "the largest recorded |deflection|"),
             omega_rad_s=Quantity(
-                value=max(25.0, _round_up(d.limit_factor * omega)),
+                value=max(25.0, round_up(d.limit_factor * omega)),
                 status="assumed",
                 source="25 rad/s as the shipped elbow, or device.limit_factor over the domain",
             ),
@@ -149,9 +148,9 @@ def fitted_device(
 ) -> Device:
     """The template with the fitted parameters and a torque limit that holds the model."""
     file = template.file
-    where = _origin(source, files_of(recordings))
+    where = origin_of(source, files_of(recordings))
     found = {k: Quantity(value=v, status="identified", source=where) for k, v in fit.values.items()}
-    elastomer = with_parameters(file.elastomer, found)
+    elastomer = with_parameters(template.elastomer, found)
     v, theta = fit.values, file.limits.theta_rad.value
     spring = v["k1_Nm_rad"] * theta + v["k3_Nm_rad3"] * theta**3
     radii = [v["omega_rad"] * (i + 1) for i in range(int(elastomer.stops.value))]
@@ -162,7 +161,7 @@ def fitted_device(
     limit = file.limits.tau_Nm
     if reach > limit.value:
         limit = Quantity(
-            value=min(2 * MAX_TAU_NM, _round_up(reach)),
+            value=min(2 * MAX_TAU_NM, round_up(reach)),
             status="assumed",
             source="the model's torque at the deflection limit",
         )
@@ -177,7 +176,9 @@ def sourced_device(
     source: MappingFile, recordings: list[Recording], device: Device, fit: Fit, spread: Uncertainty
 ) -> Device:
     """Parameters that say where they come from and how sure they are; then the usual checks."""
-    where = _origin(source, files_of(recordings))
+    where = origin_of(source, files_of(recordings))
+    timed = all(r.timed for r in recordings)
+    doubtful = {"eps2"} if timed else set(RATE_KEYS)
 
     def describe(key: str) -> str:
         if key == "eps2":
@@ -188,12 +189,15 @@ def sourced_device(
         sigma = spread.sigma.get(key)
         if sigma is None or not math.isfinite(sigma):
             return f"{where}; the torque does not depend on it"
-        return f"{where}; standard deviation {sigma:.2g}"
+        period = "" if timed or key not in RATE_KEYS else "; on an assumed sampling period"
+        return f"{where}; standard deviation {sigma:.2g}{period}"
 
     found = {
-        k: Quantity(value=v, status="assumed" if k == "eps2" else "identified", source=describe(k))
+        k: Quantity(
+            value=v, status="assumed" if k in doubtful else "identified", source=describe(k)
+        )
         for k, v in fit.values.items()
     }
-    elastomer = with_parameters(device.file.elastomer, found)
+    elastomer = with_parameters(device.elastomer, found)
     file = device.file.model_copy(update={"elastomer": elastomer})
     return parse_device(render_toml(file), f"{file.name}.toml")

@@ -14,23 +14,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from esea_gen.device import Device
-from esea_gen.devices.fields import DeviceFile
-from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.fit import solve_linear
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recording import Recording, resample
-from esea_gen.language.block import Block
+from esea_gen.identify.resampling import LeftOut, resampled, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member
-from esea_gen.model.family_sensor import family_sensor, unit_terms
+from esea_gen.model.family_sensor import unit_terms
 
 # A term whose RMS torque is below this share of full scale is left out.
 LEAST_SHARE = 1e-3
@@ -141,12 +138,49 @@ def fit_member(
     return FittedMember(member, scale, tuple(float(w) for w in final))
 
 
+def member_spread(
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
+) -> tuple[dict[int, float], LeftOut]:
+    """Standard deviations of the weights above 0, by place among the terms.
+
+    Which terms carry torque is taken as it was found.
+    """
+    columns = terms.over(fitted.scale_rad)
+    used = [i for i, w in enumerate(fitted.weights_Nm) if w]
+    pairs = zip(recordings, columns, strict=True)
+    sets = [(r, s, c) for r, c in pairs for s in r.sets if len(s.training)]
+    ways = [np.sign(np.gradient(r.theta_rad))[s.training] for r, s, _ in sets]
+    basis = np.concatenate([c[s.training][:, used] for _, s, c in sets])
+    target = np.concatenate([r.tau_Nm[s.training] for r, s, _ in sets])
+    weight = equal_weights(ways) * np.sqrt(len(target))
+    residual = target - basis @ np.array([fitted.weights_Nm[i] for i in used])
+    rows = rows_of([(r, s) for r, s, _ in sets], ways)
+    found = resampled(basis, residual, weight, rows, whole_conditions(recordings))
+    return dict(zip(used, found.sigma.tolist(), strict=True)), found
+
+
 def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember) -> Misfits:
     """Errors of a fitted member on the recordings that its terms were run over."""
     weights = np.array(fitted.weights_Nm)
     columns = terms.over(fitted.scale_rad)
     errors = ((r, c @ weights - r.tau_Nm) for r, c in zip(recordings, columns, strict=True))
     return Misfits.of("Nm", errors)
+
+
+def term_rows(fitted: FittedMember) -> list[dict[str, Any]]:
+    """Terms that carry torque, JSON-ready."""
+    return [
+        {
+            "term": t.text,
+            "kind": t.kind,
+            "rise": [t.rise.kind, t.rise.number, t.rise.side],
+            "numbers": list(t.numbers),
+            "exponent": t.exponent,
+            "softening": None if t.softening is None else [t.softening.kind, t.softening.number],
+            "weight_Nm": w,
+        }
+        for w, t in fitted.used
+    ]
 
 
 def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
@@ -156,34 +190,12 @@ def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
     return LEAST_STIFFNESS * full_scale_Nm if linear else 0.0
 
 
-class FamilyDevice(Device):
-    """A device whose torque sensor is a member of the family."""
-
-    def __init__(self, file: DeviceFile, origin: str, fitted: FittedMember) -> None:
-        super().__init__(file, origin)
-        self.fitted = fitted
-        limit = file.limits.theta_rad.value
-        if not fitted.least_slope_Nm_rad(limit) > 0:
-            raise UserError(
-                f"{origin}: {fitted.member.name}: the torque need not rise with the deflection.",
-                "Give the member a linear spring without softening.",
-            )
-
-    @cached_property
-    def sensor(self) -> Block:
-        """The member's Block."""
-        return family_sensor(self, self.fitted)
-
-    def canonical(self) -> str:
-        """The content with the model: the hash covers both."""
-        return f"{super().canonical()}\n{self.fitted!r}"
-
-
 __all__ = [
-    "FamilyDevice",
     "UnitTerms",
     "fit_member",
+    "member_spread",
     "misfits_of",
     "solve_weights",
+    "term_rows",
     "trained_scale",
 ]

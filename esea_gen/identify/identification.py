@@ -4,89 +4,48 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from esea_gen.device import Device
-from esea_gen.identify.device_file import marked_toml, write_marked
 from esea_gen.identify.drafting import draft, fitted_device, sourced_device
+from esea_gen.identify.family_file import grid_rate
 from esea_gen.identify.fit import Fit, Progress, search
+from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
-from esea_gen.identify.notes import notes_of
+from esea_gen.identify.notes import band_notes, notes_of
 from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.plant import FittedPlant
+from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recording import Recording, load_recordings
 from esea_gen.identify.space import Space
 from esea_gen.identify.uncertainty import Uncertainty, uncertainty
 from esea_gen.identify.verdict import Verdict, judge
-from esea_gen.language.ports import Array, unit_of
+from esea_gen.language.ports import unit_of
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
-FIT_RATE_HZ = 100.0
 
-
-@dataclass(frozen=True)
-class Identification:
-    """Result of an identification.
+@dataclass(frozen=True, kw_only=True)
+class Identification(Identified):
+    """Result of an identification of the published model.
 
     Parameters
     ----------
-    device : Device
-        Identified device, its parameters of status ``identified``.
-    source : MappingFile
-        What was asked.
-    recordings : tuple of Recording
-        Data.
     fit, spread : Fit, Uncertainty
         Parameters and what is known of them.
-    verdict : Verdict
-        Errors of the device's C.
     without_rate : Verdict, optional
-        The same for the best model without Maxwell element, where one was asked for.
-    notes : tuple of str
-        What the reader must know.
-    seconds : float
-        Time taken; not part of :meth:`to_dict`, which is the same every time.
+        Errors of the best model without Maxwell element, where one was asked for and kept.
+    with_rate : Verdict, optional
+        Errors of the best model with one, where it was not better on held-out data: left out.
+    device, source, recordings, verdict, notes, seconds
+        As in :class:`~esea_gen.identify.identified.Identified`.
     """
 
-    device: Device
-    source: MappingFile
-    recordings: tuple[Recording, ...]
     fit: Fit
     spread: Uncertainty
-    verdict: Verdict
     without_rate: Verdict | None
-    notes: tuple[str, ...]
-    seconds: float = field(compare=False)
-
-    @property
-    def full_scale_Nm(self) -> float:
-        """Torque that counts as 100 %."""
-        return self.device.tau_full_scale_Nm
-
-    @property
-    def series(self) -> dict[str, dict[str, Array]]:
-        """Per recording: ``time_s``, ``theta_rad``, ``tau_Nm``, ``tau_model_Nm``, ``role``.
-
-        ``role`` is 1 in training, 2 in held-out and 0 in other samples.
-        """
-        out = {}
-        for r in self.recordings:
-            role = np.zeros(len(r.time_s))
-            for s in r.sets:
-                role[s.training] = 1
-                role[s.held_out] = 2
-            out[r.label] = {
-                "time_s": r.time_s,
-                "theta_rad": r.theta_rad,
-                "tau_Nm": r.tau_Nm,
-                "tau_model_Nm": self.verdict.torque_Nm[r.label],
-                "role": role,
-            }
-        return out
+    with_rate: Verdict | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Report, JSON-ready and the same for the same input.
@@ -96,7 +55,6 @@ class Identification:
         dict
             Parameters with standard deviation and bounds, errors per data set, notes.
         """
-        fs = self.full_scale_Nm
         parameters = {}
         for key in (*MODEL_KEYS, *RATE_KEYS):
             if key not in self.fit.values:
@@ -112,20 +70,13 @@ class Identification:
                 "low": low,
                 "high": high,
             }
-        q = dict(self.device.quantities())
-        return {
-            "device": {"name": self.device.name, "title": self.device.title},
-            "mapping": self.source.origin,
-            "full_scale_Nm": fs,
-            "rate_terms": self.device.file.elastomer.maxwell is not None,
+        without = self.without_rate
+        return super().to_dict() | {
             "parameters": parameters,
             "uncertainty": {
-                "assumes": "right model form, first-order autoregressive residuals",
+                **({} if self.spread.resampled is None else self.spread.resampled.to_dict()),
                 "correlation_factor": self.spread.correlation_factor,
                 "weakest": self.spread.weakest,
-            },
-            "domain": {
-                k: q[f"domain.{k}"].value for k in type(self.device.file.domain).model_fields
             },
             "search": {
                 "fitness": "mean over data sets of the mean square error",
@@ -134,87 +85,9 @@ class Identification:
                 "evaluations": self.fit.evaluations,
                 "runner_up": self.fit.runner_up if math.isfinite(self.fit.runner_up) else None,
             },
-            "recordings": [
-                {
-                    "label": r.label,
-                    "file": r.file,
-                    "sha256": r.digest,
-                    "samples": len(r.time_s),
-                    "dropped": r.dropped,
-                    "timed": r.timed,
-                    "duration_s": float(r.time_s[-1]),
-                }
-                for r in self.recordings
-            ],
-            **self._errors(self.verdict),
-            "without_rate_terms": None
-            if self.without_rate is None
-            else self._errors(self.without_rate),
-            "notes": list(self.notes),
+            "without_rate_terms": None if without is None else self.errors(without),
+            "with_rate_terms": None if self.with_rate is None else self.errors(self.with_rate),
         }
-
-    def _errors(self, verdict: Verdict) -> dict[str, Any]:
-        sets = [
-            {
-                "label": s.label,
-                "amplitude_rad": s.amplitude_rad,
-                "cycles": dict(sorted(s.cycles.items())),
-                **errors,
-                "asymmetry": s.asymmetry,
-                "work_first_J": s.work_first_J,
-                "work_last_J": s.work_last_J,
-                "softening": s.softening,
-            }
-            for s, errors in verdict.misfits.rows(self.full_scale_Nm)
-        ]
-        return {"sets": sets, "mean_rms": verdict.misfits.means(self.full_scale_Nm)}
-
-    def summary(self) -> list[str]:
-        """A few lines for the terminal: fit on training and held-out cycles, notes."""
-        lines = [f"{self.device.title}: fit in % of full scale ({self.full_scale_Nm:g} Nm), RMS"]
-        misfits = self.verdict.misfits
-        width = max(len(s.label) for s, _, _ in misfits.sets)
-        for s, trained, held in misfits.sets:
-            cells = [
-                f"{what} {100 * e.rms / self.full_scale_Nm:5.2f} %"
-                for what, e in (("training", trained), ("held out", held))
-                if e
-            ]
-            lines.append(f"  {s.label:{width}}  {', '.join(cells)}")
-        means = misfits.means(self.full_scale_Nm)
-        lines.append(
-            f"  {'mean':{width}}  training {means['training_percent']:5.2f} %, "
-            f"held out {means['held_out_percent']:5.2f} %"
-        )
-        return lines + [f"note: {note}" for note in self.notes]
-
-    def toml(self) -> str:
-        """The device file, its first line saying that it is ours and unchanged."""
-        return marked_toml(self.device)
-
-    def write(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``<name>.toml``, whole or not at all.
-
-        Parameters
-        ----------
-        folder : str or Path
-            Made when missing.
-        overwrite : bool
-            Also replace a file that this program did not write, or that was changed since.
-
-        Returns
-        -------
-        Path
-            The file.
-
-        Raises
-        ------
-        UserError
-            When the file may not be overwritten, or cannot be written.
-        """
-        path = Path(folder) / f"{self.device.name}.toml"
-        write_marked(self.device, path, overwrite)
-        return path
 
 
 def identify(
@@ -252,19 +125,33 @@ def identify(
 
     template = draft(source, recordings, rate_terms)
     bare = draft(source, recordings, False)
+    without = with_rate = None
     if not rate_terms:
         fit, plant, device, verdict = fit_split(source, recordings, bare, tell)
-        without = None
     else:
         # The model without rate terms on the same data: does the Maxwell element earn its place?
-        _, _, _, without = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1))
-        fit, plant, device, verdict = fit_split(
-            source, recordings, template, _part(tell, 0.1, 0.95)
-        )
+        plain = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1))
+        full = fit_split(source, recordings, template, _part(tell, 0.1, 0.95))
+        helps = full[3].misfits.mean_rms(True) < plain[3].misfits.mean_rms(True)
+        fit, plant, device, verdict = full if helps or full[0].rate_dropped else plain
+        if helps or full[0].rate_dropped:
+            without = plain[3]
+        else:
+            with_rate = full[3]
     tell(0.95, "uncertainty")
     spread = uncertainty(plant, fit.values)
     device = sourced_device(source, recordings, device, fit, spread)
-    notes = notes_of(source, recordings, fit, spread, verdict, without, device.tau_full_scale_Nm)
+    device = gated(device, recordings, offset_fitted=False)
+    pair = without or verdict, with_rate or verdict
+    notes = (
+        *gate_notes(recordings, offset_fitted=False),
+        *notes_of(source, recordings, fit, spread, verdict, pair if rate_terms else None),
+        *(
+            band_notes(recordings, verdict, spread.resampled, device.tau_full_scale_Nm)
+            if spread.resampled
+            else ()
+        ),
+    )
     tell(1.0, "done")
     return Identification(
         device=device,
@@ -274,6 +161,7 @@ def identify(
         spread=spread,
         verdict=verdict,
         without_rate=without,
+        with_rate=with_rate,
         notes=notes,
         seconds=time.monotonic() - begun,
     )
@@ -304,11 +192,11 @@ def fit_split(
     tuple of Fit, FittedPlant, Device, Verdict
         Parameters, what they were fitted with, the device, its errors.
     """
-    rate_terms = template.file.elastomer.maxwell is not None
+    rate_terms = template.elastomer.maxwell is not None
     rate = None
     if rate_terms:
         fine = source.mapping.device.sense_rate_Hz.value
-        rate = source.mapping.sampling.fit_rate_Hz or min(FIT_RATE_HZ, fine)
+        rate = grid_rate(source)
         rate = fine / max(1, round(fine / rate))
     space = Space(
         rate_terms,

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device, parse_device
-from esea_gen.devices.fields import Inverse, Quantity
+from esea_gen.devices.fields import Inverse
+from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
@@ -232,7 +233,7 @@ def _residual(plant: PlayPlant) -> Residual:
 
 
 def _check(device: Device, recordings: Sequence[Recording]) -> None:
-    zone = device.file.elastomer.dead_zone_rad
+    zone = device.elastomer.dead_zone_rad
     if zone is not None and zone.value > 0:
         raise UserError(
             f"{device.origin}: elastomer.dead_zone_rad = {zone.value:g}: the published inverse has "

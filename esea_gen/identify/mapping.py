@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from esea_gen.devices.fields import Quantity
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text, table_type
 
@@ -125,13 +125,27 @@ class Cycles(_Table):
     """Which cycles condition, train and judge, in every block of equal amplitude."""
 
     skip_first: int = Field(default=1, ge=0, le=1000, description="Conditioning cycles per block.")
-    hold_out_last: int = Field(default=1, ge=1, le=1000, description="Held-out cycles per block.")
+    hold_out: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Condition that judges as a whole: a [[condition]], a block of equal "
+        "amplitude or a file. Where there are three or more, and neither this nor hold_out_last "
+        "is given, the one of middle amplitude.",
+    )
+    hold_out_last: int | None = Field(
+        default=None, ge=1, le=1000, description="Held-out cycles per block, 1 where it counts."
+    )
     hysteresis: float = Field(
         default=0.05, gt=0, lt=0.5, description="Reversal threshold over the deflection's range."
     )
     block_tolerance: float = Field(
         default=0.1, gt=0, lt=1, description="Amplitude change that starts a new block."
     )
+
+    @property
+    def held_out_last(self) -> int:
+        """Last cycles of each block that judge, where no whole condition does."""
+        return 1 if self.hold_out_last is None else self.hold_out_last
 
 
 class Search(_Table):
@@ -146,7 +160,10 @@ class Search(_Table):
 class FileFormat(_Table):
     """How a file is written."""
 
-    kind: Literal["csv", "mat"] = Field(default="csv", description="Text table or MATLAB file.")
+    kind: Literal["csv", "mat", "hdf5", "parquet", "json"] = Field(
+        default="csv",
+        description="csv: text table; mat: MATLAB; json: columns by name, or a list of rows.",
+    )
     delimiter: str = Field(default=",", min_length=1, max_length=1, description="Between cells.")
     quote: str = Field(default='"', min_length=1, max_length=1, description="Round a cell.")
     decimal: Literal[".", ","] = Field(default=".", description="Decimal mark.")
@@ -405,12 +422,6 @@ def _check_sampling(origin: str, mapping: Mapping) -> None:
             "period_s.",
             "Give time_column; or, where no time was recorded, period_s = { value = 0.01, "
             'status = "assumed", source = "why" }.',
-        )
-    if mapping.device.rate_terms and s.period_s is not None and s.period_s.status == "assumed":
-        raise UserError(
-            f"{origin}: device.rate_terms = true, but sampling.period_s = {s.period_s.value:g} s "
-            "is only assumed: rate terms cannot be identified without time.",
-            "Set rate_terms = false, or give time_column or a published period.",
         )
     if s.min_step_s is not None and s.time_column is None:
         raise UserError(

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from esea_gen.identify.drafting import scales_assumed
+from esea_gen.identify.drafting import largest_torque, scales_assumed
 from esea_gen.identify.fit import Fit
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import at_bound
 from esea_gen.identify.recording import Recording
+from esea_gen.identify.resampling import LeftOut, covered
 from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.identify.verdict import Verdict
 
@@ -24,13 +26,15 @@ def notes_of(
     fit: Fit,
     spread: Uncertainty,
     verdict: Verdict,
-    without: Verdict | None,
-    full_scale_Nm: float,
+    pair: tuple[Verdict, Verdict] | None,
 ) -> tuple[str, ...]:
+    """Notes of the published model; pair: without and with rate terms, where both were fitted."""
     notes = []
     if "kv_Nm_rad" not in fit.values:
         if fit.rate_dropped:
             why = "the fit gave the Maxwell element no stiffness, so it is left out"
+        elif pair is not None:
+            why = "on held-out data the model without them is as good or better"
         elif not all(r.timed for r in recordings):
             why = "no time was recorded; the sampling period is assumed"
         else:
@@ -41,26 +45,23 @@ def notes_of(
             "A, eps1, B and eps2 can all be multiplied by one number without changing the torque: "
             f"eps2 is fixed at {fit.values['eps2']:.4g}, the others are relative to it."
         )
-    if without is not None and not fit.rate_dropped:
-        a, b = (100 * x.misfits.mean_rms(True) / full_scale_Nm for x in (without, verdict))
+    if "kv_Nm_rad" in fit.values and not all(r.timed for r in recordings):
+        notes.append(
+            "The rate terms rest on a sampling period that is only assumed: their parameters are "
+            "marked assumed too."
+        )
+    if pair is not None and not fit.rate_dropped:
+        full_scale_Nm = largest_torque(source, recordings)
+        a, b = (100 * x.misfits.mean_rms(True) / full_scale_Nm for x in pair)
+        helps = "the rate terms help."
+        if b >= a:
+            helps = "the rate terms do not help, and are left out."
         notes.append(
             f"Held-out error without the Maxwell element {a:.2f} %, with it {b:.2f} % of full "
-            "scale: " + ("the rate terms help." if b < a else "the rate terms do not help.")
+            f"scale: {helps} That choice used the held-out data."
         )
-    if scales_assumed(source):
-        notes.append("The scales from the specimen to a coupling are assumed.")
-    dropped = sum(r.dropped for r in recordings)
-    if dropped:
-        notes.append(
-            f"{dropped} of {dropped + sum(len(r.time_s) for r in recordings)} samples dropped by "
-            f"sampling.min_step_s = {source.mapping.sampling.min_step_s:g} s."
-        )
-    for r in recordings:
-        if len(r.time_s) > 2:
-            steps = np.diff(r.time_s)
-            if steps.max() > 10 * np.median(steps):
-                notes.append(f"{r.label}: the largest gap between samples is {steps.max():.3g} s.")
-    notes += _specimen_notes(verdict)
+    notes += recording_notes(source, recordings)
+    notes += specimen_notes(verdict, softens=False)
     notes += [f"{e[0].upper()}{e[1:]}." for e in fit.edges]
     for key, value in fit.values.items():
         bound = None if key == "eps2" else at_bound(key, value)
@@ -83,7 +84,47 @@ def notes_of(
     return tuple(notes)
 
 
-def _specimen_notes(verdict: Verdict) -> list[str]:
+def recording_notes(source: MappingFile, recordings: list[Recording]) -> list[str]:
+    """Of the data, whatever the model."""
+    notes = []
+    if scales_assumed(source):
+        notes.append("The scales from the specimen to a coupling are assumed.")
+    dropped = sum(r.dropped for r in recordings)
+    if dropped:
+        notes.append(
+            f"{dropped} of {dropped + sum(len(r.time_s) for r in recordings)} samples dropped by "
+            f"sampling.min_step_s = {source.mapping.sampling.min_step_s:g} s."
+        )
+    for r in recordings:
+        if len(r.time_s) > 2:
+            steps = np.diff(r.time_s)
+            if steps.max() > 10 * np.median(steps):
+                notes.append(f"{r.label}: the largest gap between samples is {steps.max():.3g} s.")
+    return notes
+
+
+def band_notes(
+    recordings: Sequence[Recording], verdict: Verdict, spread: LeftOut, full_scale_Nm: float
+) -> list[str]:
+    """How far the torque may be off, by this device's own residuals, and how far it was."""
+    error = np.concatenate(
+        [(verdict.torque_Nm[r.label] - r.tau_Nm)[s.held_out] for r in recordings for s in r.sets]
+    )
+    notes = [
+        f"Torque: 95 % of errors in blocks left out are below {spread.band_Nm:.3g} Nm "
+        f"({100 * spread.band_Nm / full_scale_Nm:.2g} % of full scale); of the held-out samples "
+        f"{100 * covered(error, spread.band_Nm):.0f} % are."
+    ]
+    if spread.friction_Nm is not None:
+        notes.append(
+            f"The residuals show a friction of {spread.friction_Nm:.3g} Nm that the model has no "
+            "term for; the standard deviations hold what it would move."
+        )
+    return notes
+
+
+def specimen_notes(verdict: Verdict, softens: bool) -> list[str]:
+    """Of the specimen; softens: whether the model does."""
     notes = []
     sets = [s for s, _, _ in verdict.misfits.sets]
     asymmetries = [s.asymmetry for s in sets if s.asymmetry is not None]
@@ -104,7 +145,7 @@ def _specimen_notes(verdict: Verdict) -> list[str]:
     if softening:
         notes.append(
             f"Mullins effect or scragging: the last cycle of a block loses up to "
-            f"{100 * max(softening):.0f} % less work than its first full one; the model has no "
-            "term for it."
+            f"{100 * max(softening):.0f} % less work than its first full one; the model has "
+            f"{'softening for it' if softens else 'no term for it'}."
         )
     return notes

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from functools import cache
 
 from esea_gen.device import Device
-from esea_gen.devices.fields import Elastomer, Quantity, Section, field_facts
+from esea_gen.devices.fields import field_facts
+from esea_gen.devices.numbers import Quantity, Section
+from esea_gen.devices.rubber import Elastomer
 from esea_gen.model.elastomer import RATE_KEYS
 
 EPS2_DEFAULT = 0.013  # the published elbow's value; any other gives the same torque
@@ -49,9 +51,7 @@ def with_values(
             for k, v in numbers.items()
         }
 
-    update: dict[str, Section] = {
-        "elastomer": with_parameters(device.file.elastomer, trial(values))
-    }
+    update: dict[str, Section] = {"elastomer": with_parameters(device.elastomer, trial(values))}
     for key, numbers in sections.items():
         section = getattr(device.file, key)
         update[key] = section.model_copy(update=_known(section, trial(numbers)))

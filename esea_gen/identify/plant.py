@@ -14,6 +14,7 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.recording import Recording, resample
+from esea_gen.identify.resampling import FitRows, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import torque_sensor
@@ -82,7 +83,7 @@ class FittedPlant:
         rate_Hz: float | None = None,
         rows: int | None = None,
     ) -> None:
-        self.rate_terms = device.file.elastomer.maxwell is not None
+        self.rate_terms = device.elastomer.maxwell is not None
         self.rate_Hz = rate_Hz
         fine = device.file.timing.sense_rate_Hz.value
         # The bases below have unit stiffness; nothing in them may clip.
@@ -117,10 +118,18 @@ class FittedPlant:
                 stream = _on_grid(r, estimate, fine, rate_Hz)
             training = tuple(thinned(x, rows) for x in stream.training)
             self.streams.append(replace(stream, training=training))
+        self.rows, self.whole = self._rows(recordings), whole_conditions(recordings)
         measured = [s.tau_Nm[at] for s in self.streams for at in s.training]
         self.weight = equal_weights(measured)
         self.measured = np.concatenate(measured)
         self._spring = self._collect([(s.theta_rad, s.theta_rad**3) for s in self.streams])
+
+    def _rows(self, recordings: Sequence[Recording]) -> FitRows:
+        ways = [np.sign(np.gradient(s.theta_rad))[at] for s in self.streams for at in s.training]
+        sets = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+        if len(ways) != len(sets):  # a coarse grid lost a data set of very few samples
+            return FitRows.of([(i, 1, way) for i, way in enumerate(ways)])
+        return rows_of(sets, ways)
 
     def _collect(self, per_stream: list[tuple[Array, ...]]) -> Array:
         """Training rows of some signals, shape (rows, signals)."""

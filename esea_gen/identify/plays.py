@@ -24,7 +24,8 @@ from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.plant import equal_weights, thinned
 from esea_gen.identify.recording import Recording
-from esea_gen.identify.uncertainty import autocorrelation, relative_jacobian
+from esea_gen.identify.resampling import autocorrelation
+from esea_gen.identify.uncertainty import relative_jacobian
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import inverse_system
 from esea_gen.model.published_inverse import published_inverse
@@ -105,7 +106,7 @@ class PlayPlant:
 def play_space(device: Device, recordings: Sequence[Recording]) -> tuple[Array, Array]:
     """Bounds of what is searched: phi and the logarithm of chi."""
     # Thresholds beyond the envelope's range never let go; far below it they do nothing.
-    k1, k3 = device.file.elastomer.k1_Nm_rad.value, device.file.elastomer.k3_Nm_rad3.value
+    k1, k3 = device.elastomer.k1_Nm_rad.value, device.elastomer.k3_Nm_rad3.value
     torque = max(float(np.abs(r.tau_Nm).max()) for r in recordings)
     roots = np.roots([k3, 0.0, k1, -torque]) if k3 > 0 else np.array([torque / max(k1, 1e-12)])
     reach = float(min(r.real for r in roots if abs(r.imag) < 1e-9 * max(1.0, abs(r))))

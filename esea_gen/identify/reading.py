@@ -1,42 +1,38 @@
-"""Columns of recorded files: delimited text and MATLAB."""
+"""Columns of recorded files: delimited text; of others see READERS."""
 
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-import scipy.io
 
 from esea_gen.errors import UserError
+from esea_gen.identify.columns import LONGEST_SHOWN, missing_column, shortened
 from esea_gen.identify.mapping import FileFormat
 from esea_gen.language.ports import Array
 
-# How MATLAB files of version 5 and 7.3 begin.
-MAT_MAGIC = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n")
-
-
-def _missing_column(name: str, wanted: str, known: Sequence[str], kind: str) -> UserError:
-    close = difflib.get_close_matches(wanted, known, n=1)
-    hint = f"Did you mean '{close[0]}'? " if close else ""
-    there = ", ".join(f"'{k}'" for k in known) or "none"
-    return UserError(
-        f"{name}: there is no {kind} '{wanted}'; there are {there}.",
-        f"{hint}Correct the column in the mapping file.",
-    )
+# How files that are no text begin: MATLAB of version 5 and 7.3, HDF5, Parquet.
+MAGIC = {
+    b"MATLAB 5.0 MAT-file": "mat",
+    b"MATLAB 7.3 MAT-file": "mat",
+    b"\x89HDF\r\n": "hdf5",
+    b"PAR1": "parquet",
+}
 
 
 def read_csv(
     raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]
 ) -> tuple[dict[str, Array], npt.NDArray[np.intp]]:
-    if raw.startswith(MAT_MAGIC):
-        raise UserError(
-            f"{name}: is a MATLAB file, but the mapping reads it as text.",
-            "Set kind = 'mat' in the mapping's format.",
-        )
+    for start, kind in MAGIC.items():
+        if raw.startswith(start):
+            title = "MATLAB" if kind == "mat" else kind
+            raise UserError(
+                f"{name}: is a {title} file, but the mapping reads it as text.",
+                f"Set kind = '{kind}' in the mapping's format.",
+            )
     try:
         text = raw.decode(form.encoding)
     except (UnicodeDecodeError, UnicodeError) as error:
@@ -77,7 +73,7 @@ def read_csv(
             rows.append(line)
     except csv.Error as error:
         raise UserError(
-            f"{name}: line {last + 1} is not a row of cells ({error}).",
+            f"{name}: line {last + 1} is not a row of cells ({shortened(str(error))}).",
             "Check delimiter and quote in the mapping's format.",
         ) from None
     if form.header_line and header is None:
@@ -92,7 +88,7 @@ def read_csv(
 def _columns(name: str, header: list[str], wanted: Sequence[str]) -> list[int]:
     for w in wanted:
         if w not in header:
-            raise _missing_column(name, w, header, "column")
+            raise missing_column(name, w, header, "column")
         if header.count(w) > 1:
             raise UserError(
                 f"{name}: the column name '{w}' occurs {header.count(w)} times.",
@@ -122,42 +118,11 @@ def _numbers(
             out.append(float(cell.replace(",", ".") if form.decimal == "," else cell))
         except ValueError:
             raise UserError(
-                f"{name}: line {line}, column '{w}': '{cell}' is not a number.",
-                "Correct the cell, or check first_data_line and decimal in the mapping's format.",
+                f"{name}: line {line}, column '{w}': '{shortened(cell)}' is not a number.",
+                "A quote that is not closed swallows the lines behind it: mend it, or set quote in "
+                "the mapping's format."
+                if "\n" in cell or len(cell) > LONGEST_SHOWN
+                else "Correct the cell, or check first_data_line and decimal in the mapping's "
+                "format.",
             ) from None
     return out
-
-
-def read_mat(
-    raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]
-) -> tuple[dict[str, Array], npt.NDArray[np.intp]]:
-    try:
-        content = scipy.io.loadmat(io.BytesIO(raw))
-    except NotImplementedError:
-        raise UserError(
-            f"{name}: is a MATLAB 7.3 file (HDF5), which is not read.",
-            "Save it again with save(..., '-v7'), or export CSV.",
-        ) from None
-    except Exception as error:
-        raise UserError(
-            f"{name}: is not a MATLAB file ({error}).", "Check the file, or set kind = 'csv'."
-        ) from None
-    known = [k for k, v in content.items() if not k.startswith("__") and np.size(v) > 1]
-    out: dict[str, Array] = {}
-    for w in wanted:
-        if w not in known:
-            raise _missing_column(name, w, known, "variable")
-        value = content[w]
-        if value.dtype.kind not in "fiu" or np.squeeze(value).ndim != 1:
-            raise UserError(
-                f"{name}: variable '{w}' has shape {value.shape} and type {value.dtype}, it is not "
-                "a vector of real numbers.",
-                "Name a variable that is one.",
-            )
-        out[w] = np.asarray(np.squeeze(value), dtype=np.float64)
-    lengths = {w: len(v) for w, v in out.items()}
-    if len(set(lengths.values())) > 1:
-        raise UserError(
-            f"{name}: the variables have different lengths {lengths}.", "Name equally long ones."
-        )
-    return out, np.arange(1, min(lengths.values()) + 1, dtype=np.intp)

@@ -13,13 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
+from esea_gen.identify.conditions import divided
 from esea_gen.identify.cycles import Cycle, DataSet, data_sets, divide
 from esea_gen.identify.mapping import TIME, FileFormat, Mapping, MappingFile, RecordingTable
-from esea_gen.identify.reading import read_csv, read_mat
+from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, spikes
+from esea_gen.identify.readers import READERS
 from esea_gen.language.ports import Array
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
+MOST_STEPS = 2e7  # of the sensing task over a recording: 5.5 h at 1 kHz
+LEAST_STEP = 0.02  # a recording's usual step, over the sensing period
 HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
@@ -34,6 +38,7 @@ class Recording:
     time_s, theta_rad, tau_Nm: shape (n,).
     timed: whether the time was recorded (or a period is published), not assumed.
     dropped: samples dropped by the glitch rule.
+    findings: what is wrong with it; samples that are spoilt are in no data set.
     conditions: those of the mapping that the file belongs to.
     """
 
@@ -48,6 +53,7 @@ class Recording:
     cycles: tuple[Cycle, ...]
     sets: tuple[DataSet, ...]
     conditions: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def load_recordings(source: MappingFile) -> list[Recording]:
@@ -59,13 +65,16 @@ def load_recordings(source: MappingFile) -> list[Recording]:
         for (path, name, table), label in zip(files, labels, strict=True)
     ]
     _check_conditions(source, loaded)
+    loaded = divided(loaded, source.mapping.cycles)
     for what, role in (("train on", "training"), ("hold out", "held_out")):
         if not any(len(getattr(s, role)) for r in loaded for s in r.sets):
             found = ", ".join(f"{r.file}: {len(r.cycles)}" for r in loaded)
             c = source.mapping.cycles
             raise UserError(
                 f"{source.origin}: no cycle is left to {what} (cycles found - {found}; "
-                f"cycles.skip_first = {c.skip_first}, cycles.hold_out_last = {c.hold_out_last}).",
+                f"cycles.skip_first = {c.skip_first}, cycles.hold_out_last = {c.held_out_last})"
+                + "".join(f"; {r.label}: {f.text}" for r in loaded for f in r.findings)
+                + ".",
                 "Lower these, or give whole files use = 'train' and use = 'held_out'.",
             )
     return loaded
@@ -116,8 +125,7 @@ def _load(
         raw = path.read_bytes()
     except OSError as error:
         raise UserError(f"{name}: cannot be read ({error.strerror}).", "Check the file.") from None
-    read = read_mat if form.kind == "mat" else read_csv
-    columns, rows = read(raw, name, form, wanted)
+    columns, rows = READERS[form.kind](raw, name, form, wanted)
     _check_finite(columns, rows, name, form)
     if len(rows) < MIN_SAMPLES:
         raise UserError(
@@ -146,8 +154,14 @@ def _load(
         assert m.sampling.period_s is not None
         time = np.arange(len(theta), dtype=np.float64) * m.sampling.period_s.value
     theta, tau = _zeroed(theta, m.deflection.zero), _zeroed(tau, m.torque.zero)
+    _check_length(source, name, time)
+    spiky = spikes(theta, tau) if np.ptp(theta) > 0 else np.zeros(len(tau), dtype=bool)
+    found = _spiked(spiky, tau)
+    tau = bridged(tau, spiky)
     _check_physics(source, name, theta, tau)
     cycles = divide(theta, m.cycles, table.use)
+    timed = m.sampling.period_s is None or m.sampling.period_s.status != "assumed"
+    spoilt, more = examined(time, theta, tau, cycles, timed)
     return Recording(
         label=label,
         file=name,
@@ -155,18 +169,51 @@ def _load(
         time_s=time,
         theta_rad=theta,
         tau_Nm=tau,
-        timed=m.sampling.period_s is None or m.sampling.period_s.status != "assumed",
+        timed=timed,
         dropped=dropped,
         cycles=cycles,
-        sets=data_sets(label, theta, tau, cycles, table.use),
+        sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky),
         conditions=_conditions(m, name),
+        findings=(*found, *more),
     )
+
+
+def _spiked(spiky: npt.NDArray[np.bool_], tau: Array) -> tuple[Finding, ...]:
+    count = int(np.count_nonzero(spiky))
+    if not count:
+        return ()
+    largest = float(np.abs(tau[spiky]).max())
+    text = f"{count} spike{'s' if count > 1 else ''} in the torque, up to {largest:.4g} Nm"
+    if count > MOST_SPIKES * len(tau):
+        return (Finding("noise", f"{text}: more than {MOST_SPIKES:.0%} of all samples", True),)
+    return (Finding("spikes", f"{text}, neither train nor judge", False),)
+
+
+def _check_length(source: MappingFile, name: str, time: Array) -> None:
+    rate, s = source.mapping.device.sense_rate_Hz.value, source.mapping.sampling
+    where = "sampling.period_s" if s.period_s else f"sampling.time_unit = '{s.time_unit}'"
+    steps = np.diff(time)
+    jump = int(np.argmax(steps))
+    if time[-1] * rate > MOST_STEPS:
+        raise UserError(
+            f"{name}: lasts {time[-1]:.4g} s, {time[-1] * rate:.3g} steps at "
+            f"device.sense_rate_Hz = {rate:g} Hz, above the limit of {MOST_STEPS:g}; its longest "
+            f"step between samples is {steps[jump]:.4g} s, after sample {jump + 1} of {len(time)}.",
+            f"Check {where}, mend the clock's jump, or give the recording in parts.",
+        )
+    usual = float(np.median(steps))
+    if usual * rate < LEAST_STEP:
+        raise UserError(
+            f"{name}: its usual step between samples is {usual:.3g} s, below the limit of "
+            f"{LEAST_STEP:g} of the sensing period {1 / rate:g} s.",
+            f"Check {where}; thin the recording if it was that fast.",
+        )
 
 
 def _check_finite(
     columns: dict[str, Array], rows: npt.NDArray[np.intp], name: str, form: FileFormat
 ) -> None:
-    where = "element" if form.kind == "mat" else "line"
+    where = "line" if form.kind == "csv" else "element"
     for column, values in columns.items():
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):

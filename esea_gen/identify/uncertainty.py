@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from esea_gen.identify.parameters import at_bound
+from esea_gen.identify.resampling import FitRows, LeftOut, autocorrelation, resampled
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -33,18 +34,13 @@ def relative_jacobian(
     return np.stack(columns, axis=1)
 
 
-def autocorrelation(residual: Array) -> float:
-    """Of neighbours, as of a first-order autoregressive noise: from 0 to just below 1."""
-    rho = float(residual[1:] @ residual[:-1] / (residual @ residual))
-    return min(max(rho, 0.0), 1 - 2.0 / len(residual))
-
-
 @dataclass(frozen=True)
 class Uncertainty:
     """What the Jacobian says at the optimum.
 
     sigma: standard deviation by key; infinite where the torque does not depend on the parameter;
         None for one that is fixed or at a bound.
+    resampled: what leaving blocks out says; None where no parameter is free.
     weakest: relative direction in which the fit is weakest, and what a change by a tenth along it
         does to the torque: ``{"direction": {key: share}, "rms_change_Nm": ...}``.
     correlation_factor: by how much the deviations were raised because neighbouring residuals are
@@ -54,6 +50,7 @@ class Uncertainty:
     sigma: dict[str, float | None]
     weakest: dict[str, Any]
     correlation_factor: float
+    resampled: LeftOut | None = None
 
 
 class Fitted(Protocol):
@@ -61,17 +58,18 @@ class Fitted(Protocol):
 
     measured: Array
     weight: Array
+    rows: FitRows
+    whole: bool
 
     def torque(self, values: Mapping[str, float], /) -> Array:
         """Torque with these parameters, at the measured rows."""
 
 
 def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
-    """Standard deviations from the Jacobian of the torque by the parameters.
+    """Standard deviations from blocks left out (:mod:`esea_gen.identify.resampling`).
 
-    Assumed: the model form is right and the residuals are a first-order autoregressive noise of
-    constant variance.  Where the model form is wrong (it is, for real rubber) the figures say how
-    sharply the data determine the fit, not how true it is.
+    The Jacobian says which parameters the torque does not depend on, and in which direction the fit
+    is weakest.
     """
     keys = [k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2"]
     free = [k for k in keys if at_bound(k, values[k]) is None and values[k] > 0]
@@ -85,15 +83,12 @@ def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
         return Uncertainty(sigma, {}, factor)
     jacobian = relative_jacobian(plant.torque, values, free, 1e-3) * scale[:, None]
     _, singular, v = np.linalg.svd(jacobian, full_matrices=False)
-    noise = float(residual @ residual) / max(1, rows - len(free)) * factor**2
     dead = singular < 1e-9 * singular[0]
-    inverse = np.where(dead, 1e300, 1 / np.where(dead, 1, singular) ** 2)
+    found = resampled(jacobian / scale[:, None], -residual / scale, scale, plant.rows, plant.whole)
     for i, k in enumerate(free):
         # A direction without effect makes those parameters infinite that take part in it.
-        taking_part = (np.abs(v[:, i]) > 1e-3) | ~dead
-        spread = np.where(taking_part, v[:, i] ** 2 * inverse, 0.0)
-        total = float(spread.sum())
-        sigma[k] = math.sqrt(noise * total) * values[k] if total < 1e200 else math.inf
+        lost = bool(np.any(dead & (np.abs(v[:, i]) > 1e-3)))
+        sigma[k] = math.inf if lost else float(found.sigma[i]) * values[k]
     direction = {k: round(float(x), 3) for k, x in zip(free, v[-1], strict=True)}
     weakest = {"direction": direction, "rms_change_Nm": 0.1 * float(singular[-1]) / math.sqrt(rows)}
-    return Uncertainty(sigma, weakest, factor)
+    return Uncertainty(sigma, weakest, factor, found)

@@ -199,8 +199,8 @@ class _TorqueSensor:
     def __init__(self, device: DeviceData, tunable: bool = False) -> None:
         self.tunable = tunable
         file = device.file
-        self.stops = int(file.elastomer.stops.value)
-        self.rate_terms = file.elastomer.maxwell is not None
+        self.stops = int(device.elastomer.stops.value)
+        self.rate_terms = device.elastomer.maxwell is not None
         self.h = device.period_s
         # As the ports hold them: a state clipped at a limit must pass its own guard in every
         # format.

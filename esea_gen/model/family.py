@@ -123,6 +123,21 @@ class Rise:
             return 0.0
         return 1.0 if self.kind == "power" else (1 + reach / self.number) ** -2
 
+    def most_slope(self, reach: float) -> float:
+        """Its largest slope.
+
+        Parameters
+        ----------
+        reach : float
+            Largest |x|.
+
+        Returns
+        -------
+        float
+            Over x, up to there.
+        """
+        return 1.0 if self.kind == "bend" else self.number * reach ** (int(self.number) - 1)
+
 
 @dataclass(frozen=True)
 class Softening:
@@ -299,6 +314,27 @@ class FittedMember:
             if term.kind == "spring":
                 left = term.softening.least(reach) if term.softening else 1.0
                 total += weight * term.rise.least_slope(reach) * left
+        return total / self.scale_rad
+
+    def most_slope_Nm_rad(self, theta_rad: float) -> float:
+        """Largest slope of the torque over the present deflection.
+
+        Parameters
+        ----------
+        theta_rad : float
+            For deflections up to this magnitude.
+
+        Returns
+        -------
+        float
+            Every term at its steepest, none softened; a slip is twice as steep where it turns back.
+        """
+        reach, total = theta_rad / self.scale_rad, 0.0
+        for weight, term in self.used:
+            if term.kind != "offset":
+                steep = weight * term.rise.most_slope(reach)
+                shares = sum(share for _, share in term.shares) if term.kind == "maxwell" else 1.0
+                total += steep * shares * (2 if term.kind == "slip" else 1)
         return total / self.scale_rad
 
     def most_Nm(self, theta_rad: float) -> float:

@@ -174,7 +174,7 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
         "sensor",
         f"Elastomer torque sensor: {fitted.member.title}",
         period_s=device.period_s,
-        constants=_constants(fitted),
+        constants=_constants(device, fitted),
         state=steps.state(),
         inputs=_inputs(theta_lim, omega_lim),
         outputs=_outputs(tau_lim, full_scale),
@@ -183,12 +183,22 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
     )
 
 
-def _constants(fitted: FittedMember) -> tuple[Constant, ...]:
-    scale = Constant("scale_rad", fitted.scale_rad, "largest trained deflection", "identified")
-    weights = (
-        Constant(f"w{i}_Nm", w, t.text, "identified") for i, (w, t) in enumerate(fitted.used, 1)
-    )
-    return (scale, *weights)
+def _constants(device: DeviceData, fitted: FittedMember) -> tuple[Constant, ...]:
+    family = device.file.family
+    if family is None:  # fitted, and not yet in a file
+        scale = Constant("scale_rad", fitted.scale_rad, "largest trained deflection", "identified")
+        weights = (
+            Constant(f"w{i}_Nm", w, t.text, "identified") for i, (w, t) in enumerate(fitted.used, 1)
+        )
+        return (scale, *weights)
+    q = family.scale_rad
+    found = [Constant("scale_rad", q.value, q.source, q.status)]
+    for known, term in zip(family.terms, fitted.member.terms, strict=True):
+        q = known.weight_Nm
+        if q.value:
+            said = f"{term.text}; {q.source}"
+            found.append(Constant(f"w{len(found)}_Nm", q.value, said, q.status))
+    return tuple(found)
 
 
 def _inputs(theta_lim: float, omega_lim: float) -> tuple[Port, ...]:

@@ -177,7 +177,7 @@ class _Exact:
         self.h = device.period_s
         self.forward = Forward(device)
         self.values: dict[str, Any] = {c.name: c.value for c in device.constants("elastomer")}
-        self.stops = int(file.elastomer.stops.value)
+        self.stops = int(device.elastomer.stops.value)
         self.r, self.w = (list(map(float, x)) for x in stop_grid(self.values, self.stops))
         self.k1, self.k3 = self.values["k1_Nm_rad"], self.values["k3_Nm_rad3"]
         if self.k1 <= 0:

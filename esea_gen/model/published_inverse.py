@@ -187,7 +187,7 @@ class _Published:
         self.file = device.file
         self.h = device.period_s
         self.forward = Forward(device)
-        e = self.file.elastomer
+        e = device.elastomer
         self.k1, self.k3 = e.k1_Nm_rad.value, e.k3_Nm_rad3.value
         if self.k1 <= 0:
             raise UserError(

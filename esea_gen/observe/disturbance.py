@@ -17,8 +17,8 @@ from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
 
 if TYPE_CHECKING:
-    from esea_gen.devices.fields import Quantity
     from esea_gen.devices.file import DeviceData
+    from esea_gen.devices.numbers import Quantity
 
 J, N, FV, FC, WIDTH = sp.symbols("J n f_v f_c w_c", positive=True)
 U_A, OMEGA_M, TAU_E, D4 = sp.symbols("u_a omega_m tau_e d_4", real=True)

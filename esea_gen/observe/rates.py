@@ -33,8 +33,8 @@ from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 if TYPE_CHECKING:
-    from esea_gen.devices.fields import Quantity
     from esea_gen.devices.file import DeviceData
+    from esea_gen.devices.numbers import Quantity
 
 # Damping 1/Q of the two sections: twice the cosine of the poles' angles, pi/8 and 3 pi/8.
 DAMPING = (2 * math.cos(math.pi / 8), 2 * math.cos(3 * math.pi / 8))

@@ -61,7 +61,7 @@ def _equations(found: Findings) -> dict[str, Any]:
         for b in found.device.system.kinds
         for e in b.equations
     ]
-    rate_terms = found.device.file.elastomer.maxwell is not None
+    rate_terms = found.device.rate_terms
     return {"rate_terms": rate_terms, "equations": equations}
 
 

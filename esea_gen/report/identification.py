@@ -7,23 +7,28 @@ from typing import Any
 from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify import Identification
+from esea_gen.identify.identified import Identified
 from esea_gen.model.elastomer import RATE_KEYS
 from esea_gen.report import figures
 from esea_gen.report.page import PageSection, finite, render
 
 
-def identification_page(result: Identification) -> str:
+def identification_page(result: Identified) -> str:
     """The page of an identification, one self-contained file."""
     content = finite(result.to_dict()) | {"content_hash": device_hash(result.device)}
     content["command"] = f"esea-gen identify {content['mapping']}"
+    if "model" in content:
+        content["command"] += f' --model "{content["model"]["member"]}"'
     parameters = [
         {"key": key, "meaning": field_facts(_dotted(key))["text"], **p}
-        for key, p in content["parameters"].items()
+        for key, p in content.get("parameters", {}).items()
     ]
     assumed = [(key, q) for key, q in result.device.quantities() if q.status == "assumed"]
     title = f"Identification: {result.device.title}"
     shown = {"title": title, "f": content, "parameters": parameters, "assumed": assumed}
-    return render(PageSection("identification/head"), SECTIONS, result, **shown)
+    own = PARAMETERS if isinstance(result, Identification) else TERMS
+    sections = (SECTIONS[0], own, *SECTIONS[1:])
+    return render(PageSection("identification/head"), sections, result, **shown)
 
 
 def _uncertainty(result: Identification) -> dict[str, Any]:
@@ -36,14 +41,15 @@ def _uncertainty(result: Identification) -> dict[str, Any]:
     return {"weakest": ordered, "weakest_change": change, "spread": figures.spread(rows, "spread")}
 
 
-def _torque(result: Identification) -> dict[str, Any]:
+def _torque(result: Identified) -> dict[str, Any]:
     traces = [_trace(result, label, series) for label, series in result.series.items()]
     return {"plots": figures.plots(traces, result.full_scale_Nm, [None] * len(traces))}
 
 
+PARAMETERS = PageSection("identification/parameters", "Parameters", shown=_uncertainty)
+TERMS = PageSection("identification/terms", "Terms")
 SECTIONS = (
     PageSection("identification/notes", "Notes"),
-    PageSection("identification/parameters", "Parameters", shown=_uncertainty),
     PageSection("identification/errors", "Errors"),
     PageSection("identification/torque", "Torque", shown=_torque),
     PageSection("identification/specimen", "Specimen"),
@@ -55,7 +61,7 @@ def _dotted(key: str) -> str:
     return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
 
 
-def _trace(result: Identification, label: str, series: dict[str, Any]) -> figures.Curve:
+def _trace(result: Identified, label: str, series: dict[str, Any]) -> figures.Curve:
     recording = next(r for r in result.recordings if r.label == label)
     held = series["role"] == 2
     return figures.Curve(

@@ -147,7 +147,7 @@ def summary(found: Findings) -> list[str]:
         shown = [f"{v:.2f} % {k.replace('_', ' ')}" for k, v in means.items() if v is not None]
         lines.append(f"fit to the measured torque, RMS in % of full scale: {', '.join(shown)}")
     lines.append(f"{len(assumed(found))} values are assumed")
-    if found.device.file.elastomer.maxwell is None:
+    if not found.device.rate_terms:
         lines.append("rate terms not identified")
     return lines
 
@@ -259,10 +259,11 @@ def _seen(found: Findings, block: str, domain: str, key: str) -> float | None:
 def _notes(found: Findings) -> dict[str, Any]:
     file = found.device.file
     notes = []
-    if file.elastomer.maxwell is None:
+    if not found.device.rate_terms:
         notes.append(
-            "Rate terms not identified: the device has no Maxwell element, equations (3.3) and "
-            "(3.4) are not in its code, and its torque does not depend on the rate."
+            "Rate terms not identified: the device has no Maxwell element"
+            + (", equations (3.3) and (3.4) are not in its code" if file.elastomer else "")
+            + ", and its torque does not depend on the rate."
         )
     notes += [
         f"{len(assumed(found))} values are assumed; they are listed with the parameters.",

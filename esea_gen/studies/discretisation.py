@@ -371,7 +371,7 @@ def discretisation(
     device: one with rate terms and without a dead zone; the elbow when not given.
     """
     device = device or load_device("elbow")
-    if device.file.elastomer.maxwell is None:
+    if device.elastomer.maxwell is None:
         raise ValueError(f"device {device.name} has no rate terms: nothing to discretise")
     say = progress or (lambda _: None)
     exact = {}

@@ -39,7 +39,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, clip, flag_word
 from esea_gen.language.system import System, Task
-from esea_gen.model.elastomer import torque_sensor
+from esea_gen.model.rubber import rubber_sensor
 from esea_gen.model.symbolic import equation
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
 from esea_gen.twin.mechanics import (
@@ -87,7 +87,7 @@ def _sensor(device: DeviceData, step_s: float) -> Block:
     )
     fast = timing.model_copy(update={"sense_rate_Hz": to(timing.sense_rate_Hz, 1 / step_s)})
     data = DeviceData(file.model_copy(update={"limits": wide, "timing": fast}), device.origin)
-    return torque_sensor(data)
+    return rubber_sensor(data)
 
 
 def bodies_of(cable: bool) -> tuple[str, ...]:
@@ -352,6 +352,20 @@ def plant_system(
     )
 
 
+def _spring_Nm(plant: Block, delta: float) -> float:
+    # Of an elastomer without memory.
+    if not delta:
+        return 0.0
+    constants = {c.name: c.value for c in plant.constants}
+    if "k1_Nm_rad" not in constants:
+        raise UserError(
+            f"The coupling would start deflected by {delta:g} rad, and its torque model, a member "
+            "of the family, starts unloaded.",
+            "Give motor and load side the same initial angle.",
+        )
+    return constants["k1_Nm_rad"] * delta + constants["k3_Nm_rad3"] * delta**3
+
+
 def start_state(
     plant: Block, start_rad: float, initial: Mapping[str, float], elastomer_scale: float = 1.0
 ) -> tuple[dict[str, list[float]], dict[str, float]]:
@@ -361,7 +375,7 @@ def start_state(
     return: of the vectors that are not 0. Accelerations start at 0, which is half a step of them
         lost.
 
-    The elastomer has no memory at the start: its torque is that of the cubic spring.
+    The elastomer has no memory at the start: its torque is that of the spring.
     """
     ports = {p.name: p for p in plant.outputs}
     known = [f"{q}_{b}_{u}" for q, u in (("theta", "rad"), ("omega", "rad_s")) for b in _BODIES]
@@ -379,9 +393,7 @@ def start_state(
     omega = {b: float(initial.get(f"omega_{b}_rad_s", 0.0)) for b in _BODIES}
     if "g" not in bodies:
         theta["g"], omega["g"] = theta["m"], omega["m"]
-    constants = {c.name: c.value for c in plant.constants}
-    delta = theta["m"] - theta["l"]
-    spring = constants["k1_Nm_rad"] * delta + constants["k3_Nm_rad3"] * delta**3
+    spring = _spring_Nm(plant, theta["m"] - theta["l"])
     shown = {f"theta_{b}_rad": x for b, x in theta.items()}
     shown |= {f"omega_{b}_rad_s": x for b, x in omega.items()}
     state = {"theta_rad": [theta[b] for b in bodies], "omega_rad_s": [omega[b] for b in bodies]}

@@ -18,7 +18,9 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.verdict import ONE_STEP
 
-PORT_RANGES = "port ranges"
+PORT_RANGES, DOMAIN = "port ranges", "identified domain"
+# Of full scale: what float32 may do to the sensed torque inside the identified domain.
+MOST_TORQUE_SHARE = 0.01
 
 
 def full_scales(device: Device, block: Component) -> dict[str, float]:
@@ -123,7 +125,7 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
     out: dict[str, Bound] = {}
     for name, ranges in (
         (PORT_RANGES, {}),
-        ("identified domain", operating_ranges(device, block)),
+        (DOMAIN, operating_ranges(device, block)),
     ):
         if out and not ranges:  # nothing that the domain narrows
             out[name] = out[PORT_RANGES]
@@ -145,14 +147,15 @@ def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], Step
     """How a Block's float32 is judged: a bound for any number of steps, or what one step adds.
 
     return: bounds of :func:`derive_bounds`, with a rule too where they assume something that a
-        rough stream may break; or that of one step and its rule. :class:`UserError` when not even
-        one step has a finite bound.
+        rough stream may break; or that of one step and its rule, where a bound for any number of
+        steps is none or says nothing of the torque. :class:`UserError` when not even one step has a
+        finite bound, or one that allows the sensor's torque more than :data:`MOST_TORQUE_SHARE`.
     """
     try:
         bounds = derive_bounds(device, block)
     except RangeError:
         bounds = None
-    if bounds is not None:
+    if bounds is not None and _torque_share(device, block, bounds) <= MOST_TORQUE_SHARE:
         assumes = any(b.method == "linear" for b in bounds.values())
         return bounds, StepRule(block) if assumes else None
     try:
@@ -164,4 +167,21 @@ def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], Step
             "Narrow the ranges under [limits], or raise the offsets eps1 and eps2; --real f64 "
             "verifies the float64 C alone.",
         ) from error
+    share = _torque_share(device, block, {ONE_STEP: rule.bound})
+    if share > MOST_TORQUE_SHARE:
+        raise UserError(
+            f"{device.origin}: the float32 bound derived for {block.name}.tau_Nm is "
+            f"{100 * share:.3g} % of full scale, above its limit {100 * MOST_TORQUE_SHARE:g} %: "
+            "C that is that far off would pass.",
+            "Narrow the ranges under [limits] or [domain], or raise the offsets eps1 and eps2; "
+            "--real f64 verifies the float64 C alone.",
+        )
     return {ONE_STEP: rule.bound}, rule
+
+
+def _torque_share(device: Device, block: Block, bounds: Mapping[str, Bound]) -> float:
+    # Of full scale, inside the identified domain where it is known apart; 0 for another Block.
+    if block.name != device.sensor.name or not bounds:
+        return 0.0
+    inside = bounds.get(DOMAIN) or next(iter(bounds.values()))
+    return inside.outputs["tau_Nm"] / device.tau_full_scale_Nm

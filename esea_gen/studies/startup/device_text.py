@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 
 from esea_gen.device import Device, parse_device
-from esea_gen.devices.fields import Quantity, field_facts
+from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import shipped_devices
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.studies.startup.drive_model import DriveModel
 from esea_gen.studies.startup.regression import CONFIDENCE, Estimate

@@ -29,7 +29,7 @@ from esea_gen.control.linear_loop import (
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import Device
 from esea_gen.language.ports import Array
-from esea_gen.model.elastomer import stop_grid
+from esea_gen.model.rubber import stiffness_range_Nm_rad
 from esea_gen.studies.startup.drive_model import DriveModel
 from esea_gen.studies.startup.regression import Estimate
 
@@ -197,15 +197,6 @@ def slope_with_margins(device: Device, drive: LoopDrive) -> float | None:
     return low
 
 
-def coupling_range_Nm_rad(device: Device) -> tuple[float, float]:
-    """Least and largest stiffness of the coupling: spring alone, and all stops and rate terms."""
-    e = device.file.elastomer
-    values = {c.name: c.value for c in device.constants("elastomer")}
-    weights = stop_grid(values, round(e.stops.value))[1]
-    soft = e.k1_Nm_rad.value
-    return soft, soft + sum(float(w) for w in weights) + values.get("kv_Nm_rad", 0.0)
-
-
 def _corners(model: DriveModel, softest: float, hardest: float) -> Iterator[LoopDrive]:
     def ends(e: Estimate) -> tuple[float, float]:
         return e.low, e.high
@@ -294,7 +285,7 @@ def _plain(values: dict[str, Any]) -> dict[str, Any]:
 
 def check_margins(device: Device, model: DriveModel) -> MarginCheck:
     """Margins of a device's gains on the drive that was found, worst corner of its intervals."""
-    soft, stiff = coupling_range_Nm_rad(device)
+    soft, stiff = stiffness_range_Nm_rad(device)
     found = [loop_margins(device, d) for d in _corners(model, soft, stiff)]
     at = (model.gain, model.J_kgm2, model.fv_Nms_rad, model.tau_c_s, model.delay_s)
     g, j, fv, lag, delay = (e.value for e in at)
@@ -320,8 +311,8 @@ __all__ = [
     "LoopMargins",
     "MarginCheck",
     "check_margins",
-    "coupling_range_Nm_rad",
     "enough",
     "loop_margins",
     "slope_with_margins",
+    "stiffness_range_Nm_rad",
 ]

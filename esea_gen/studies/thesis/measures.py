@@ -73,7 +73,7 @@ class Measures:
     def knee_parameters(self) -> Numbers:
         """Of the knee as printed."""
         device = load_device("knee_printed")
-        dead = device.file.elastomer.dead_zone_rad
+        dead = device.elastomer.dead_zone_rad
         assert dead is not None
         return _parameters(device) | {"dead_zone_deg": math.degrees(dead.value)}
 
@@ -262,7 +262,7 @@ def _error(run: Mapping[str, Any]) -> float:
 
 
 def _parameters(device: DeviceData) -> Numbers:
-    e = device.file.elastomer
+    e = device.elastomer
     m = e.maxwell
     assert m is not None
     return {
@@ -284,7 +284,7 @@ def _parameters(device: DeviceData) -> Numbers:
 def _maxwell_peak(device: DeviceData) -> float:
     # (3.3) and (3.4) by small steps, exact for a viscosity that is held over one.
     p = _parameters(device)
-    dead = device.file.elastomer.dead_zone_rad
+    dead = device.elastomer.dead_zone_rad
     zone = dead.value if dead else 0.0
     h, turn, most = 1e-4, 2 * math.pi * 3.0, math.radians(15)
     t = np.arange(0, 1.0, h)

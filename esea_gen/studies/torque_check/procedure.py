@@ -92,7 +92,7 @@ class ProcedureStep:
 
 def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
     """Torque at a deflection that was reached slowly from rest, rate terms relaxed (3.2, 3.9)."""
-    e = device.file.elastomer
+    e = device.elastomer
     zone = e.dead_zone_rad.value if e.dead_zone_rad else 0.0
     delta = max(theta_rad - zone, 0.0)
     torque = e.k3_Nm_rad3.value * delta**3 + e.k1_Nm_rad.value * delta

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.plant import ROWS_REFINE, FittedPlant
 from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.uncertainty import autocorrelation
+from esea_gen.identify.uncertainty import uncertainty
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -53,7 +52,8 @@ class Spread:
 
 
 def elastomer_values(device: Device) -> dict[str, float]:
-    """The elastomer's parameters."""
+    """The published model's parameters; refused for a device with another."""
+    assert device.elastomer
     known = {c.name: c.value for c in device.constants("elastomer")}
     return {k: known[k] for k in (*MODEL_KEYS, *RATE_KEYS) if k in known}
 
@@ -73,8 +73,7 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
     """The covariance of an identification, recomputed from its recording.
 
     data: folder of the recordings; the mapping file's own when not given.
-    return: with correlations. As in the identification, the model form is taken as right and the
-        residuals as a first-order autoregressive noise.
+    return: with correlations, from cycles and conditions left out as in the identification.
     """
     source = load_mapping(mapping, data)
     if source.mapping.device.name != device.name:
@@ -92,30 +91,23 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
             f"limits.theta_rad = {limit:g} rad.",
             "Give the recording that the device was identified with.",
         )
-    rate_terms = device.file.elastomer.maxwell is not None
+    rate_terms = device.elastomer.maxwell is not None
     fine = device.file.timing.sense_rate_Hz.value
     plant = FittedPlant(device, recordings, fine if rate_terms else None, ROWS_REFINE)
     values = elastomer_values(device)
+    found = uncertainty(plant, values)
     free = [k for k, v in values.items() if k != "eps2" and v > 0 and at_bound(k, v) is None]
-    scale = plant.weight * math.sqrt(len(plant.measured))
-    residual = (plant.torque(values) - plant.measured) * scale
-    columns = []
-    for k in free:
-        step = 1e-3
-        up, down = (plant.torque({**values, k: values[k] * (1 + s)}) for s in (step, -step))
-        columns.append((up - down) / (2 * step) * scale)
-    if not free or not np.any(columns):
+    if found.resampled is None or not np.any(np.isfinite([found.sigma[k] or 0.0 for k in free])):
         raise UserError(
             f"{source.origin}: the torque depends on none of the parameters.",
             "Leave --recording out for an assumed spread.",
         )
-    rho = autocorrelation(residual)
-    noise = float(residual @ residual) / max(1, len(residual) - len(free))
-    noise *= (1 + rho) / (1 - rho)
-    _, singular, v = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)
-    with np.errstate(divide="ignore"):
-        spread = np.minimum(math.sqrt(noise) / singular, WEAK)
-    weak = int(np.sum(math.sqrt(noise) > WEAK * singular))
+    variances, v = np.linalg.eigh(found.resampled.covariance)
+    # A direction without effect moves nowhere when blocks are left out: it is not known at all.
+    dead = variances <= 1e-12 * variances.max()
+    sigmas = np.where(dead, np.inf, np.sqrt(np.maximum(variances, 0.0)))
+    spread = np.minimum(sigmas, WEAK)
+    weak = int(np.sum(sigmas > WEAK))
     held = f"; {weak} directions that it does not determine held to {100 * WEAK:g} %" * (weak > 0)
     origin = f"covariance of the identification by {source.origin}{held}"
-    return Spread(tuple(free), v.T * spread, origin)
+    return Spread(tuple(free), v * spread, origin)

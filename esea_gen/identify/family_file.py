@@ -1,0 +1,117 @@
+"""A fitted member of the family as section ``[family]`` of a device file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from esea_gen.device import Device, parse_device
+from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity, Series
+from esea_gen.devices.rubber import Family, FamilyTerm
+from esea_gen.devices.writing import render_toml
+from esea_gen.identify.drafting import draft, files_of, origin_of, round_up
+from esea_gen.identify.mapping import MappingFile
+from esea_gen.identify.recording import MAX_TAU_NM, Recording
+from esea_gen.model.family import FittedMember, Start, Term
+from esea_gen.model.family_step import ROOM
+from esea_gen.model.rubber import POWERS
+
+# Rate of a search or a fit on recordings with time, where the mapping gives none.
+FIT_RATE_HZ = 100.0
+# What a comparison chooses between is fixed before any recording is seen.
+FIXED = "fixed before the fit, not searched"
+
+
+def grid_rate(source: MappingFile) -> float:
+    """Rate at which a member that needs time is fitted, Hz."""
+    fine = source.mapping.device.sense_rate_Hz.value
+    return source.mapping.sampling.fit_rate_Hz or min(FIT_RATE_HZ, fine)
+
+
+def family_section(
+    fitted: FittedMember,
+    source: str,
+    start: Start = "virgin",
+    sigma: Mapping[int, float] | None = None,
+) -> Family:
+    """The section of a device file; terms of weight 0 are left out.
+
+    source: where scale and weights come from.
+    sigma: standard deviations of weights, by place among the terms.
+    """
+    told = {i: f"{source}; standard deviation {s:.2g}" for i, s in (sigma or {}).items()}
+    pairs = zip(fitted.weights_Nm, fitted.member.terms, strict=True)
+    return Family(
+        member=fitted.member.name,
+        title=fitted.member.title,
+        start=start,
+        scale_rad=Quantity(value=fitted.scale_rad, status="identified", source=source),
+        terms=tuple(_term(t, w, told.get(i, source)) for i, (w, t) in enumerate(pairs) if w),
+    )
+
+
+def _term(t: Term, weight_Nm: float, source: str) -> FamilyTerm:
+    def fixed(value: float) -> Quantity:
+        return Quantity(value=value, status="assumed", source=FIXED)
+
+    powers = {n: text for text, n in POWERS.items()}
+    bent = t.rise.kind == "bend"
+    row: dict[str, Any] = {
+        "kind": t.kind,
+        "weight_Nm": Quantity(value=weight_Nm, status="identified", source=source),
+        "rise": "bend" if bent else powers[t.rise.number],
+        "side": t.rise.side,
+    }
+    if bent:
+        row["bend"] = fixed(t.rise.number)
+    if t.kind == "maxwell":
+        row["times_s"] = Series(values=t.numbers, status="assumed", source=FIXED)
+        if t.exponent:
+            row["exponent"] = fixed(t.exponent)
+    elif t.numbers:
+        row["threshold" if t.kind == "stop" else "path"] = fixed(t.numbers[0])
+    if t.softening:
+        row[f"{t.softening.kind}_softening"] = fixed(t.softening.number)
+    return FamilyTerm(**row)
+
+
+def family_device(
+    template: DeviceData,
+    fitted: FittedMember,
+    source: str,
+    start: Start = "virgin",
+    sigma: Mapping[int, float] | None = None,
+) -> Device:
+    """A device whose torque model is a fitted member; checked as one that is read.
+
+    template: its other sections, and limits.
+    """
+    file = template.file
+    reach = ROOM * fitted.most_Nm(file.limits.theta_rad.value)
+    limit = file.limits.tau_Nm
+    if reach > limit.value:
+        text = "what the model's terms can reach at the deflection limit"
+        most = min(2 * MAX_TAU_NM, round_up(reach))
+        limit = Quantity(value=most, status="assumed", source=text)
+    update = {
+        "elastomer": None,
+        "family": family_section(fitted, source, start, sigma),
+        "limits": file.limits.model_copy(update={"tau_Nm": limit}),
+    }
+    return parse_device(render_toml(file.model_copy(update=update)), f"{file.name}.toml")
+
+
+def drafted_member(
+    source: MappingFile,
+    recordings: list[Recording],
+    fitted: FittedMember,
+    sigma: Mapping[int, float] | None = None,
+) -> Device:
+    """A device that holds the recordings, with a member that was fitted to them."""
+    template = draft(source, recordings, False)
+    where = origin_of(source, files_of(recordings))
+    return family_device(template, fitted, where, sigma=sigma)
+
+
+__all__ = ["FIT_RATE_HZ", "drafted_member", "family_device", "family_section", "grid_rate"]

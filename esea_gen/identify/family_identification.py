@@ -1,0 +1,174 @@
+"""From a mapping file to a device file whose torque model is a member of the family."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.errors import UserError
+from esea_gen.identify.candidates import members
+from esea_gen.identify.drafting import draft
+from esea_gen.identify.family_file import drafted_member, grid_rate
+from esea_gen.identify.family_fit import UnitTerms, fit_member, member_spread, term_rows
+from esea_gen.identify.fit import Progress
+from esea_gen.identify.identified import Identified
+from esea_gen.identify.mapping import MappingFile, load_mapping
+from esea_gen.identify.notes import band_notes, recording_notes, specimen_notes
+from esea_gen.identify.quality_gate import gate_notes, gated
+from esea_gen.identify.recording import Recording, load_recordings
+from esea_gen.identify.resampling import LeftOut
+from esea_gen.identify.verdict import Verdict, judge
+from esea_gen.model.family import FittedMember, Member
+from esea_gen.toml_file import nearest
+
+
+@dataclass(frozen=True, kw_only=True)
+class FamilyIdentification(Identified):
+    """Result of an identification of a member of the family.
+
+    Parameters
+    ----------
+    fitted : FittedMember
+        The model.
+    sigma : dict of int to float
+        Standard deviations of the weights above 0, by place among the terms.
+    spread : LeftOut
+        What leaving blocks out says; its band is the torque's.
+    device, source, recordings, verdict, notes, seconds
+        As in :class:`~esea_gen.identify.identified.Identified`.
+    """
+
+    fitted: FittedMember
+    sigma: dict[int, float]
+    spread: LeftOut
+
+    def to_dict(self) -> dict[str, Any]:
+        """Report, JSON-ready and the same for the same input.
+
+        Returns
+        -------
+        dict
+            Model with its terms, errors per data set, notes.
+        """
+        family, limits = self.device.file.family, self.device.file.limits
+        assert family is not None
+        model: dict[str, Any] = {
+            "member": family.member,
+            "title": family.title,
+            "start": family.start,
+            "scale_rad": self.fitted.scale_rad,
+            "least_slope_Nm_rad": self.fitted.least_slope_Nm_rad(limits.theta_rad.value),
+            "terms": term_rows(self.fitted),
+        }
+        for row, sigma in zip(model["terms"], self.sigma.values(), strict=True):
+            row["sigma_Nm"] = sigma
+        return super().to_dict() | {"model": model, "uncertainty": self.spread.to_dict()}
+
+
+def _member_named(name: str) -> Member:
+    """A member by its name, as comparisons print it."""
+    known = {m.name: m for m in members()}
+    if name not in known:
+        raise UserError(
+            f"There is no model '{name}'.",
+            f"{nearest(name, known)}Known: published, {', '.join(repr(k) for k in known)}.",
+        )
+    return known[name]
+
+
+def identify_member(
+    mapping_path: str | Path,
+    name: str,
+    data_folder: str | Path | None = None,
+    progress: Progress | None = None,
+) -> FamilyIdentification:
+    """Identify a device whose torque model is a member of the family.
+
+    Parameters
+    ----------
+    mapping_path : str or Path
+        Mapping file, TOML.
+    name : str
+        Of the member, as :func:`esea_gen.identify.compare.compare` prints it.
+    data_folder : str or Path, optional
+        Folder of the recordings; the mapping file's own when not given.
+    progress : callable, optional
+        ``progress(share, text)``: share done, from 0 to 1, and what goes on.
+
+    Returns
+    -------
+    FamilyIdentification
+        Device, errors on training and held-out cycles, notes.
+
+    Raises
+    ------
+    UserError
+        For an unknown member, and anything wrong in the mapping file or the recordings.
+    """
+    begun = time.monotonic()
+    tell: Progress = progress or (lambda share, text: None)
+    tell(0.0, "reading")
+    member = _member_named(name)
+    source = load_mapping(mapping_path, data_folder)
+    recordings = load_recordings(source)
+    tell(0.2, "weights")
+    full_scale = draft(source, recordings, False).tau_full_scale_Nm
+    terms = UnitTerms(member, recordings, grid_rate(source))
+    fitted = fit_member(terms, recordings, full_scale)
+    sigma, spread = member_spread(terms, recordings, fitted)
+    offset = any(t.kind == "offset" for _, t in fitted.used)
+    device = gated(
+        drafted_member(source, recordings, fitted, sigma), recordings, offset_fitted=offset
+    )
+    tell(0.7, "the device's C")
+    verdict = judge(device, recordings)
+    notes = (
+        *gate_notes(recordings, offset_fitted=offset),
+        *_notes(source, recordings, fitted, verdict),
+        *band_notes(recordings, verdict, spread, device.tau_full_scale_Nm),
+    )
+    tell(1.0, "done")
+    return FamilyIdentification(
+        device=device,
+        source=source,
+        recordings=tuple(recordings),
+        verdict=verdict,
+        notes=notes,
+        seconds=time.monotonic() - begun,
+        fitted=fitted,
+        sigma=sigma,
+        spread=spread,
+    )
+
+
+def _notes(
+    source: MappingFile,
+    recordings: Sequence[Recording],
+    fitted: FittedMember,
+    verdict: Verdict,
+) -> tuple[str, ...]:
+    softens = any(t.softening for _, t in fitted.used)
+    notes = [
+        f"Model: {fitted.member.title}; {len(fitted.used)} of its {len(fitted.member.terms)} terms "
+        "carry torque. Its outer numbers were fixed beforehand.",
+        *recording_notes(source, list(recordings)),
+        *specimen_notes(verdict, softens),
+    ]
+    if fitted.member.timed and not all(r.timed for r in recordings):
+        notes.append(
+            "The relaxation times count an assumed sampling period: with another one they are "
+            "others."
+        )
+    if softens:
+        notes.append(
+            'The model softens and does not recover while it runs. start = "virgin" in the device '
+            "file is the specimen at the recording's start; a coupling that has been worked wants "
+            'start = "conditioned".'
+        )
+    return tuple(notes)
+
+
+__all__ = ["FamilyIdentification", "identify_member"]

@@ -1,0 +1,181 @@
+"""What every identification gives: a device, its errors, its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.identify.device_file import marked_toml, write_marked
+from esea_gen.identify.mapping import MappingFile
+from esea_gen.identify.recording import Recording
+from esea_gen.identify.verdict import Verdict
+from esea_gen.language.ports import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identified:
+    """Result of an identification, whatever the model.
+
+    Parameters
+    ----------
+    device : Device
+        Identified device, its parameters of status ``identified``.
+    source : MappingFile
+        What was asked.
+    recordings : tuple of Recording
+        Data.
+    verdict : Verdict
+        Errors of the device's C.
+    notes : tuple of str
+        What the reader must know.
+    seconds : float
+        Time taken; not part of :meth:`to_dict`, which is the same every time.
+    """
+
+    device: Device
+    source: MappingFile
+    recordings: tuple[Recording, ...]
+    verdict: Verdict
+    notes: tuple[str, ...]
+    seconds: float = field(compare=False)
+
+    @property
+    def full_scale_Nm(self) -> float:
+        """Torque that counts as 100 %."""
+        return self.device.tau_full_scale_Nm
+
+    @property
+    def series(self) -> dict[str, dict[str, Array]]:
+        """Per recording: ``time_s``, ``theta_rad``, ``tau_Nm``, ``tau_model_Nm``, ``role``.
+
+        ``role`` is 1 in training, 2 in held-out and 0 in other samples.
+        """
+        out = {}
+        for r in self.recordings:
+            role = np.zeros(len(r.time_s))
+            for s in r.sets:
+                role[s.training] = 1
+                role[s.held_out] = 2
+            out[r.label] = {
+                "time_s": r.time_s,
+                "theta_rad": r.theta_rad,
+                "tau_Nm": r.tau_Nm,
+                "tau_model_Nm": self.verdict.torque_Nm[r.label],
+                "role": role,
+            }
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Report, JSON-ready and the same for the same input.
+
+        Returns
+        -------
+        dict
+            Device, recordings, errors per data set, notes.
+        """
+        q = dict(self.device.quantities())
+        return {
+            "device": {"name": self.device.name, "title": self.device.title},
+            "mapping": self.source.origin,
+            "full_scale_Nm": self.full_scale_Nm,
+            "rate_terms": self.device.rate_terms,
+            "domain": {
+                k: q[f"domain.{k}"].value for k in type(self.device.file.domain).model_fields
+            },
+            "recordings": [
+                {
+                    "label": r.label,
+                    "file": r.file,
+                    "sha256": r.digest,
+                    "samples": len(r.time_s),
+                    "dropped": r.dropped,
+                    "timed": r.timed,
+                    "duration_s": float(r.time_s[-1]),
+                }
+                for r in self.recordings
+            ],
+            **self.errors(self.verdict),
+            "notes": list(self.notes),
+        }
+
+    def errors(self, verdict: Verdict) -> dict[str, Any]:
+        """Errors of a verdict, JSON-ready.
+
+        Parameters
+        ----------
+        verdict : Verdict
+            On this identification's recordings.
+
+        Returns
+        -------
+        dict
+            ``sets``, one a data set, and ``mean_rms``.
+        """
+        sets = [
+            {
+                "label": s.label,
+                "amplitude_rad": s.amplitude_rad,
+                "cycles": dict(sorted(s.cycles.items())),
+                **errors,
+                "asymmetry": s.asymmetry,
+                "work_first_J": s.work_first_J,
+                "work_last_J": s.work_last_J,
+                "softening": s.softening,
+            }
+            for s, errors in verdict.misfits.rows(self.full_scale_Nm)
+        ]
+        return {"sets": sets, "mean_rms": verdict.misfits.means(self.full_scale_Nm)}
+
+    def summary(self) -> list[str]:
+        """A few lines for the terminal: fit on training and held-out cycles, notes."""
+        lines = [f"{self.device.title}: fit in % of full scale ({self.full_scale_Nm:g} Nm), RMS"]
+        misfits = self.verdict.misfits
+        width = max(len(s.label) for s, _, _ in misfits.sets)
+        for s, trained, held in misfits.sets:
+            cells = [
+                f"{what} {100 * e.rms / self.full_scale_Nm:5.2f} %"
+                for what, e in (("training", trained), ("held out", held))
+                if e
+            ]
+            lines.append(f"  {s.label:{width}}  {', '.join(cells)}")
+        means = misfits.means(self.full_scale_Nm)
+        lines.append(
+            f"  {'mean':{width}}  training {means['training_percent']:5.2f} %, "
+            f"held out {means['held_out_percent']:5.2f} %"
+        )
+        return lines + [f"note: {note}" for note in self.notes]
+
+    def toml(self) -> str:
+        """The device file, its first line saying that it is ours and unchanged."""
+        return marked_toml(self.device)
+
+    def write(self, folder: str | Path, *, overwrite: bool = False) -> Path:
+        """Write ``<name>.toml``, whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Made when missing.
+        overwrite : bool
+            Also replace a file that this program did not write, or that was changed since.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        UserError
+            When the file may not be overwritten, or cannot be written.
+        """
+        path = Path(folder) / f"{self.device.name}.toml"
+        write_marked(self.device, path, overwrite)
+        return path
+
+
+__all__ = ["Identified"]

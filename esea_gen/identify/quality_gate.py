@@ -1,0 +1,67 @@
+"""The gate before ``status = identified``: what the recordings must be free of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from esea_gen.device import Device, parse_device
+from esea_gen.devices.numbers import Quantity, Section
+from esea_gen.devices.writing import render_toml
+from esea_gen.identify.recording import Recording
+
+
+def _stopping(recordings: Sequence[Recording], offset_fitted: bool) -> list[str]:
+    kinds = [
+        f.kind
+        for r in recordings
+        for f in r.findings
+        if f.stops and not (f.kind == "offset" and offset_fitted)
+    ]
+    return list(dict.fromkeys(kinds))
+
+
+def gated(device: Device, recordings: Sequence[Recording], *, offset_fitted: bool) -> Device:
+    """The device; where a recording is not sound, its torque model is assumed, not identified.
+
+    offset_fitted: whether the model has an offset of its own.
+    """
+    kinds = _stopping(recordings, offset_fitted)
+    if not kinds:
+        return device
+    why = f"not identified, the recording has: {', '.join(kinds)}; "
+
+    def doubted(section: Section) -> Section:
+        update: dict[str, Any] = {}
+        for key in type(section).model_fields:
+            value = getattr(section, key)
+            if isinstance(value, Quantity) and value.status == "identified":
+                update[key] = value.model_copy(
+                    update={"status": "assumed", "source": why + value.source}
+                )
+            elif isinstance(value, Section):
+                update[key] = doubted(value)
+            elif isinstance(value, tuple):
+                update[key] = tuple(doubted(v) if isinstance(v, Section) else v for v in value)
+        return section.model_copy(update=update)
+
+    file = device.file
+    models = {k: getattr(file, k) for k in ("elastomer", "family")}
+    update = {k: doubted(v) for k, v in models.items() if v is not None}
+    return parse_device(render_toml(file.model_copy(update=update)), device.origin)
+
+
+def gate_notes(recordings: Sequence[Recording], *, offset_fitted: bool) -> tuple[str, ...]:
+    """What was found, recording by recording, and whether the gate is shut."""
+    notes = [f"Quality, {r.label}: {f.text}." for r in recordings for f in r.findings]
+    kinds = _stopping(recordings, offset_fitted)
+    if kinds:
+        notes.insert(
+            0,
+            f"Quality gate: {', '.join(kinds)}. The torque model's numbers are marked assumed, not "
+            "identified.",
+        )
+    return tuple(notes)
+
+
+__all__ = ["gate_notes", "gated"]

@@ -1,0 +1,133 @@
+"""The coupling's torque model as the device file has it: published, or a member of the family.
+
+What senses, what inverts and what stands for the rubber in a simulation all ask here, so that a
+device has one torque model.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from esea_gen.language.block import Block
+from esea_gen.model.elastomer import stop_grid, torque_sensor
+from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
+from esea_gen.model.family_inverse import family_inverse
+from esea_gen.model.family_sensor import family_sensor
+from esea_gen.model.inverse import chosen_inverse
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+    from esea_gen.devices.rubber import FamilyTerm
+
+POWERS = {"x": 1.0, "x^3": 3.0, "x^5": 5.0}
+
+
+def fitted_of(device: DeviceData) -> FittedMember:
+    """The member of the family that a device file's section ``[family]`` holds.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With that section.
+
+    Returns
+    -------
+    FittedMember
+        Its form and weights.
+
+    Raises
+    ------
+    ValueError
+        For a device with the published model.
+    """
+    family = device.file.family
+    if family is None:
+        raise ValueError(f"{device.origin} has no [family]")
+    member = Member(family.member, family.title, tuple(_term(t) for t in family.terms))
+    weights = tuple(t.weight_Nm.value for t in family.terms)
+    return FittedMember(member, family.scale_rad.value, weights)
+
+
+def _term(t: FamilyTerm) -> Term:
+    bend = t.bend.value if t.bend else 0.0
+    rise = Rise("bend", bend, t.side) if t.bend else Rise("power", POWERS[t.rise], t.side)
+    single = t.threshold or t.path
+    numbers = t.times_s.values if t.times_s else ((single.value,) if single else ())
+    softening = None
+    if t.strain_softening:
+        softening = Softening("strain", t.strain_softening.value)
+    elif t.path_softening:
+        softening = Softening("path", t.path_softening.value)
+    return Term(t.kind, rise, numbers, t.exponent.value if t.exponent else 0.0, softening)
+
+
+def rubber_sensor(device: DeviceData) -> Block:
+    """The torque sensor of a device's model.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Torque model, domain, limits and rate.
+
+    Returns
+    -------
+    Block
+        From :func:`~esea_gen.model.elastomer.torque_sensor` or
+        :func:`~esea_gen.model.family_sensor.family_sensor`: the ports are the same.
+    """
+    family = device.file.family
+    if family is None:
+        return torque_sensor(device)
+    return family_sensor(device, fitted_of(device), family.start)
+
+
+def rubber_inverse(device: DeviceData) -> Block:
+    """The inverse of a device's model: desired torque to deflection set-point.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Torque model, domain, limits and rate.
+
+    Returns
+    -------
+    Block
+        From :func:`~esea_gen.model.inverse.chosen_inverse` or, of a member of the family,
+        :func:`~esea_gen.model.family_inverse.family_inverse`.
+
+    Raises
+    ------
+    UserError
+        When the model has no unique inverse.
+    """
+    family = device.file.family
+    if family is None:
+        return chosen_inverse(device)
+    return family_inverse(device, fitted_of(device), family.start)
+
+
+def stiffness_range_Nm_rad(device: DeviceData) -> tuple[float, float]:
+    """Least and largest stiffness of the coupling, for what must hold whatever it remembers.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With either torque model.
+
+    Returns
+    -------
+    soft, stiff : float
+        Published model: the linear spring alone, and with all stops and rate terms.  A member of
+        the family: least and largest slope inside the identified domain.
+    """
+    if device.file.family is not None:
+        fitted, reach = fitted_of(device), device.file.domain.theta_max_rad.value
+        return fitted.least_slope_Nm_rad(reach), fitted.most_slope_Nm_rad(reach)
+    e = device.elastomer
+    values = {c.name: c.value for c in device.constants("elastomer")}
+    weights = stop_grid(values, round(e.stops.value))[1]
+    soft = e.k1_Nm_rad.value
+    return soft, soft + sum(float(w) for w in weights) + values.get("kv_Nm_rad", 0.0)
+
+
+__all__ = ["fitted_of", "rubber_inverse", "rubber_sensor", "stiffness_range_Nm_rad"]
