@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 
 from esea_gen.emit.fixed.bound import Span, analyse, span
+from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.ranges import RangeError
 from esea_gen.emit.walker import walk
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, around
+from esea_gen.verify.fixed import RawExecutor
 
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 
@@ -168,3 +172,32 @@ def test_facts_narrow_and_a_sign_is_sure_away_from_zero():
     ):
         found, _ = bound(ca.sign(X), span(low, high, error, 1), NEAR)
         assert found.error[0] == off, (low, high, error)
+
+
+@pytest.mark.parametrize("compared", [True, False])
+def test_the_magnitude_of_a_memory_that_fills_its_32_bits(compared):
+    # -2 is the raw number -2^31, whose magnitude is none of 32 bits: a comparison takes it in 64
+    # and tells every number from the next; elsewhere the last bit is rounded away.
+    def step(c, s, u, g, label):
+        size = ca.fabs(s.m)
+        return {"m": u.x_rad}, {"y": size > 1.5 if compared else size}
+
+    block = Block.define(
+        "magnitude",
+        "Magnitude of a memory",
+        period_s=0.001,
+        state=(Port("m", -2.0, 1.9, "memory", repair="block"),),
+        inputs=(Port("x_rad", -2.0, 1.9, "input"),),
+        outputs=(around("y", 2.0, "y"),),
+        step=step,
+    )
+    plan = Planner(block).plan()
+    edge = 3 * 2**29  # 1.5
+    raw = [-(2**31), -(2**31) + 1, *(s * (edge + d) for s in (1, -1) for d in (-1, 0, 1)), 0]
+    y, _ = RawExecutor(plan).run({"x_rad": np.array(raw, dtype=np.int32)})
+    found = (y["y"] * plan.field("out", "y").lsb)[1:]
+    size = np.abs(raw[:-1]) * 2.0**-30
+    lost = 0.0 if compared else 2.0**-30
+    assert np.abs(found - (size > 1.5 if compared else size)).max() == lost
+    taken = next(i for i, n in enumerate(plan.step.kernel.nodes) if n.op == "fabs")
+    assert plan.step.values[taken].local == lost

@@ -1,8 +1,8 @@
-"""pytest plugin: which functions of this program each test enters, and how long it takes.
+"""pytest plugin: which functions of ``esea_gen`` each test enters, and how long it takes.
 
-``pytest -p esea_gen.verify.mutation.entered`` with ``ESEA_ENTERED=FILE``; imports nothing that a
-test could want to see imported.  What a fixture that several tests share enters counts for each
-of them; what another process enters is not seen.
+Copied to where pytest finds it, it imports nothing of the program.  What a fixture that several
+tests share enters counts for each of them; what another process enters is not seen, nor what an
+earlier test has left in a cache.
 """
 
 from __future__ import annotations
@@ -19,59 +19,63 @@ from typing import Any
 
 import pytest
 
-_HERE = f"{Path(__file__).parents[2]}{os.sep}"
-_found: set[CodeType] = set()
-_of_test: dict[str, set[CodeType]] = defaultdict(set)
-_of_fixture: dict[int, set[CodeType]] = defaultdict(set)
-_time_s: dict[str, float] = defaultdict(float)
+_HERE = f"{Path.cwd() / 'esea_gen'}{os.sep}"
 
 
-def _call(frame: FrameType, event: str, _: Any) -> None:
-    _found.add(frame.f_code)
+class _Log:
+    now: set[CodeType]
+
+    def __init__(self) -> None:
+        self.now = set()
+        self.tests: dict[str, set[CodeType]] = defaultdict(set)
+        self.fixtures: dict[int, set[CodeType]] = defaultdict(set)
+        self.times_s: dict[str, float] = defaultdict(float)
+
+    def listen(self) -> None:
+        threading.settrace(self.call)
+        sys.settrace(self.call)
+
+    def call(self, frame: FrameType, event: str, _: Any) -> None:
+        self.now.add(frame.f_code)
 
 
-def pytest_sessionstart() -> None:
-    """Listen from the first import on; what is entered before the first test is of none."""
-    threading.settrace(_call)
-    sys.settrace(_call)
+_log = _Log()
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_fixture_setup(fixturedef: Any) -> Generator[None, Any, None]:
     """What one fixture enters, the fixtures that it asks for apart."""
-    global _found
-    outer, _found = _found, _of_fixture[id(fixturedef)]
+    outer, _log.now = _log.now, _log.fixtures[id(fixturedef)]
     yield
-    _found = outer
+    _log.now = outer
 
 
 @pytest.hookimpl(hookwrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, None]:
+def pytest_runtest_protocol(item: Any) -> Generator[None, Any, None]:
     """One test with its fixtures."""
-    global _found
-    _found = _of_test[item.nodeid]
-    sys.settrace(_call)  # a test before it may have taken it
+    _log.now = _log.tests[item.nodeid]
+    _log.listen()  # a test before it may have taken it
     yield
-    for definitions in getattr(item, "_fixtureinfo").name2fixturedefs.values():  # noqa: B009
+    for definitions in item._fixtureinfo.name2fixturedefs.values():
         for definition in definitions:
-            _of_test[item.nodeid] |= _of_fixture[id(definition)]
-    _found = set()
+            _log.tests[item.nodeid] |= _log.fixtures[id(definition)]
+    _log.now = set()
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Time of all three parts."""
-    _time_s[report.nodeid] += report.duration
+    _log.times_s[report.nodeid] += report.duration
 
 
 def pytest_sessionfinish() -> None:
     """Functions by file and first line."""
     sys.settrace(None)
     told = {}
-    for name, codes in _of_test.items():
+    for name, codes in _log.tests.items():
         places = {
             f"{c.co_filename.removeprefix(_HERE)}:{c.co_firstlineno}"
             for c in codes
             if c.co_filename.startswith(_HERE)
         }
-        told[name] = {"time_s": round(_time_s[name], 4), "entered": sorted(places)}
+        told[name] = {"time_s": round(_log.times_s[name], 4), "entered": sorted(places)}
     Path(os.environ["ESEA_ENTERED"]).write_text(json.dumps(told), encoding="utf-8")

@@ -38,6 +38,7 @@ _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Or: ast.And,
 }
 _DELETED = "deleted statement"
+_FUNCTION = (ast.FunctionDef, ast.AsyncFunctionDef)
 SHOWN = 90  # letters of an edit, at most
 # Keywords of any call, or of one, that no result hangs on: looks, guards of lengths, a repr.
 _LOOKS = """
@@ -68,6 +69,7 @@ class PythonMutant:
     edit: what was there, and what stands there now.
     suspect: why it may well do nothing that a test could tell; empty where nothing says so.
     text: the whole file.
+    function: first line of the function in whose body it is, 0 outside every one.
     """
 
     path: str
@@ -76,6 +78,7 @@ class PythonMutant:
     edit: str
     suspect: str
     text: str
+    function: int = 0
 
     def __str__(self) -> str:
         return f"{self.path}:{self.line}: {self.kind}: {self.edit}"
@@ -235,13 +238,13 @@ class PythonFaults:
             for x in ast.walk(self.tree)
             if x not in self.silent
         )
-        self.places: list[tuple[ast.AST, ast.AST, Change, str]] = []
-        self._visit(self.tree, self.tree, False)
+        self.places: list[tuple[ast.AST, ast.AST, Change, str, int]] = []
+        self._visit(self.tree, self.tree, False, 0)
 
     def __len__(self) -> int:
         return len(self.places)
 
-    def _visit(self, node: ast.AST, statement: ast.AST, in_text: bool) -> None:
+    def _visit(self, node: ast.AST, statement: ast.AST, in_text: bool, function: int) -> None:
         if node in self.silent:
             return
         if isinstance(node, ast.stmt):
@@ -249,17 +252,19 @@ class PythonFaults:
         in_text = in_text or isinstance(node, ast.JoinedStr)
         # A statement's own body is too long to show: the part that changes is enough.
         shown = node if hasattr(statement, "body") else statement
+        inside = node.body if isinstance(node, _FUNCTION) else []
+        first = min(getattr(n, "lineno", 0) for n in (node, *getattr(node, "decorator_list", [])))
         for change in _changes(node, self.silent):
             why = _suspicion(node, change[0], in_text)
             gone = change[3]
             here = (node, shown) if gone is None else (gone, gone)
-            self.places.append((*here, change, why))
+            self.places.append((*here, change, why, first if gone in inside else function))
         for child in ast.iter_child_nodes(node):
-            self._visit(child, statement, in_text)
+            self._visit(child, statement, in_text, first if child in inside else function)
 
     def make(self, k: int) -> PythonMutant | None:
         """The fault number k; None where it changes nothing that Python sees."""
-        node, shown, (kind, do, undo, _), suspect = self.places[k]
+        node, shown, (kind, do, undo, _), suspect, function = self.places[k]
         before = _line_of(node, shown), _edited(shown)
         do()
         try:
@@ -270,7 +275,7 @@ class PythonFaults:
             return None
         old, new = _pair(before[1], after)
         edit = _pair(before[1], "")[0] if kind == _DELETED else f"{old}  ->  {new}"
-        return PythonMutant(self.path, before[0], kind, edit, suspect, text)
+        return PythonMutant(self.path, before[0], kind, edit, suspect, text, function)
 
 
 def _line_of(node: ast.AST, shown: ast.AST) -> int:

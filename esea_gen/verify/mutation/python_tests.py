@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import ast
+import hashlib
+import json
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from esea_gen.errors import UserError
 
@@ -64,6 +68,12 @@ class Importers:
         return {p: k for p, k in tests.items() if p.name.startswith("test_")}
 
 
+def usable_tests(graph: Importers, source: Path, independent: bool) -> list[str]:
+    """Every test file that imports a source, by whatever way."""
+    far = graph.distances(source)
+    return [p.as_posix() for p in far if not (independent and p.name in COMMITTED)]
+
+
 def near_tests(
     graph: Importers, source: Path, *, independent: bool, widen: int = 0
 ) -> tuple[list[Path], list[Path]]:
@@ -87,3 +97,51 @@ def near_tests(
     near += rest[: max(0, LEAST - len(near))]
     more = [p for p in rest if p not in near]
     return near, more[:widen]
+
+
+class Entered:
+    """Which functions each test entered without a fault, kept by the content of its file.
+
+    A record that is out of date costs time and nothing else: whoever is asked first, the nearest
+    files are asked whole before a fault counts as survived.
+    """
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.root, self.folder = root, folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def file(self, test: str) -> Path:
+        """Where the record of a test file, or of some of its tests, stands."""
+        path, _, part = test.partition("::")
+        source = self.root / path
+        content = source.read_bytes() if source.is_file() else b""
+        digest = hashlib.sha256(content + part.encode()).hexdigest()
+        return self.folder / f"{source.stem}-{digest[:16]}.json"
+
+    def of(self, test: str) -> dict[str, Any]:
+        """Time and functions of every test of a file; nothing where it was never run."""
+        path = self.file(test)
+        if not path.is_file():
+            return {}
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return found
+
+    def quick(
+        self, tests: Iterable[str], path: str, function: int, most_s: float
+    ) -> tuple[list[str], float]:
+        """Tests that entered a function of the package, the quickest first, and their time."""
+        place = f"{path.removeprefix(f'{PACKAGE}/')}:{function}"
+        found = sorted(
+            (t["time_s"], name)
+            for test in tests
+            for name, t in self.of(test).items()
+            if place in t["entered"]
+        )
+        names: list[str] = []
+        total_s = 0.0
+        for time_s, name in found:
+            if total_s + time_s > most_s:
+                break
+            total_s += time_s
+            names.append(name)
+        return names, total_s
