@@ -127,6 +127,8 @@ def test_each_kind_of_fault(source, kind, edit):
         "raise ValueError(f'{a + b}')",
         "if TYPE_CHECKING:\n    from a import b",
         "y = f(a, a)",
+        "y = np.maximum(a, b)",
+        "y = ca.logic_and(a, b)",
         "y = 'a'",
     ],
 )
@@ -236,6 +238,9 @@ def test_what_may_do_nothing_is_told_as_such():
     assert why["comparison"] == "differs only where both sides are equal"
     assert why["off by one"] == ""
     assert {m.suspect for m in made if m.line == 2} == {"in a text for people"}
+    swapped = PythonFaults("a.py", "y = max(a, b)\nz = f(a, b)\n")
+    made = [m for m in map(swapped.make, range(len(swapped))) if m is not None]
+    assert [m.suspect for m in made] == ["differs only where an argument is no number", ""]
 
 
 def test_committed_output_is_left_out_unless_asked_for(checkout):

@@ -1,8 +1,8 @@
 """Faults of Python sources: one small edit of the syntax tree at a time.
 
 Left out is what gives no wrong result, by rule, for all files alike: messages, annotations and
-assertions; whether ``zip`` looks at lengths and what ``repr`` shows; how a figure looks; and 1 %
-more of an order of magnitude, such as a tolerance of 1e-9.
+assertions; whether ``zip`` looks at lengths and what ``repr`` shows; how a figure looks; 1 % more
+of an order of magnitude, such as a tolerance of 1e-9; and which argument of "and" comes first.
 """
 
 from __future__ import annotations
@@ -48,6 +48,11 @@ _LOOKS = """
 _NO_RESULT = {("zip", "strict"), ("field", "repr"), ("Field", "repr")}
 # All that these are given by place is a size on paper.
 _SIZES = frozenset({"new_figure", "_new"})
+# Of two arguments of these either may come first.
+_EITHER_FIRST = frozenset(
+    {"logic_and", "logic_or", "logical_and", "logical_or", "minimum", "maximum", "hypot"}
+)
+_EITHER_BUT_NAN = frozenset({"min", "max", "fmin", "fmax"})
 # From here on a power of ten is an order of magnitude: nothing hangs on 1 % of it.
 _LARGE, _SMALL = 1e6, 1e-6
 _TERMS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
@@ -104,11 +109,16 @@ def _silent(tree: ast.AST) -> tuple[set[ast.AST], set[ast.AST]]:
     return hidden | by_rule, by_rule - hidden
 
 
+def _called(node: ast.AST) -> str:
+    called = getattr(node, "func", None)
+    return str(getattr(called, "attr", getattr(called, "id", "")))
+
+
 def _without_result(node: ast.AST) -> Iterator[ast.AST]:
     if isinstance(node, ast.Assert):
         yield node
     elif isinstance(node, ast.Call):
-        called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        called = _called(node)
         yield from node.args if called in _SIZES else ()
         for k in node.keywords:
             if k.arg in _LOOKS.split() or (called, k.arg) in _NO_RESULT:
@@ -172,7 +182,8 @@ def _changes(node: ast.AST, silent: set[ast.AST]) -> Iterator[Change]:
         plain = [a for a in node.args if not isinstance(a, ast.Starred)]
         if len(plain) == len(node.args) >= 2:
             first, second, *rest = node.args
-            if ast.dump(first) != ast.dump(second):
+            either = len(node.args) == 2 and _called(node) in _EITHER_FIRST
+            if ast.dump(first) != ast.dump(second) and not either:
                 yield _set(node, "args", [second, first, *rest], "swapped argument")
     if isinstance(node, ast.If | ast.While | ast.IfExp):
         yield _set(node, "test", ast.UnaryOp(ast.Not(), node.test), "not")
@@ -214,6 +225,8 @@ def _pair(before: str, after: str) -> tuple[str, str]:
 def _suspicion(node: ast.AST, kind: str, in_text: bool) -> str:
     if in_text:
         return "in a text for people"
+    if kind == "swapped argument" and _called(node) in _EITHER_BUT_NAN:
+        return "differs only where an argument is no number"
     if kind == "comparison" and isinstance(node, ast.Compare):
         edges = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
         if all(isinstance(op, edges) for op in node.ops):
