@@ -37,7 +37,7 @@ from esea_gen.verify.mutation.python_tests import (
 NOT_COPIED = (".git", ".venv", "out", "dist", "build", "__pycache__", ".*_cache", ".hypothesis")
 NO_TESTS = 5  # what pytest gives where nothing is left to run
 SPARE_S = 20.0  # a test file gets three times its time without a fault, and this
-QUICK_S = 40.0  # so much time for the tests that enter the function, before whole files
+QUICK_S = 12.0  # so much time for the tests that enter the function, before whole files
 PLUGIN = "esea_entered"
 # A test that fails without a fault: so many are set aside before the file is given up.
 BROKEN_MOST = 5
@@ -187,17 +187,14 @@ class _Copy:
     def fate_of(
         self, mutant: PythonMutant, near: Sequence[str], all_: Sequence[str], limit_s: float | None
     ) -> tuple[Fate, str]:
-        """Who notices a fault: tests known to enter its function, else the nearest files, whole."""
+        """Who notices: a test known to enter the function, else one of the nearest files, whole."""
         quick, time_s = self.entered.quick(all_, mutant.path, mutant.function, QUICK_S)
         if quick:
             found = self.who_notices(mutant, quick, limit_s or SPARE_S + 3 * time_s)
             if found[0] != "survived":
                 return found
-        for test in near:
-            found = self.who_notices(mutant, [test], limit_s or self.limit_of(test))
-            if found[0] != "survived":
-                return found
-        return "survived", ""
+        # Limits first: finding them runs the files without the fault.
+        return self.who_notices(mutant, near, limit_s or sum(map(self.limit_of, near)))
 
     def who_notices(
         self, mutant: PythonMutant, tests: Sequence[str], limit_s: float
@@ -210,7 +207,9 @@ class _Copy:
                 return "survived", ""
             if code is None:
                 return "no end", tests[0]
-            failed = re.search(r"^(?:FAILED|ERROR) (\S+::[^\n]*?)(?: - .*)?$", said, re.MULTILINE)
+            failed = re.search(
+                r"^(?:FAILED|ERROR) (\S+?(?:::[^\n]*?)?)(?: - .*)?$", said, re.MULTILINE
+            )
             name = failed[1] if failed else tests[0]
             if name not in self.sound and self.run([name], None)[0] != 0:
                 self.broken.add(name)

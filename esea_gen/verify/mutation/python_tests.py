@@ -16,6 +16,7 @@ PACKAGE = "esea_gen"
 # Tests that hold against committed output, or against the whole checkout.
 COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
 LEAST = 4  # so many test files are asked at least, for the nearest need not run the line
+QUICK_FILES = 5  # so many are read for their tests that enter a function
 COMMITTED_TEST = "committed"  # in the name of a test that does so in another file
 
 
@@ -69,28 +70,31 @@ class Importers:
 
 
 def usable_tests(graph: Importers, source: Path, independent: bool) -> list[str]:
-    """Every test file that imports a source, by whatever way."""
+    """Every test file that imports a source, by whatever way, the nearest first."""
+    return [p.as_posix() for p in _by_nearness(graph, source, independent)]
+
+
+def _by_nearness(graph: Importers, source: Path, independent: bool) -> list[Path]:
     far = graph.distances(source)
-    return [p.as_posix() for p in far if not (independent and p.name in COMMITTED)]
+    words = {w.rstrip("s") for w in (*source.stem.split("_"), source.parent.name)}
+    # What bears its name first, then the short ones.
+    return sorted(
+        (p for p in far if not (independent and p.name in COMMITTED)),
+        key=lambda p: (
+            far[p],
+            -len(words & {w.rstrip("s") for w in p.stem.split("_")}),
+            graph.size[p],
+        ),
+    )
 
 
 def near_tests(
     graph: Importers, source: Path, *, independent: bool, widen: int = 0
 ) -> tuple[list[Path], list[Path]]:
     """Test files that stand nearest to a source, or bear its name; the ``widen`` next ones."""
-    far = graph.distances(source)
-    kept = [p for p in far if not (independent and p.name in COMMITTED)]
+    far, kept = graph.distances(source), _by_nearness(graph, source, independent)
     if not kept:
         raise UserError(f"No test imports {_name(source)}.", "Name test files with --tests.")
-    words = {w.rstrip("s") for w in (*source.stem.split("_"), source.parent.name)}
-    # What bears its name first, then the short ones.
-    kept.sort(
-        key=lambda p: (
-            far[p],
-            -len(words & {w.rstrip("s") for w in p.stem.split("_")}),
-            graph.size[p],
-        )
-    )
     nearest = far[kept[0]]
     near = [p for p in kept if far[p] == nearest or p.stem == f"test_{source.stem}"]
     rest = [p for p in kept if p not in near]
@@ -129,19 +133,23 @@ class Entered:
     def quick(
         self, tests: Iterable[str], path: str, function: int, most_s: float
     ) -> tuple[list[str], float]:
-        """Tests that entered a function of the package, the quickest first, and their time."""
+        """Tests that entered a function of the package, and their time.
+
+        Of the first files that have any: each gets its share of the time for its quickest tests.
+        """
         place = f"{path.removeprefix(f'{PACKAGE}/')}:{function}"
-        found = sorted(
-            (t["time_s"], name)
-            for test in tests
-            for name, t in self.of(test).items()
-            if place in t["entered"]
-        )
         names: list[str] = []
-        total_s = 0.0
-        for time_s, name in found:
-            if total_s + time_s > most_s:
+        total_s, files = 0.0, 0
+        for test in tests:
+            found = sorted(
+                (t["time_s"], n) for n, t in self.of(test).items() if place in t["entered"]
+            )
+            files += bool(found)
+            for time_s, name in found:
+                if total_s + time_s > most_s * min(1, files / QUICK_FILES):
+                    break
+                total_s += time_s
+                names.append(name)
+            if files == QUICK_FILES:
                 break
-            total_s += time_s
-            names.append(name)
         return names, total_s
