@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from esea_gen.control.governor import smoothed_setpoint, torque_lead
+from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import limits
 from esea_gen.control.passivity import passivity
 from esea_gen.control.redundancy import redundancy
@@ -22,6 +23,7 @@ from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.joint import deflection
 from esea_gen.observe.cable import cable_observer
 from esea_gen.observe.disturbance import drive_observer
+from esea_gen.observe.extrapolation import parabola
 from esea_gen.observe.human import extended_state
 from esea_gen.twin.encoders import encoder_block
 from esea_gen.twin.parameters import plant_tunables
@@ -39,7 +41,7 @@ def rows_of(page, heading):
 
 ALONE = (
     *(torque_sensor, tracking_observer, exact_inverse, deflection, gear_encoder),
-    *(cable_observer, drive_observer, extended_state),
+    *(cable_observer, drive_observer, extended_state, parabola),
     *(limits, passivity, redundancy, setpoint_rates, sliding_mode, smoothed_setpoint, torque_lead),
 )
 
@@ -48,7 +50,7 @@ ALONE = (
 def drive_blocks():
     """Every Block of the shipped drive, and of its other law."""
     device = load_device("elbow_drive")
-    alone = [make(device) for make in ALONE]
+    alone = [make(device) for make in ALONE] + [law_switch(device, ["one", "other", "third"])]
     names = {b.name for b in alone}
     systems = [device.system, load_device("elbow_drive", "predictive").system]
     return alone + [b for s in systems for b in s.kinds if b.name not in names]
@@ -135,7 +137,7 @@ ALIKE = {
     "inverse.tau_Nm": 10 * SENSOR_NM,
     "inverse.residual_Nm": 20 * SENSOR_NM,
     "torque_lead.tau_set_Nm": SENSOR_NM,
-    "sliding_mode.u_command_Nm": MOTOR_NM,
+    "sliding_mode.u_command_Nm law.u_command_Nm": MOTOR_NM,
 }
 RANGES = {name: most for names, most in ALIKE.items() for name in names.split()}
 
@@ -188,6 +190,8 @@ WANTED = 3 * PUSH + 2 * SENSOR_NM / LIMB_KGM2 + 2 * SLOPE * ANGLE_RATE + SLOPE**
 EQUIVALENT_NM = 1.01 / N * (J_KGM2 * (WANTED + PUSH) + FV * SPEED + FC + SENSOR_NM)
 UNSURE_NM = 0.25 * FV * SPEED + 0.25 * FC + 1.5 * DEFLECTION_RAD + 1.5 * DEFLECTION_RAD**3
 SWITCHING_NM = 1.01 * 5 / N * (0.05 * (WANTED + PUSH) + UNSURE_NM + (J_KGM2 + 0.05) * 0.001)
+# A parabola through eleven values, 50 ms apart, by least squares: what each takes of them.
+PARABOLA = np.linalg.pinv(np.vander(-0.05 * np.arange(11), 3, increasing=True))
 ROOM = {
     "velocity.theta_hat_rad": 2 * DEFLECTION_RAD,
     "velocity.v_rad_s inverse.v_rad_s setpoint_rates.rate_rad_s": 4 * 25,
@@ -257,6 +261,37 @@ ROOM = {
     "limits.age": (0, 25),
     "limits.ticks": (0, 100),
     "stamp.beats limits.beat_last": (0, 255),
+    "law.offset_Nm": 2 * MOTOR_NM,
+    "law.u_last_Nm law.u_one_Nm law.u_other_Nm law.u_third_Nm": MOTOR_NM,
+    "law.law_held law.law": (0, 2),
+    "ahead.offset_Nm": 1.01 * (2 * SENSOR_NM + 20 * TRAVEL_RAD + 2 * 5 * SPEED),
+    "ahead.tau_range_Nm": (0.009 * FULL_NM, FULL_NM),
+    "drive_observer.omega_last_rad_s gear_observer.omega_last_rad_s": SPEED,
+    "drive_observer.u_held_Nm drive_observer.u_a_Nm gear_observer.u_held_Nm": MOTOR_NM,
+    "sliding_mode.d4_rad_s2 predictive.d4_rad_s2 drive_by_gear.d4_rad_s2": PUSH,
+    "sliding_mode.delta_acc_rad_s2": 3 * PUSH,
+    "redundancy.moves_rad_s2": (0, 4 * PUSH),
+    "encoder.turn": 4,
+    "encoder.held": (0, 4),
+    "encoder_gear.held": (0, 2),
+    "encoder.count_last": (0, 2**12 - 1),
+    "encoder_gear.count_last": (0, 2**17 - 1),
+    "passivity.theta_load_last_rad passivity.theta_motor_last_rad": JOINT_RAD,
+    "smoothed_setpoint.first_rad smoothed_setpoint.second_rad": DEFLECTION_RAD,
+    "inverse.theta_hat_rad": 2 * DEFLECTION_RAD,
+    "inverse.theta_prev_rad predictive.delta_rad": DEFLECTION_RAD,
+    "inverse.tau_r_Nm torque_lead.tau_set_Nm.state": SENSOR_NM,
+    "parabola.tau_h_rate_Nm_s": 1.01 * SENSOR_NM * np.abs(PARABOLA[1]).sum(),
+    "parabola.tau_h_curve_Nm_s2": 2.02 * SENSOR_NM * np.abs(PARABOLA[2]).sum(),
+    # Coefficients of the least and the largest tunables.
+    "sliding_mode.lambda2_1_s2": (0, 1.01 * SLOPE**2),
+    "sliding_mode.integral_gain_1_s": (0, 1.01 * SLOPE**2 * CONTROL_S),
+    "sliding_mode.layer_s_rad set_trend.noises_1_Nm": (0, 1.01 / 0.001),
+    "limits.trip_low_rad": (-0.35, 2.5),
+    "limits.trip_high_rad": (-0.15, 2.7),
+    "limits.rom_gain_Nm_rad": (0.99 * 0.01 * MOTOR_NM / 0.2, 1.01 * MOTOR_NM / 0.2),
+    "limits.brake_rad_s": (0.99 * 0.9 * 0.5, 1.01 * 0.9 * 10),
+    "limits.speed_gain_Nms_rad": (0.99 * 0.01 * MOTOR_NM / 1, 1.01 * MOTOR_NM / 0.05),
 }
 
 
@@ -265,10 +300,11 @@ def test_memories_and_derived_outputs_have_room_for_what_the_drive_can_do_and_li
 ):
     found = {}
     for block in drive_blocks:
-        found |= {f"{block.name}.{p.name}": p for p in (*block.inputs, *block.outputs)}
+        given = (*block.coefficients, *block.inputs, *block.outputs)
+        found |= {f"{block.name}.{p.name}": p for p in given}
         found |= {f"{block.name}.{p.name}.state": p for p in block.state}
     for names, most in ROOM.items():
         ends = most if isinstance(most, tuple) else (-most, most)
         for name in names.split():
             p = found.get(f"{name}.state", found.get(name))
-            assert (p.low, p.high) == pytest.approx(ends, rel=1e-5), name
+            assert (p.low, p.high) == pytest.approx(ends, rel=3e-5), name
