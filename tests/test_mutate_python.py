@@ -238,6 +238,13 @@ def test_what_may_do_nothing_is_told_as_such():
     assert why["comparison"] == "differs only where both sides are equal"
     assert why["off by one"] == ""
     assert {m.suspect for m in made if m.line == 2} == {"in a text for people"}
+    for path, name, marked in (
+        ("a.py", "_events", True),
+        ("a_streams.py", "f", True),
+        ("a.py", "f", False),
+    ):
+        inputs = PythonFaults(path, f"def {name}(x):\n    return x[1]\n")
+        assert all(inputs.make(k).suspect.startswith("in an input") == marked for k in range(2))
     swapped = PythonFaults("a.py", "y = max(a, b)\nz = f(a, b)\n")
     made = [m for m in map(swapped.make, range(len(swapped))) if m is not None]
     assert [m.suspect for m in made] == ["differs only where an argument is no number", ""]

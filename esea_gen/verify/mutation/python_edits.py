@@ -38,6 +38,8 @@ _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Or: ast.And,
 }
 _DELETED = "deleted statement"
+# Where a Block's own inputs for its verification are made.
+_STREAM, _STREAMS = "_events", ("_stream.py", "_streams.py")
 _FUNCTION = (ast.FunctionDef, ast.AsyncFunctionDef)
 SHOWN = 90  # letters of an edit, at most
 # Keywords of any call, or of one, that no result hangs on: looks, guards of lengths, a repr.
@@ -222,9 +224,11 @@ def _pair(before: str, after: str) -> tuple[str, str]:
     return cut(before), cut(after)
 
 
-def _suspicion(node: ast.AST, kind: str, in_text: bool) -> str:
+def _suspicion(node: ast.AST, kind: str, in_text: bool, in_stream: bool) -> str:
     if in_text:
         return "in a text for people"
+    if in_stream:
+        return "in an input of a verification, whose reach its coverage tells"
     if kind == "swapped argument" and _called(node) in _EITHER_BUT_NAN:
         return "differs only where an argument is no number"
     if kind == "comparison" and isinstance(node, ast.Compare):
@@ -252,28 +256,32 @@ class PythonFaults:
             if x not in self.silent
         )
         self.places: list[tuple[ast.AST, ast.AST, Change, str, int]] = []
-        self._visit(self.tree, self.tree, False, 0)
+        self._visit(self.tree, self.tree, False, path.endswith(_STREAMS), 0)
 
     def __len__(self) -> int:
         return len(self.places)
 
-    def _visit(self, node: ast.AST, statement: ast.AST, in_text: bool, function: int) -> None:
+    def _visit(
+        self, node: ast.AST, statement: ast.AST, in_text: bool, in_stream: bool, function: int
+    ) -> None:
         if node in self.silent:
             return
         if isinstance(node, ast.stmt):
             statement = node
         in_text = in_text or isinstance(node, ast.JoinedStr)
+        in_stream = in_stream or getattr(node, "name", "") == _STREAM
         # A statement's own body is too long to show: the part that changes is enough.
         shown = node if hasattr(statement, "body") else statement
         inside = node.body if isinstance(node, _FUNCTION) else []
         first = min(getattr(n, "lineno", 0) for n in (node, *getattr(node, "decorator_list", [])))
         for change in _changes(node, self.silent):
-            why = _suspicion(node, change[0], in_text)
+            why = _suspicion(node, change[0], in_text, in_stream)
             gone = change[3]
             here = (node, shown) if gone is None else (gone, gone)
             self.places.append((*here, change, why, first if gone in inside else function))
         for child in ast.iter_child_nodes(node):
-            self._visit(child, statement, in_text, first if child in inside else function)
+            of = first if child in inside else function
+            self._visit(child, statement, in_text, in_stream, of)
 
     def make(self, k: int) -> PythonMutant | None:
         """The fault number k; None where it changes nothing that Python sees."""
