@@ -245,6 +245,16 @@ def test_a_hessian_that_is_not_positive(ten, real):
 
 
 @pytest.mark.parametrize("real", ["f64", "f32"])
+def test_a_variable_whose_ends_are_one_has_that_value(ten, real):
+    given = {k: v[0] for k, v in stream("random", 10, 1, np.random.default_rng(8)).items()}
+    given["high"] = given["high"].copy()
+    given["high"][[2, 7]] = given["low"][[2, 7]]
+    out = ten[real].step(**given)
+    assert not out["status"] & BIT["INPUT_INVALID"]
+    assert np.array_equal(out["x"][[2, 7]], np.asarray(given["low"], out["x"].dtype)[[2, 7]])
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
 def test_numbers_that_are_none(ten, real):
     rng = np.random.default_rng(7)
     for name in ("H", "f", "low", "high", "start"):

@@ -9,9 +9,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from esea_gen.emit.fixed import search
 from esea_gen.emit.fixed.bound import Span, analyse, span
+from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.ranges import RangeError
 from esea_gen.emit.walker import walk
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, around, clip
+from esea_gen.verify.fixed import RawExecutor
 
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 
@@ -168,3 +173,80 @@ def test_facts_narrow_and_a_sign_is_sure_away_from_zero():
     ):
         found, _ = bound(ca.sign(X), span(low, high, error, 1), NEAR)
         assert found.error[0] == off, (low, high, error)
+
+
+@pytest.mark.parametrize("compared", [True, False])
+def test_the_magnitude_of_a_memory_that_fills_its_32_bits(compared):
+    # -2 is the raw number -2^31, whose magnitude is none of 32 bits: a comparison takes it in 64
+    # and tells every number from the next; elsewhere the last bit is rounded away.
+    def step(c, s, u, g, label):
+        size = ca.fabs(s.m)
+        return {"m": u.x_rad}, {"y": size > 1.5 if compared else size}
+
+    block = Block.define(
+        "magnitude",
+        "Magnitude of a memory",
+        period_s=0.001,
+        state=(Port("m", -2.0, 1.9, "memory", repair="block"),),
+        inputs=(Port("x_rad", -2.0, 1.9, "input"),),
+        outputs=(around("y", 2.0, "y"),),
+        step=step,
+    )
+    plan = Planner(block).plan()
+    edge = 3 * 2**29  # 1.5
+    raw = [-(2**31), -(2**31) + 1, *(s * (edge + d) for s in (1, -1) for d in (-1, 0, 1)), 0]
+    y, _ = RawExecutor(plan).run({"x_rad": np.array(raw, dtype=np.int32)})
+    found = (y["y"] * plan.field("out", "y").lsb)[1:]
+    size = np.abs(raw[:-1]) * 2.0**-30
+    lost = 0.0 if compared else 2.0**-30
+    assert np.abs(found - (size > 1.5 if compared else size)).max() == lost
+    taken = next(i for i, n in enumerate(plan.step.kernel.nodes) if n.op == "fabs")
+    assert plan.step.values[taken].local == lost
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_a_condition_that_the_range_decides_leaves_the_arm_alone(holds):
+    def block(always):
+        def step(c, s, u, g, label):
+            arm, other = 0.3 * u.x_rad, 0.9 * u.x_rad * u.x_rad
+            condition = u.x_rad <= 5 if holds else u.x_rad > 5
+            chosen = ca.if_else(condition, *((arm, other) if holds else (other, arm)))
+            return {}, {"y": chosen if always else arm}
+
+        return Block.define(
+            "decided",
+            "Decided",
+            period_s=0.001,
+            state=(),
+            inputs=(Port("x_rad", -1.0, 1.0, "input"),),
+            outputs=(around("y", 1.0, "y"),),
+            step=step,
+        )
+
+    x = np.array([-(2**30), -7, 0, 3, 2**30], dtype=np.int32)
+    found, plain = (RawExecutor(Planner(block(k)).plan()).run({"x_rad": x})[0] for k in (1, 0))
+    assert np.array_equal(found["y"], plain["y"])
+
+
+def test_both_arms_before_a_clip_are_told_to_lose_bits():
+    def step(c, s, u, g, label):
+        chosen = ca.if_else(u.x_rad > 0.25, 300 * u.x_rad, 400 * u.x_rad * u.x_rad)
+        return {}, {"y": clip(label("chosen", chosen), -1, 1)}
+
+    block = Block.define(
+        "wide",
+        "Wide before its clip",
+        period_s=0.001,
+        state=(),
+        inputs=(Port("x_rad", -1.0, 1.0, "input"),),
+        outputs=(around("y", 1.0, "y"),),
+        step=step,
+    )
+    plan = Planner(block).plan()
+    nodes = plan.step.kernel.nodes
+    told = {i for i, why in search._clipped(plan, True).items() if "before the clip" in why}
+    selects = [i for i, n in enumerate(nodes) if n.op in ("select", "if_else_zero") and i in told]
+    assert selects
+    assert all(a in told for i in selects for a in nodes[i].args[1:] if nodes[a].op == "mul")
+    # 300 x and 400 x^2.
+    assert sum(nodes[i].op in ("mul", "sq") for i in told) >= 2

@@ -130,28 +130,31 @@ def test_autocorrelation_of_known_sequences_and_its_ends():
 def line(values, unit=1.0):
     """A plant of springs in closed form, of which the noise is known."""
     theta = np.linspace(-0.2, 0.2, 9)
-    basis = np.stack([theta, theta**3], axis=1)
+    keys = [k for k in ("k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad") if k in values]
+    basis = np.stack([theta, theta**3, theta**2][: len(keys)], axis=1)
     noise = 0.01 * np.array([1, -1, 1, -1, 1, -1, 1, -1, 1.0])
-    measured = basis @ [values["k1_Nm_rad"], values["k3_Nm_rad3"]] + noise
+    measured = basis @ [values[k] for k in keys] + noise
     return SimpleNamespace(
         measured=measured,
         weight=np.full(9, 1 / 3),
-        torque=lambda v: basis @ [v["k1_Nm_rad"], v["k3_Nm_rad3"]],
+        torque=lambda v: basis @ [v.get(k, 0.0) for k in keys],
         basis=basis,
         rows=FitRows.of([(0, 9, np.zeros(9))]),
         whole=False,
     )
 
 
-def test_the_weakest_direction_and_what_a_tenth_along_it_does():
-    values = {"k1_Nm_rad": 10.0, "k3_Nm_rad3": 200.0, "eps2": 0.013}
+@pytest.mark.parametrize("third", [{}, {"alpha_Nm_rad": 3.0}])
+def test_the_weakest_direction_and_what_a_tenth_along_it_does(third):
+    springs = {"k1_Nm_rad": 10.0, "k3_Nm_rad3": 200.0} | third
+    values = springs | {"eps2": 0.013}
     plant = line(values)
     told = uncertainty(plant, values)
-    scaled = plant.basis * [10.0, 200.0]
+    scaled = plant.basis * list(springs.values())
     squares, vectors = np.linalg.eigh(scaled.T @ scaled)
     weakest = told.weakest["direction"]
     assert abs(np.dot(list(weakest.values()), vectors[:, 0])) == pytest.approx(1, abs=1e-3)
-    assert list(weakest) == ["k1_Nm_rad", "k3_Nm_rad3"]
+    assert list(weakest) == list(springs)
     change = 0.1 * math.sqrt(squares[0] / 9)
     assert told.weakest["rms_change_Nm"] == pytest.approx(change, rel=1e-6)
     assert told.sigma["eps2"] is None

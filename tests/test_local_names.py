@@ -108,3 +108,41 @@ def test_every_label_of_a_shipped_block_is_a_name(real):
     inputs = {p.name for p in block.inputs}
     missing = [n for n, _ in block.labels if n not in names | inputs]
     assert missing == []
+
+
+def test_the_guards_labels_are_these_and_mean_what_they_say():
+    def step(c, s, u, guard, label):
+        total = label("total", u.x_rad + u.w_rad + ca.sum1(u.v_rad), "sum")
+        return {"held_rad": u.w_rad}, {"y_rad": total}
+
+    block = Block.define(
+        "guarded",
+        "Guard",
+        period_s=0.001,
+        state=(Port("held_rad", -1.0, 1.0, "last w", init=0.25),),
+        inputs=(
+            Port("x_rad", -1.0, 1.0, "replaced by a number", on_invalid=0.5),
+            Port("v_rad", -1.0, 1.0, "two at once", 2, on_invalid=0.125),
+            Port("w_rad", -1.0, 1.0, "replaced by a state", on_invalid="held_rad"),
+        ),
+        outputs=(Port("y_rad", -4.0, 4.0, "sum"),),
+        step=step,
+    )
+    corrupt, replaced = "Guard: a corrupt state starts", "Guard: an invalid input is replaced"
+    assert [(n, c.partition(" the ")[0].rstrip(".")) for n, c in block.labels] == [
+        ("state_ok", corrupt),
+        *(("x_rad_ok", ""), ("x_rad_used", replaced)),
+        ("v_rad_ok", ""),  # of two elements there is no one value to name
+        *(("w_rad_ok", ""), ("w_rad_used", replaced)),
+        ("inputs_ok", ""),
+        ("total", "sum"),
+    ]
+    # By what each label says, from (held, x, v, w).
+    for held, x, v, w, expected in (
+        (0.75, -1.0, (0.5, 1.0), 0.5, (1, 1, -1.0, 1, 1, 0.5, 1, 1.0)),
+        (0.75, 1.5, (0.5, 1.0), 9.0, (1, 0, 0.5, 1, 0, 0.75, 0, 2.75)),
+        (3.0, 0.0, (0.5, 2.0), -9.0, (0, 1, 0.0, 0, 0, 0.25, 0, 0.5)),
+        (float("nan"), 0.0, (0.0, 0.0), 0.0, (0, 1, 0.0, 1, 1, 0.0, 1, 0.0)),
+    ):
+        found = block.labelled_step(held, x, ca.DM(v), w)[2:]
+        assert tuple(float(f) for f in found) == expected

@@ -13,7 +13,7 @@ from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.verify.mutation.python import mutate_python
 from esea_gen.verify.mutation.python_edits import PythonFaults
-from esea_gen.verify.mutation.python_tests import Importers, near_tests
+from esea_gen.verify.mutation.python_tests import Entered, Importers, near_tests
 
 # Few, for each takes a process: of the sum, and of the text.
 TRIED, SEED = 4, 5
@@ -127,6 +127,8 @@ def test_each_kind_of_fault(source, kind, edit):
         "raise ValueError(f'{a + b}')",
         "if TYPE_CHECKING:\n    from a import b",
         "y = f(a, a)",
+        "y = np.maximum(a, b)",
+        "y = ca.logic_and(a, b)",
         "y = 'a'",
     ],
 )
@@ -236,6 +238,16 @@ def test_what_may_do_nothing_is_told_as_such():
     assert why["comparison"] == "differs only where both sides are equal"
     assert why["off by one"] == ""
     assert {m.suspect for m in made if m.line == 2} == {"in a text for people"}
+    for path, name, marked in (
+        ("a.py", "_events", True),
+        ("a_streams.py", "f", True),
+        ("a.py", "f", False),
+    ):
+        inputs = PythonFaults(path, f"def {name}(x):\n    return x[1]\n")
+        assert all(inputs.make(k).suspect.startswith("in an input") == marked for k in range(2))
+    swapped = PythonFaults("a.py", "y = max(a, b)\nz = f(a, b)\n")
+    made = [m for m in map(swapped.make, range(len(swapped))) if m is not None]
+    assert [m.suspect for m in made] == ["differs only where an argument is no number", ""]
 
 
 def test_committed_output_is_left_out_unless_asked_for(checkout):
@@ -385,3 +397,64 @@ def test_the_command_refuses(checkout, monkeypatch, arguments, said):
     done = CliRunner().invoke(app, ["mutate-python", *arguments])
     assert isinstance(done.exception, UserError)
     assert said in str(done.exception)
+
+
+def test_a_fault_knows_the_function_that_it_is_in():
+    source = (
+        "import functools\n\nA = 1\n\n\n"
+        "@functools.cache\ndef outer(x=2):\n    y = 3\n    y += 4\n\n"
+        "    def inner():\n        return 5\n\n    return inner() + y\n\n\nclass C:\n    z = 6\n\n"
+        "    def f(self):\n        return 7\n"
+    )
+    faults = PythonFaults("a.py", source)
+    found = {}
+    for k in range(len(faults)):
+        mutant = faults.make(k)
+        if mutant is not None and mutant.kind in ("off by one", "deleted statement"):
+            found[mutant.line, mutant.kind] = mutant.function
+    # What Python calls the first line of a function is that of its decorator; a default is worked
+    # out before it is entered, and what stands in a module or a class when it is imported.
+    assert found == {
+        **{(3, "off by one"): 0, (7, "off by one"): 0, (8, "off by one"): 6},
+        **{(9, "off by one"): 6, (9, "deleted statement"): 6, (12, "off by one"): 11},
+        **{(18, "off by one"): 0, (21, "off by one"): 20},
+    }
+
+
+def test_what_each_test_enters_is_kept_and_asked_first(checkout, tmp_path):
+    (checkout / "esea_gen/small/sums.py").write_text(
+        "def one():\n    return 1\n\n\ndef two():\n    return 2\n\n\ndef four():\n    return 4\n"
+    )
+    (checkout / "tests/test_sums.py").write_text(
+        "import time\n\nimport pytest\nfrom esea_gen.small.sums import four, one, two\n\n\n"
+        "@pytest.fixture(scope='module')\ndef shared():\n    return four()\n\n\n"
+        "def test_slow():\n    time.sleep(0.2)\n    assert one() == 1\n\n\n"
+        "def test_first(shared):\n    assert one() == 1\n\n\n"
+        "def test_second(shared):\n    assert (two(), shared) == (2, 4)\n"
+    )
+    kept = tmp_path / "kept"
+    what = ["esea_gen/small/sums.py"]
+    assert mutate_python(checkout, what, entered=kept, sample=1).score == 1
+    entered = Entered(checkout, kept)
+    told = entered.of("tests/test_sums.py")
+    places = {name.partition("::")[2]: t["entered"] for name, t in told.items()}
+    assert places == {
+        "test_slow": ["small/sums.py:1"],
+        # A fixture counts for all that share it, whoever asks first.
+        "test_first": ["small/sums.py:1", "small/sums.py:9"],
+        "test_second": ["small/sums.py:5", "small/sums.py:9"],
+    }
+    assert told["tests/test_sums.py::test_slow"]["time_s"] > 0.2
+    # The quickest first, within the time; of a module none are known.
+    source, tests = "esea_gen/small/sums.py", ["tests/test_sums.py"]
+    first, slow = (f"tests/test_sums.py::test_{n}" for n in ("first", "slow"))
+    assert entered.quick(tests, source, 1, 100)[0] == [first, slow]
+    assert entered.quick(tests, source, 1, 0.5)[0] == [first]
+    assert entered.quick(tests, source, 0, 100) == ([], 0.0)
+    # Asked first, they notice what no other test file is asked for any more.
+    (checkout / "tests/test_a.py").write_text("import esea_gen.small.sums\n\ndef test_a(): ...\n")
+    (again,) = mutate_python(checkout, what, entered=kept, sample=1).found
+    assert again.noticed_by in set(told)
+    # With another text the record is no longer used.
+    (checkout / "tests/test_sums.py").write_text("import esea_gen.small.sums\n")
+    assert Entered(checkout, kept).of("tests/test_sums.py") == {}

@@ -106,9 +106,15 @@ def wall_run(kp, kd, hand, m=0.1, b=0.05, steps=3000, period=5e-3):
 
 def test_a_held_spring_gives_out_energy():
     # Held for T, a spring acts half a period late: as a damper of -K T / 2.
+    told = []
     result = passivity_map(
-        wall_run, [1.0, 10.0, 60.0], [0.0, 0.05, 0.3], hand_family([0.0, 0.2], [0.0], [0.0, 5.0])
+        wall_run,
+        [1.0, 10.0, 60.0],
+        [0.0, 0.05, 0.3],
+        hand_family([0.0, 0.2], [0.0], [0.0, 5.0]),
+        progress=lambda *x: told.append(x),
     )
+    assert told == [(k, 36) for k in range(1, 37)]
     assert result.generated_J.shape == (3, 3, 4)
     assert np.all(result.index[:, 0] > 0)  # no damping in the wall: active whatever the spring
     assert not result.passive[:, 0].any()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from esea_gen.report import figures
+from esea_gen.report import figures, sensing
 from esea_gen.report.identification import identification_page
 from esea_gen.report.page import number
 
@@ -145,6 +147,44 @@ def test_two_recordings_of_one_loop_share_a_figure_and_one_stands_alone(shown):
 def close(text: str, expected: float, digits: int = 2) -> None:
     """A cell says this, to the digits that cells have."""
     assert figure(text) == pytest.approx(expected, rel=0.6 * 10.0 ** (1 - digits)), text
+
+
+def test_errors_of_a_recording_and_their_shares_of_full_scale():
+    # Off by 0.1 and -0.3 Nm in turn where trained, by 0.2 Nm of the other sign where held out.
+    n = 40
+    r = SimpleNamespace(time_s=np.arange(n) / 100, tau_Nm=np.sin(np.arange(n) / 3))
+    off = np.where(np.arange(n) % 2 == 0, 0.1, -0.3)
+    off[30:] = -0.2
+    cycles = {"training": 3, "held_out": 1}
+    one = SimpleNamespace(label="up", amplitude_rad=0.2, cycles=cycles)
+    one.training, one.held_out = np.arange(30), np.arange(30, n)
+    other = SimpleNamespace(label="down", amplitude_rad=0.1, cycles={"training": 2})
+    other.training, other.held_out = np.arange(0, 30, 2), np.array([], dtype=int)
+    r.sets = [one, other]
+    run = SimpleNamespace(label="file", recording=r)
+    run.torque_at = lambda real, t: r.tau_Nm + off + (1e-6 if real == "f64" else 0.0)
+    without = SimpleNamespace(label="virtual", recording=None)
+    device = SimpleNamespace(tau_full_scale_Nm=FULL_SCALE_NM)
+    found = SimpleNamespace(same_specimen=True, device=device, runs=[without, run])
+    told = sensing._fit(found)
+    share = 100 / FULL_SCALE_NM
+    rms = math.sqrt((0.01 + 0.09) / 2)
+
+    def figures_of(rms_Nm, max_Nm):
+        numbers = {"rms_Nm": rms_Nm, "rms_percent": share * rms_Nm}
+        return pytest.approx(numbers | {"max_Nm": max_Nm, "max_percent": share * max_Nm})
+
+    first, second = told["sets"]
+    assert (first["recording"], first["label"], first["cycles"]) == ("file", "up", cycles)
+    assert first["training"] == figures_of(rms, 0.3)
+    assert first["held_out"] == figures_of(0.2, 0.2)
+    assert second["training"] == figures_of(0.1, 0.1)
+    assert second["held_out"] is None
+    means = {"training": share * (rms + 0.1) / 2, "held_out": share * 0.2}
+    assert told["mean_rms_percent"] == pytest.approx(means)
+    assert told["f32_minus_f64_max_Nm"] == pytest.approx(1e-6)
+    found.same_specimen = False
+    assert sensing._fit(found) is None
 
 
 def test_per_cent_of_the_identifications_tables(identification):  # noqa: F811

@@ -243,6 +243,10 @@ def mutate_python_command(
         float | None,
         typer.Option("--limit-s", min=1.0, help="Time of one test file; default: 3 times its own."),
     ] = None,
+    entered: Annotated[
+        Path | None,
+        typer.Option("--entered", metavar="DIR", help="Keep here which functions a test enters."),
+    ] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Put one fault at a time into Python sources of this checkout and run its tests."""
@@ -258,6 +262,7 @@ def mutate_python_command(
             independent=independent,
             widen=widen,
             limit_s=limit_s,
+            entered=entered,
             progress=say,
         )
     show(result, json_file)

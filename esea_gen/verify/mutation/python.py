@@ -1,8 +1,9 @@
 """Mutation of this program's own sources, to see whether its tests notice.
 
-A copy of the checkout gets one fault at a time, and child processes run test files against it
-until one fails: the nearest first.  Left out by default are tests that only compare with committed
-output: whoever made the fault would accept its output too.
+A copy of the checkout gets one fault at a time, and child processes run tests against it until one
+fails: first those that are known to enter the function with the fault, the quickest first, then the
+nearest test files whole.  Left out by default are tests that only compare with committed output:
+whoever made the fault would accept its output too.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Sequence
 from compileall import compile_dir
 from contextlib import contextmanager
@@ -25,11 +25,20 @@ from typing import Any, Literal
 
 from esea_gen.errors import UserError
 from esea_gen.verify.mutation.python_edits import PythonFaults, PythonMutant
-from esea_gen.verify.mutation.python_tests import COMMITTED_TEST, PACKAGE, Importers, near_tests
+from esea_gen.verify.mutation.python_tests import (
+    COMMITTED_TEST,
+    PACKAGE,
+    Entered,
+    Importers,
+    near_tests,
+    usable_tests,
+)
 
 NOT_COPIED = (".git", ".venv", "out", "dist", "build", "__pycache__", ".*_cache", ".hypothesis")
 NO_TESTS = 5  # what pytest gives where nothing is left to run
 SPARE_S = 20.0  # a test file gets three times its time without a fault, and this
+QUICK_S = 12.0  # so much time for the tests that enter the function, before whole files
+PLUGIN = "esea_entered"
 # A test that fails without a fault: so many are set aside before the file is given up.
 BROKEN_MOST = 5
 Fate = Literal["killed", "survived", "no end"]
@@ -130,11 +139,13 @@ def sources_of(root: Path, what: str) -> list[Path]:
 class _Copy:
     # A copy of the checkout, and its tests in a child process.
 
-    def __init__(self, root: Path, folder: Path, independent: bool) -> None:
+    def __init__(self, root: Path, folder: Path, independent: bool, entered: Path | None) -> None:
         self.root = folder / "checkout"
         shutil.copytree(root, self.root, ignore=shutil.ignore_patterns(*NOT_COPIED))
         # Plans and libraries of faulty code are nothing to keep.
-        paths = f"{self.root}{os.pathsep}{self.root / 'host'}"
+        (folder / "plugin").mkdir()
+        shutil.copy(Path(__file__).with_name("entered.py"), folder / "plugin" / f"{PLUGIN}.py")
+        paths = os.pathsep.join(map(str, (self.root, self.root / "host", folder / "plugin")))
         fixed = {"PYTHONPATH": paths, "PYTHONHASHSEED": "0", "XDG_CACHE_HOME": str(folder)}
         self.env = os.environ | fixed | {"PYTHONDONTWRITEBYTECODE": "1"}
         # Bytecode of the sound sources; a fault must not meet that of another one.
@@ -142,15 +153,17 @@ class _Copy:
         self.select = ["-k", f"not {COMMITTED_TEST}"] if independent else []
         self.broken: set[str] = set()
         self.sound: set[str] = set()
-        self.limits_s: dict[str, float] = {}
+        self.entered = Entered(self.root, (entered or folder / "entered").absolute())
 
-    def run(self, test: str, limit_s: float | None) -> tuple[int | None, str]:
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-rfE"]
+    def run(
+        self, tests: Sequence[str], limit_s: float | None, *more: str, **env: str
+    ) -> tuple[int | None, str]:
+        command = [sys.executable, "-m", "pytest", "-q", "-rfE", *(more or ["-x"])]
         command += ["-p", "no:cacheprovider", "-p", "no:xdist", *self.select]
         child = subprocess.Popen(
-            [*command, *(f"--deselect={name}" for name in sorted(self.broken)), test],
+            [*command, *(f"--deselect={name}" for name in sorted(self.broken)), *tests],
             cwd=self.root,
-            env=self.env,
+            env=self.env | env,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -165,30 +178,42 @@ class _Copy:
         return child.returncode, said
 
     def limit_of(self, test: str) -> float:
-        """Time that a test file may take, from a run without a fault."""
-        if test not in self.limits_s:
-            begun = time.monotonic()
-            self.run(test, None)
-            self.limits_s[test] = SPARE_S + 3 * (time.monotonic() - begun)
-        return self.limits_s[test]
+        """Time that a test file may take, from a run without a fault that tells what it enters."""
+        record = self.entered.file(test)
+        if not record.is_file():
+            self.run([test], None, "-p", PLUGIN, ESEA_ENTERED=str(record))
+        return SPARE_S + 3 * float(sum(t["time_s"] for t in self.entered.of(test).values()))
+
+    def fate_of(
+        self, mutant: PythonMutant, near: Sequence[str], all_: Sequence[str], limit_s: float | None
+    ) -> tuple[Fate, str]:
+        """Who notices: a test known to enter the function, else one of the nearest files, whole."""
+        quick, time_s = self.entered.quick(all_, mutant.path, mutant.function, QUICK_S)
+        if quick:
+            found = self.who_notices(mutant, quick, limit_s or SPARE_S + 3 * time_s)
+            if found[0] != "survived":
+                return found
+        # Limits first: finding them runs the files without the fault.
+        return self.who_notices(mutant, near, limit_s or sum(map(self.limit_of, near)))
 
     def who_notices(
-        self, mutant: PythonMutant, test: str, limit_s: float | None
+        self, mutant: PythonMutant, tests: Sequence[str], limit_s: float
     ) -> tuple[Fate, str]:
-        """The test of a file that fails with the fault, and passes without it."""
-        limit_s = limit_s or self.limit_of(test)
+        """The first of some tests, or of a file's, that fails with the fault and passes without."""
         for _ in range(BROKEN_MOST):
             with self.fault(mutant):
-                code, said = self.run(test, limit_s)
+                code, said = self.run(tests, limit_s)
             if code in (0, NO_TESTS):
                 return "survived", ""
             if code is None:
-                return "no end", test
-            failed = re.search(r"^(?:FAILED|ERROR) (\S+::[^\n]*?)(?: - .*)?$", said, re.MULTILINE)
-            name = failed[1] if failed else test
-            if name not in self.sound and self.run(name, None)[0] != 0:
+                return "no end", tests[0]
+            failed = re.search(
+                r"^(?:FAILED|ERROR) (\S+?(?:::[^\n]*?)?)(?: - .*)?$", said, re.MULTILINE
+            )
+            name = failed[1] if failed else tests[0]
+            if name not in self.sound and self.run([name], None)[0] != 0:
                 self.broken.add(name)
-                if name == test:
+                if [name] == list(tests):
                     break
                 continue
             self.sound.add(name)
@@ -245,6 +270,7 @@ def mutate_python(
     independent: bool = True,
     widen: int = 0,
     limit_s: float | None = None,
+    entered: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> PythonReport:
     """Plant faults into rooms or files and run tests against each.
@@ -256,6 +282,7 @@ def mutate_python(
     independent: leave out tests that only compare with committed output.
     widen: so many more test files for a fault that the nearest do not notice.
     limit_s: time of one test file; from three times that without a fault when not given.
+    entered: folder that keeps, from one call to the next, which functions each test enters.
     """
     say = progress or (lambda _: None)
     drawn: list[tuple[str, PythonMutant]] = []
@@ -268,23 +295,18 @@ def mutate_python(
         places += sum(f.left_out + len(f) for f in files)
     graph = Importers(root)
     # Before the first is tried: a file that no test imports is refused at once.
-    asked_of = {
-        m.path: near_tests(graph, Path(m.path), independent=independent, widen=widen)
-        for _, m in drawn
-        if not tests
-    }
+    asked_of, all_of = {}, {}
+    for path in {m.path for _, m in drawn if not tests}:
+        near = near_tests(graph, Path(path), independent=independent, widen=widen)
+        asked_of[path] = [p.as_posix() for ps in near for p in ps]
+        all_of[path] = usable_tests(graph, Path(path), independent)
     report = PythonReport(seed, left_out=(left_out, places))
     with tempfile.TemporaryDirectory(prefix="esea-mutate-") as scratch:
-        copy = _Copy(root, Path(scratch), independent)
+        copy = _Copy(root, Path(scratch), independent, entered)
         for k, (name, mutant) in enumerate(drawn):
             say(f"fault {k + 1} of {len(drawn)}, {len(report.survivors)} survived")
-            asked = [*tests] or [p.as_posix() for ps in asked_of[mutant.path] for p in ps]
-            fate: Fate = "survived"
-            noticed_by = ""
-            for test in asked:
-                fate, noticed_by = copy.who_notices(mutant, test, limit_s)
-                if fate != "survived":
-                    break
+            asked = [*tests] or asked_of[mutant.path]
+            fate, noticed_by = copy.fate_of(mutant, asked, all_of.get(mutant.path, asked), limit_s)
             if copy.broken.issuperset(asked):
                 raise UserError(
                     f"The tests do not pass without a fault ({', '.join(asked) or 'none'}).",

@@ -1,8 +1,8 @@
 """Faults of Python sources: one small edit of the syntax tree at a time.
 
 Left out is what gives no wrong result, by rule, for all files alike: messages, annotations and
-assertions; whether ``zip`` looks at lengths and what ``repr`` shows; how a figure looks; and 1 %
-more of an order of magnitude, such as a tolerance of 1e-9.
+assertions; whether ``zip`` looks at lengths and what ``repr`` shows; how a figure looks; 1 % more
+of an order of magnitude, such as a tolerance of 1e-9; and which argument of "and" comes first.
 """
 
 from __future__ import annotations
@@ -38,6 +38,9 @@ _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Or: ast.And,
 }
 _DELETED = "deleted statement"
+# Where a Block's own inputs for its verification are made.
+_STREAM, _STREAMS = "_events", ("_stream.py", "_streams.py")
+_FUNCTION = (ast.FunctionDef, ast.AsyncFunctionDef)
 SHOWN = 90  # letters of an edit, at most
 # Keywords of any call, or of one, that no result hangs on: looks, guards of lengths, a repr.
 _LOOKS = """
@@ -47,6 +50,11 @@ _LOOKS = """
 _NO_RESULT = {("zip", "strict"), ("field", "repr"), ("Field", "repr")}
 # All that these are given by place is a size on paper.
 _SIZES = frozenset({"new_figure", "_new"})
+# Of two arguments of these either may come first.
+_EITHER_FIRST = frozenset(
+    {"logic_and", "logic_or", "logical_and", "logical_or", "minimum", "maximum", "hypot"}
+)
+_EITHER_BUT_NAN = frozenset({"min", "max", "fmin", "fmax"})
 # From here on a power of ten is an order of magnitude: nothing hangs on 1 % of it.
 _LARGE, _SMALL = 1e6, 1e-6
 _TERMS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
@@ -68,6 +76,7 @@ class PythonMutant:
     edit: what was there, and what stands there now.
     suspect: why it may well do nothing that a test could tell; empty where nothing says so.
     text: the whole file.
+    function: first line of the function in whose body it is, 0 outside every one.
     """
 
     path: str
@@ -76,6 +85,7 @@ class PythonMutant:
     edit: str
     suspect: str
     text: str
+    function: int = 0
 
     def __str__(self) -> str:
         return f"{self.path}:{self.line}: {self.kind}: {self.edit}"
@@ -101,11 +111,16 @@ def _silent(tree: ast.AST) -> tuple[set[ast.AST], set[ast.AST]]:
     return hidden | by_rule, by_rule - hidden
 
 
+def _called(node: ast.AST) -> str:
+    called = getattr(node, "func", None)
+    return str(getattr(called, "attr", getattr(called, "id", "")))
+
+
 def _without_result(node: ast.AST) -> Iterator[ast.AST]:
     if isinstance(node, ast.Assert):
         yield node
     elif isinstance(node, ast.Call):
-        called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        called = _called(node)
         yield from node.args if called in _SIZES else ()
         for k in node.keywords:
             if k.arg in _LOOKS.split() or (called, k.arg) in _NO_RESULT:
@@ -169,7 +184,8 @@ def _changes(node: ast.AST, silent: set[ast.AST]) -> Iterator[Change]:
         plain = [a for a in node.args if not isinstance(a, ast.Starred)]
         if len(plain) == len(node.args) >= 2:
             first, second, *rest = node.args
-            if ast.dump(first) != ast.dump(second):
+            either = len(node.args) == 2 and _called(node) in _EITHER_FIRST
+            if ast.dump(first) != ast.dump(second) and not either:
                 yield _set(node, "args", [second, first, *rest], "swapped argument")
     if isinstance(node, ast.If | ast.While | ast.IfExp):
         yield _set(node, "test", ast.UnaryOp(ast.Not(), node.test), "not")
@@ -208,9 +224,13 @@ def _pair(before: str, after: str) -> tuple[str, str]:
     return cut(before), cut(after)
 
 
-def _suspicion(node: ast.AST, kind: str, in_text: bool) -> str:
+def _suspicion(node: ast.AST, kind: str, in_text: bool, in_stream: bool) -> str:
     if in_text:
         return "in a text for people"
+    if in_stream:
+        return "in an input of a verification, whose reach its coverage tells"
+    if kind == "swapped argument" and _called(node) in _EITHER_BUT_NAN:
+        return "differs only where an argument is no number"
     if kind == "comparison" and isinstance(node, ast.Compare):
         edges = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
         if all(isinstance(op, edges) for op in node.ops):
@@ -235,31 +255,37 @@ class PythonFaults:
             for x in ast.walk(self.tree)
             if x not in self.silent
         )
-        self.places: list[tuple[ast.AST, ast.AST, Change, str]] = []
-        self._visit(self.tree, self.tree, False)
+        self.places: list[tuple[ast.AST, ast.AST, Change, str, int]] = []
+        self._visit(self.tree, self.tree, False, path.endswith(_STREAMS), 0)
 
     def __len__(self) -> int:
         return len(self.places)
 
-    def _visit(self, node: ast.AST, statement: ast.AST, in_text: bool) -> None:
+    def _visit(
+        self, node: ast.AST, statement: ast.AST, in_text: bool, in_stream: bool, function: int
+    ) -> None:
         if node in self.silent:
             return
         if isinstance(node, ast.stmt):
             statement = node
         in_text = in_text or isinstance(node, ast.JoinedStr)
+        in_stream = in_stream or getattr(node, "name", "") == _STREAM
         # A statement's own body is too long to show: the part that changes is enough.
         shown = node if hasattr(statement, "body") else statement
+        inside = node.body if isinstance(node, _FUNCTION) else []
+        first = min(getattr(n, "lineno", 0) for n in (node, *getattr(node, "decorator_list", [])))
         for change in _changes(node, self.silent):
-            why = _suspicion(node, change[0], in_text)
+            why = _suspicion(node, change[0], in_text, in_stream)
             gone = change[3]
             here = (node, shown) if gone is None else (gone, gone)
-            self.places.append((*here, change, why))
+            self.places.append((*here, change, why, first if gone in inside else function))
         for child in ast.iter_child_nodes(node):
-            self._visit(child, statement, in_text)
+            of = first if child in inside else function
+            self._visit(child, statement, in_text, in_stream, of)
 
     def make(self, k: int) -> PythonMutant | None:
         """The fault number k; None where it changes nothing that Python sees."""
-        node, shown, (kind, do, undo, _), suspect = self.places[k]
+        node, shown, (kind, do, undo, _), suspect, function = self.places[k]
         before = _line_of(node, shown), _edited(shown)
         do()
         try:
@@ -270,7 +296,7 @@ class PythonFaults:
             return None
         old, new = _pair(before[1], after)
         edit = _pair(before[1], "")[0] if kind == _DELETED else f"{old}  ->  {new}"
-        return PythonMutant(self.path, before[0], kind, edit, suspect, text)
+        return PythonMutant(self.path, before[0], kind, edit, suspect, text, function)
 
 
 def _line_of(node: ast.AST, shown: ast.AST) -> int:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import ast
+import hashlib
+import json
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from esea_gen.errors import UserError
 
@@ -12,6 +16,7 @@ PACKAGE = "esea_gen"
 # Tests that hold against committed output, or against the whole checkout.
 COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
 LEAST = 4  # so many test files are asked at least, for the nearest need not run the line
+QUICK_FILES = 5  # so many are read for their tests that enter a function
 COMMITTED_TEST = "committed"  # in the name of a test that does so in another file
 
 
@@ -64,26 +69,87 @@ class Importers:
         return {p: k for p, k in tests.items() if p.name.startswith("test_")}
 
 
-def near_tests(
-    graph: Importers, source: Path, *, independent: bool, widen: int = 0
-) -> tuple[list[Path], list[Path]]:
-    """Test files that stand nearest to a source, or bear its name; the ``widen`` next ones."""
+def usable_tests(graph: Importers, source: Path, independent: bool) -> list[str]:
+    """Every test file that imports a source, by whatever way, the nearest first."""
+    return [p.as_posix() for p in _by_nearness(graph, source, independent)]
+
+
+def _by_nearness(graph: Importers, source: Path, independent: bool) -> list[Path]:
     far = graph.distances(source)
-    kept = [p for p in far if not (independent and p.name in COMMITTED)]
-    if not kept:
-        raise UserError(f"No test imports {_name(source)}.", "Name test files with --tests.")
     words = {w.rstrip("s") for w in (*source.stem.split("_"), source.parent.name)}
     # What bears its name first, then the short ones.
-    kept.sort(
+    return sorted(
+        (p for p in far if not (independent and p.name in COMMITTED)),
         key=lambda p: (
             far[p],
             -len(words & {w.rstrip("s") for w in p.stem.split("_")}),
             graph.size[p],
-        )
+        ),
     )
+
+
+def near_tests(
+    graph: Importers, source: Path, *, independent: bool, widen: int = 0
+) -> tuple[list[Path], list[Path]]:
+    """Test files that stand nearest to a source, or bear its name; the ``widen`` next ones."""
+    far, kept = graph.distances(source), _by_nearness(graph, source, independent)
+    if not kept:
+        raise UserError(f"No test imports {_name(source)}.", "Name test files with --tests.")
     nearest = far[kept[0]]
     near = [p for p in kept if far[p] == nearest or p.stem == f"test_{source.stem}"]
     rest = [p for p in kept if p not in near]
     near += rest[: max(0, LEAST - len(near))]
     more = [p for p in rest if p not in near]
     return near, more[:widen]
+
+
+class Entered:
+    """Which functions each test entered without a fault, kept by the content of its file.
+
+    A record that is out of date costs time and nothing else: whoever is asked first, the nearest
+    files are asked whole before a fault counts as survived.
+    """
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.root, self.folder = root, folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def file(self, test: str) -> Path:
+        """Where the record of a test file, or of some of its tests, stands."""
+        path, _, part = test.partition("::")
+        source = self.root / path
+        content = source.read_bytes() if source.is_file() else b""
+        digest = hashlib.sha256(content + part.encode()).hexdigest()
+        return self.folder / f"{source.stem}-{digest[:16]}.json"
+
+    def of(self, test: str) -> dict[str, Any]:
+        """Time and functions of every test of a file; nothing where it was never run."""
+        path = self.file(test)
+        if not path.is_file():
+            return {}
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return found
+
+    def quick(
+        self, tests: Iterable[str], path: str, function: int, most_s: float
+    ) -> tuple[list[str], float]:
+        """Tests that entered a function of the package, and their time.
+
+        Of the first files that have any: each gets its share of the time for its quickest tests.
+        """
+        place = f"{path.removeprefix(f'{PACKAGE}/')}:{function}"
+        names: list[str] = []
+        total_s, files = 0.0, 0
+        for test in tests:
+            found = sorted(
+                (t["time_s"], n) for n, t in self.of(test).items() if place in t["entered"]
+            )
+            files += bool(found)
+            for time_s, name in found:
+                if total_s + time_s > most_s * min(1, files / QUICK_FILES):
+                    break
+                total_s += time_s
+                names.append(name)
+            if files == QUICK_FILES:
+                break
+        return names, total_s

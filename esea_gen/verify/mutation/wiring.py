@@ -116,7 +116,8 @@ def _latches(system: System) -> Iterator[Fault]:
         ports = system.blocks[latch.source.instance].outputs
         same = [p for p in ports if p.size == latch.port.size and p.name != latch.source.port]
         for p in [p for p in same if bool(p.flags) == bool(latch.port.flags)][:1]:
-            wrong = replace(latch, source=Signal(latch.source.instance, p.name))
+            # Both: the C is printed from the port, the readers go by the source.
+            wrong = replace(latch, source=Signal(latch.source.instance, p.name), port=p)
             changed = _changed(system, latches=(*before, wrong, *after), **kept)
             yield "latch from the wrong source", f"{latch.name} from {p.name}", _printed(changed)
 
