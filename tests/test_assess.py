@@ -14,16 +14,23 @@ from esea_gen.errors import UserError
 from esea_host.assess import NOTICE
 from esea_host.assess.database import LocationGrid, ResponseDataBase, responses_at
 from esea_host.assess.hypotheses import (
+    LENGTH_RAD,
     NONE,
     Evidence,
     Hypotheses,
+    LENGTH_rad_s,
     between_severities,
+    kernel_map,
     mixtures,
     none_of_these,
     summarised,
 )
-from esea_host.assess.judge import motions_to_confidence
-from esea_host.assess.kernel_map import LENGTH_RAD, LENGTH_rad_s, kernel_map
+from esea_host.assess.judge import (
+    calibration_error,
+    confusion,
+    motions_to_confidence,
+    share_interval,
+)
 from esea_host.assess.probing import (
     Comfort,
     contextual_information,
@@ -41,9 +48,8 @@ from esea_host.assess.responses import (
     nearest_reading,
     passage,
 )
-from esea_host.assess.scores import calibration_error, confusion, share_interval
 from esea_host.assess.session import Assessment, trail_is_whole
-from esea_host.assess.task import PAUSE_S, SHOWN, TRIES, ProbingTask
+from esea_host.assess.tasks import PAUSE_S, SHOWN, TRIES, ProbingTask
 
 DEG = math.pi / 180
 GRID = LocationGrid.spanning((0, 120 * DEG), (-100 * DEG, 100 * DEG), (6, 4))

@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.assess import NOTICE
+from esea_host.assess.desk import converse, extra_torque_Nm
 from esea_host.assess.evaluation import evaluate, meet
 from esea_host.assess.files import from_recordings, read_recording
 from esea_host.assess.judge import judge
 from esea_host.assess.knee import STEP_S, Knees, sweep
-from esea_host.assess.motion_range import motion_range
+from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import (
     CATEGORIES,
     OUTSIDE_KINDS,
@@ -31,11 +32,9 @@ from esea_host.assess.patients import (
     leg_weight_Nm,
     passive_torque_Nm,
 )
-from esea_host.assess.pendulum import pendulum_test
 from esea_host.assess.responses import LegRecording
-from esea_host.assess.sensing import knee_sensor
 from esea_host.assess.session import assessed_hypotheses
-from esea_host.assess.terminal import converse, extra_torque_Nm
+from esea_host.assess.simulated import knee_sensor
 from esea_host.assess.validation import against_elbow, nominal, pendulum_table, ramp_torque
 from esea_host.cli.app import app
 
@@ -307,7 +306,7 @@ def test_everybody_of_no_category_is_somebody():
 def test_the_judge_counts(tmp_path):
     """Made-up meetings: all right, all sure at the second movement, one outsider missed."""
     from esea_host.assess.evaluation import Met, hypothesis_names
-    from esea_host.assess.page import evaluation_page
+    from esea_host.assess.pages import evaluation_page
 
     data = made_up()
     names = hypothesis_names(data)

@@ -26,7 +26,7 @@ KERNEL_RAD, KERNEL_rad_s = 6 * DEG, 10 * DEG
 LEAST_WEIGHT_S = 0.1  # of a recording near a location, to say anything of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocationGrid:
     """Locations of the map: centres of a grid of angle x rate, flattened angle by angle."""
 

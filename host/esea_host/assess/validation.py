@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 
 from esea_gen.errors import UserError
 from esea_host.assess.knee import Knees
+from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import (
     DEG,
     DISORDERS,
@@ -25,7 +26,6 @@ from esea_host.assess.patients import (
     KneePatient,
     afflicted,
 )
-from esea_host.assess.pendulum import pendulum_test
 
 ELBOW_RATE_rad_s = 90 * DEG  # the file does not say; in the middle of the paper's 15 to 150 deg/s
 FINE_S = 1e-3

@@ -52,7 +52,7 @@ def _watch(
     screenshot: Path | None,
     operated: bool,
 ) -> None:
-    _need_a_screen()
+    need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.live import run_live
     from esea_host.windows.operator import DemoOperator
@@ -71,7 +71,8 @@ def _watch(
             raise recording.error
 
 
-def _need_a_screen() -> None:
+def need_a_screen(otherwise: str) -> None:
+    """What to use where there is none, or no Qt."""
     # Qt ends the whole program where it finds none.
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
@@ -80,5 +81,5 @@ def _need_a_screen() -> None:
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
         raise UserError(
             "There is no screen here.",
-            "Use esea-host monitor, or esea-host demo --headless.",
+            f"Use {otherwise}.",
         )
