@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.assess import NOTICE
-from esea_host.assess.desk import converse, extra_torque_Nm
+from esea_host.assess.desk import ClinicDesk, converse, extra_torque_Nm
 from esea_host.assess.evaluation import evaluate, meet
 from esea_host.assess.files import from_recordings, read_recording
 from esea_host.assess.judge import judge
@@ -33,7 +33,7 @@ from esea_host.assess.patients import (
     passive_torque_Nm,
 )
 from esea_host.assess.responses import LegRecording
-from esea_host.assess.session import assessed_hypotheses
+from esea_host.assess.session import Assessment, assessed_hypotheses
 from esea_host.assess.simulated import knee_sensor
 from esea_host.assess.validation import against_elbow, nominal, pendulum_table, ramp_torque
 from esea_host.cli.app import app
@@ -461,12 +461,10 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
 
 def test_the_conversation_ends_with_its_lines(base):
     from esea_host.assess.database import ResponseDataBase
-    from esea_host.assess.probing import Comfort
-    from esea_host.assess.session import Assessment
 
     said: list[str] = []
-    session = Assessment(ResponseDataBase.load(base))
-    converse(session, Comfort(), 1.7, 70, io.StringIO("strong\n"), said.append)
+    desk = ClinicDesk(Assessment(ResponseDataBase.load(base)))
+    converse(desk, io.StringIO("strong\n"), said.append)
     assert sum("knee from" in s for s in said) == 2
     assert any("still changing" in s for s in said)
 

@@ -84,8 +84,7 @@ class Hypotheses:
         """With what was calibrated on other patients.
 
         own_Nm, share: how far a person is off the map at one location, for good;
-        people_scale: of the covariance, which holds the noise of the recordings too;
-        noise_Nm: of a reading.
+        people_scale: of the covariance; noise_Nm: of a reading.
         """
         cells = np.arange(self.mean.shape[1])
         covariance = fit["people_scale"] * self.covariance
@@ -149,7 +148,8 @@ def summarised(data: ResponseDataBase, kind: str = "people") -> Hypotheses:
             mean = np.where(known, mean, 0.0)
             together = off.T @ off / max(1, len(rows) - 1)
             if kind == "people":
-                covariance[i] = together
+                # The mean is known from so many people only.
+                covariance[i] = (1 + 1 / len(rows)) * _of_people(together, data.error_Nm2)
             noise = np.sqrt(np.maximum(np.diag(together), 1e-4))
         means.append(mean)
         noises.append(noise if kind != "people" else np.full(cells, 1e-2))
@@ -157,6 +157,15 @@ def summarised(data: ResponseDataBase, kind: str = "people") -> Hypotheses:
     if kind == "centroids":
         noise_Nm[:] = np.sqrt(np.mean(noise_Nm[:, known] ** 2))
     return Hypotheses(data.categories, data.grid, known, np.array(means), covariance, noise_Nm)
+
+
+def _of_people(seen: Array, error: Array | None) -> Array:
+    # What people differ by: what is seen, less what the sensor's error makes of it.
+    if error is None:
+        return seen
+    there = np.outer(np.diag(seen) > 0, np.diag(seen) > 0)
+    values, vectors = np.linalg.eigh(seen - np.where(there, error, 0.0))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def none_of_these(of: Hypotheses) -> Hypotheses:

@@ -47,7 +47,7 @@ WORDS = {
 }
 UNCALIBRATED = {
     "own_Nm": 0.5,
-    "share": 0.08,
+    "share": 0.06,
     "people_scale": 1.0,
     "noise_Nm": 0.5,
     "none_log_odds": 0.0,
