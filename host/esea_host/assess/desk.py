@@ -26,10 +26,10 @@ from esea_host.assess.responses import (
     Location,
     Passage,
     along,
+    nearest,
     passage,
 )
 from esea_host.assess.session import WORDS, Assessment, take
-from esea_host.assess.simulated import probed
 from esea_host.assess.words import conclusion, long_name
 
 HELP = (
@@ -128,6 +128,9 @@ class ClinicDesk:
         """The proposed movement, with the simulated patient; what came of it."""
         if self.patient is None:
             raise UserError("There is no simulated patient here.", "Start with --patient.")
+        # What simulates takes seconds to load: only where it is needed.
+        from esea_host.assess.simulated import probed
+
         wanted, self._count = self.proposed, self._count + 1
         (passed,) = probed([self.patient], [wanted], [[self.seed, 9, self._count]])
         self.moved = wanted, passed
@@ -144,8 +147,9 @@ class ClinicDesk:
         """A recorded movement, read from the most informative place that it passed."""
         p, value = passage(recording), np.nan_to_num(self.value, nan=-1.0)
         for cell in np.argsort(-value):
-            found = along(p, self.session.hypotheses.grid.location(int(cell)), READ_MOST)
-            if found is not None and found.passed and self.session.observe_movement(found):
+            wanted = self.session.hypotheses.grid.location(int(cell))
+            found = along(p, wanted, READ_MOST) if nearest(p, wanted)[1] <= 1 else None
+            if found is not None and self.session.observe_movement(found):
                 self._keep()
                 where, first = found.locations[0], found.responses_Nm[0]
                 count = len(found.locations)

@@ -166,17 +166,23 @@ class MovementReadings:
         return self.distance <= 1
 
 
+def nearest(p: Passage, wanted: Location) -> tuple[int, float]:
+    """Sample nearest to a location, and how far it is in tolerances; infinite: strained."""
+    angle, rate = p.angle_rad - wanted.angle_rad, p.rate_rad_s - wanted.rate_rad_s
+    off = np.where(p.strained, np.inf, np.hypot(angle / NEAR_RAD, rate / NEAR_rad_s))
+    first = int(np.argmin(off))
+    return first, float(off[first])
+
+
 def along(p: Passage, wanted: Location, most: int = MOST_READINGS) -> MovementReadings | None:
     """What a movement passed, from the location that was asked outwards; None: strained all along.
 
     Where the location was missed by more than a tolerance, all else that was passed still counts.
     """
-    x = np.stack([p.angle_rad / NEAR_RAD, p.rate_rad_s / NEAR_rad_s], axis=1)
-    off = np.hypot(*(x - [wanted.angle_rad / NEAR_RAD, wanted.rate_rad_s / NEAR_rad_s]).T)
-    off[p.strained] = np.inf
-    first = int(np.argmin(off))
-    if not np.isfinite(off[first]):
+    first, distance = nearest(p, wanted)
+    if not np.isfinite(distance):
         return None
+    x = np.stack([p.angle_rad / NEAR_RAD, p.rate_rad_s / NEAR_rad_s], axis=1)
     half = max(1, round(0.02 / float(p.time_s[1] - p.time_s[0])))
     taken = [first]
     others = np.arange(half, len(x) - half, half)
@@ -192,7 +198,7 @@ def along(p: Passage, wanted: Location, most: int = MOST_READINGS) -> MovementRe
         tuple(where for where, _, _ in found),
         np.array([response for _, response, _ in found]),
         common + np.diag([spread**2 for _, _, spread in found]),
-        float(off[first]),
+        distance,
     )
 
 

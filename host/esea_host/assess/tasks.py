@@ -17,12 +17,10 @@ import numpy as np
 from pydantic import Field
 
 from esea_gen.errors import UserError
-from esea_host.assess.build import cached
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.hypotheses import Hypotheses
-from esea_host.assess.knee import STEP_S, Knees
 from esea_host.assess.passive_tests import motion_range, pendulum_test
-from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, Array, KneePatient
+from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, Array
 from esea_host.assess.probing import Comfort, ProbingMovement, next_movement
 from esea_host.assess.responses import (
     LegRecording,
@@ -32,7 +30,6 @@ from esea_host.assess.responses import (
     passage,
 )
 from esea_host.assess.session import Assessment, assessed_hypotheses
-from esea_host.assess.simulated import knee_sensor, moved_by_hands, patient_named
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.task import (
     Actor,
@@ -49,7 +46,7 @@ from esea_host.study.task import (
 )
 
 SHOWN, PAUSE_S, TRIES = 2, 1.0, 3
-LEG, SAMPLE_S = 30.0, 0.01  # length in a scene; of simulated people
+LEG = 30.0  # length in a scene
 Sample = tuple[float, float, float]
 INPUTS = ("angle_rad", "torque_Nm")
 
@@ -130,29 +127,6 @@ class _KneeTask(StudyTask):
         return KneeState(situation.parameters, situation.past)
 
 
-class _Played(Actor):
-    # A simulated leg that was moved beforehand.
-    def __init__(self, samples: Array) -> None:
-        self._samples, self._next = samples, 0
-
-    def react(self, scene: Scene, requests: Any) -> tuple[float, Inputs]:
-        k = min(self._next, len(self._samples) - 1)
-        late_s = (self._next - k) * SAMPLE_S  # at rest where it ended
-        self._next += 1
-        t, angle, torque = (float(x) for x in self._samples[k])
-        return t + late_s, {"angle_rad": angle, "torque_Nm": torque}
-
-
-def _patient(given: Any) -> KneePatient:
-    return patient_named(given.simulated, (given.height_m, given.mass_kg))
-
-
-def _sampled(time_s: Array, angle: Array, torque: Array, seed: list[int]) -> Array:
-    read = knee_sensor().read(time_s, torque, angle, seed)
-    every = round(SAMPLE_S / STEP_S)
-    return np.stack([time_s, angle, read], axis=1)[::every]
-
-
 # -- probing ------------------------------------------------------------------------------------
 
 
@@ -165,6 +139,8 @@ class ProbeParameters(KneeParameters):
 
 @lru_cache(maxsize=4)
 def _known(path: str, mixed: bool) -> tuple[ResponseDataBase, Hypotheses]:
+    from esea_host.assess.build import cached  # what simulates takes seconds to load
+
     data = ResponseDataBase.load(Path(path)) if path else cached()
     return data, assessed_hypotheses(data, mixed=mixed)
 
@@ -263,14 +239,12 @@ class ProbeTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient, and hands that follow what is shown."""
+        from esea_host.assess.actors import probing_actor
+
         state = self.begin(situation)
-        move = state.movement
-        assert move is not None
-        seed = [int(rng.integers(2**31))]
-        still_s = SHOWN * (move.duration_s + PAUSE_S)
-        patient = _patient(state.parameters)
-        t, angle, torque = moved_by_hands(patient, move, still_s, PAUSE_S, seed)
-        return _Played(_sampled(t, angle, torque, [*seed, 1]))
+        assert state.movement is not None
+        still_s = SHOWN * (state.movement.duration_s + PAUSE_S)
+        return probing_actor(state.parameters, state.movement, still_s, PAUSE_S, rng)
 
 
 def _probe_scene(state: KneeState, inside_s: float, inputs: Inputs) -> Scene:
@@ -328,11 +302,9 @@ class PendulumTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient that falls."""
-        given = situation.parameters
-        knees = Knees([_patient(given)])
-        m = knees.release(0.0, given.seconds + 0.5, [[int(rng.integers(2**31))]])
-        angle = m.angle_rad[:, 0]
-        return _Played(_sampled(m.time_s, angle, 0 * angle, [int(rng.integers(2**31))]))
+        from esea_host.assess.actors import falling_actor
+
+        return falling_actor(situation.parameters, situation.parameters.seconds + 0.5, rng)
 
 
 class RangeParameters(KneeParameters):
@@ -381,12 +353,10 @@ class RangeTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient, and hands that follow slowly."""
-        given, seed = situation.parameters, int(rng.integers(2**31))
-        t = np.asarray(np.arange(round((given.seconds + 0.5) / STEP_S)) * STEP_S)
-        path, rate = _slow(given, t)
-        knees = Knees([_patient(given)])
-        m = knees.move(path[:, None], rate[:, None], [[seed]])
-        return _Played(_sampled(m.time_s, m.angle_rad[:, 0], m.torque_Nm[:, 0], [seed, 1]))
+        from esea_host.assess.actors import following_actor
+
+        given = situation.parameters
+        return following_actor(given, lambda t: _slow(given, t), given.seconds + 0.5, rng)
 
 
 def _number(x: float) -> float | None:
