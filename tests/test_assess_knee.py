@@ -35,7 +35,13 @@ from esea_host.assess.patients import (
 from esea_host.assess.responses import LegRecording
 from esea_host.assess.session import Assessment, assessed_hypotheses
 from esea_host.assess.simulated import knee_sensor
-from esea_host.assess.validation import against_elbow, nominal, pendulum_table, ramp_torque
+from esea_host.assess.validation import (
+    against_elbow,
+    knee_stiffness,
+    nominal,
+    pendulum_table,
+    ramp_torque,
+)
 from esea_host.cli.app import app
 
 from .conftest import ROOT, require_tool
@@ -100,6 +106,39 @@ def test_reflex_comes_after_its_delay():
     assert first >= 0.1 + p.delay_s - 1e-9
     assert over + p.delay_s - 0.02 < first < over + p.delay_s + 0.02
     assert torque.max() > 5
+
+
+def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch):
+    """The same stretch through the whole knee, and through the formula fitted to the elbow.
+
+    So a difference from that elbow is one of parameters, and not of units, joint or lags.
+    """
+    # Hands that do not give way.
+    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nm_rad", 10_000.0)
+    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nms_rad", 100.0)
+    rate, p = 90 * DEG, nominal("S4")
+    t = np.arange(600) * STEP_S
+    path = 20 * DEG + rate * t
+    silent = dataclasses.replace(p, gain_Nms_rad2=0.0)
+    both = Knees([p, silent]).move(np.stack([path] * 2, 1), np.full((600, 2), rate), [[0], [0]])
+    torque = both.torque_Nm[:, 0] - both.torque_Nm[:, 1]
+    stiffness = knee_stiffness(rate)[4]
+    assert stiffness == pytest.approx(45 * (90 - 41) * DEG)
+    threshold = p.threshold_rad[0] - p.threshold_rate_s * rate
+    exact = ramp_torque(path, rate, threshold, stiffness, p.reflex_max_Nm[0])
+    assert torque[-1] > 10
+    assert np.abs(torque - exact)[path < 110 * DEG].max() < 0.02 * exact[-1]
+
+
+def test_a_stiffer_reflex_with_these_lags_keeps_the_leg_swinging():
+    """Why it is softer than that elbow: published pendulum tests come to rest."""
+    severe = nominal("S5")
+    stiffer = dataclasses.replace(severe, gain_Nms_rad2=1.5 * severe.gain_Nms_rad2)
+    m = Knees([severe, stiffer]).release(0.0, 10.0, [[0], [1]])
+    rest, swings = (pendulum_test(m.time_s, m.angle_rad[:, i]) for i in (0, 1))
+    assert rest.reached_rest
+    assert not swings.reached_rest
+    assert np.ptp(m.angle_rad[-500:, 1]) > 5 * DEG
 
 
 def test_free_leg_without_passive_torque_is_a_pendulum():
@@ -253,6 +292,11 @@ def test_elbow_fit_finds_what_was_put_in(tmp_path):
     assert found["stiffness_Nm_deg"] / DEG == pytest.approx(25, rel=0.03)
     assert found["most_Nm"] == pytest.approx(8, rel=0.02)
     assert found["healthy_largest_Nm"] == 0.3
+    # At any other speed the knee's own stiffness is another, the elbow's fit hardly.
+    softer = found["softer_than_elbow"]
+    assert softer[60][5] > softer[90][5] > softer[150][5]
+    scaled = found["stiffness_scaled_Nm_rad"] / (50 * (90 - 35) * DEG)
+    assert softer[90][5] == pytest.approx(scaled, rel=0.02)
     with pytest.raises(UserError, match="folder"):
         against_elbow(tmp_path / "none")
 

@@ -24,7 +24,7 @@ from esea_host.assess.responses import Location, MovementReadings
 NONE = "none of these"
 # "None of these": how far a map of no category goes from the middle of all, and how smoothly.
 NONE_SCALE = 1.5  # of the spread of all categories' people
-NONE_NOISE_NM = 3.0  # and how unsteady it may be: tremor, a leg that is not relaxed; assumed
+NONE_NOISE_NM = 1.5  # and how unsteady it may be: tremor, a leg that is not relaxed; assumed
 KINDS = ("people", "distributions", "centroids", "kernel")
 
 LENGTH_RAD, LENGTH_rad_s = 20 * DEG, 35 * DEG
