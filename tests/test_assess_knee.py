@@ -43,6 +43,9 @@ from esea_host.assess.validation import (
     ramp_torque,
 )
 from esea_host.cli.app import app
+from esea_host.recording.gaps import Gap, GapError
+from esea_host.recording.layout import StreamColumn, StreamLayout
+from esea_host.recording.writer import Recorder
 
 from .conftest import ROOT, require_tool
 from .test_assess import made_up
@@ -479,6 +482,73 @@ def test_pendulum_and_range_from_files(tmp_path):
     assert figure.read_bytes()[:4] == b"\x89PNG"
 
 
+def mcap_of(path, gap=False, note="", **columns):
+    """A recording as ``esea-host record`` and ``import`` write it, at 100 Hz."""
+    layout = StreamLayout(
+        "knee", (StreamColumn("sequence", "u4"), *(StreamColumn(c) for c in columns))
+    )
+    n = len(next(iter(columns.values())))
+    rows = np.zeros(n, layout.dtype)
+    rows["sequence"] = np.arange(n) * 10
+    for name, values in columns.items():
+        rows[name] = values
+    ns = np.arange(n, dtype=np.int64) * 10_000_000
+    with Recorder(path) as recorder:
+        if note:
+            recorder.note(note)
+        recorder.rows(layout, rows, ns, ns)
+        if gap:
+            recorder.gap(Gap("knee", 100, 140, 3, "link", int(ns[12])))
+    return path
+
+
+def test_an_mcap_recording_gives_what_its_csv_does(tmp_path):
+    t = np.arange(0, 14, 0.01)
+    angle = 65 * (1 - np.exp(-0.4 * t) * np.cos(5.8 * t))
+    slow = 65 - 30 * np.cos(0.5 * t)
+    torque = np.sin(0.5 * t)
+    for what, x in (("pendulum", angle), ("range", slow)):
+        told = []
+        files = (
+            csv_of(tmp_path / f"{what}.csv", time_s=t, angle_deg=x, torque_Nm=torque),
+            mcap_of(tmp_path / f"{what}.mcap", theta_load_rad=x * DEG, tau_Nm=torque),
+        )
+        for file in files:
+            done = CliRunner().invoke(app, ["assess", what, str(file)])
+            assert done.exit_code == 0, done.output
+            told.append(done.output)
+        assert told[0] == told[1]
+    # Armed: a hole, no angle, no torque, no recording.
+    hole = mcap_of(tmp_path / "hole.mcap", gap=True, theta_load_rad=slow * DEG, tau_Nm=torque)
+    with pytest.raises(GapError, match="gap"):
+        read_recording(hole)
+    with pytest.raises(UserError, match="no stream has an angle"):
+        read_recording(mcap_of(tmp_path / "a.mcap", tau_Nm=torque))
+    with pytest.raises(UserError, match="Needs torque_Nm"):
+        read_recording(mcap_of(tmp_path / "b.mcap", theta_load_rad=slow * DEG))
+    (tmp_path / "c.mcap").write_text("no")
+    with pytest.raises(UserError):
+        read_recording(tmp_path / "c.mcap")
+
+
+def test_a_simulated_patient_is_assessed_in_the_conversation(base, tmp_path):
+    require_tool("gcc")
+    call = ["assess", "run", "--database", str(base), "--patient", "simulated:D3"]
+    page = tmp_path / "page.html"
+    done = CliRunner().invoke(
+        app, [*call, "--page", str(page), "--to-deg", "120"], input="move\nmove\n"
+    )
+    assert done.exit_code == 0, done.output
+    assert done.output.count("Simulated: ") == 2
+    assert "The patient is simulated." in done.output
+    assert "The simulated patient was: D3" in done.output
+    assert "SIMULATED PATIENT" in page.read_text()
+    wrong = CliRunner().invoke(app, ["assess", "run", "--patient", "S3"], input="")
+    assert "simulated:S3" in str(wrong.exception)
+    without = CliRunner().invoke(app, ["assess", "run", "--database", str(base)], input="move\n")
+    assert "no simulated patient" in without.output
+
+
 def test_a_data_base_from_recordings_of_any_categories(tmp_path):
     rng = np.random.default_rng(0)
     t = np.arange(0, 30, 0.01)
@@ -499,6 +569,15 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert "8 people, 2 categories" in done.output
+    # One more person, in an MCAP file, whose note tells the body's size.
+    w = 0.15 * t
+    more = {"theta_load_rad": 1 + 0.5 * np.sin(w * t), "tau_Nm": 1.0 * 0.5 * np.sin(w * t)}
+    mcap_of(tmp_path / "soft" / "k.mcap", note="height_m=1.6 mass_kg=60", **more)
+    grown = from_recordings(tmp_path)
+    assert len(grown.category) == 9
+    mcap_of(tmp_path / "soft" / "l.mcap", note="height_m=tall mass_kg=60", **more)
+    with pytest.raises(UserError, match="l.mcap: body's size"):
+        from_recordings(tmp_path)
     with pytest.raises(UserError, match="no recordings"):
         from_recordings(tmp_path / "none")
 

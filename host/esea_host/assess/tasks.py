@@ -307,7 +307,7 @@ class PendulumTask(_KneeTask):
         return falling_actor(situation.parameters, situation.parameters.seconds + 0.5, rng)
 
 
-class RangeParameters(KneeParameters):
+class LoopParameters(KneeParameters):
     """Of the passive range of motion."""
 
     seconds: float = Field(48.0, ge=10, le=600, description="how long it is moved")
@@ -320,7 +320,7 @@ class RangeTask(_KneeTask):
 
     name = "knee-range"
     title = "Passive range of motion of the knee"
-    Parameters = RangeParameters
+    Parameters = LoopParameters
     columns = (
         DataColumn("low_rad", float, "least bending"),
         DataColumn("high_rad", float, "most bending"),
