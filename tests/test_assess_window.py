@@ -107,7 +107,7 @@ def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):
 
 
 def test_it_tells_when_probabilities_have_stopped_changing(opened):
-    assert opened.settled.text() == "Still changing."
+    assert opened.settled.text() == "The probabilities are still changing."
     session = opened.desk.session
     a, r = session.hypotheses.grid.centres.T
     for cell in (2, 9, 15, 20, 23, 6, 3, 7, 11):

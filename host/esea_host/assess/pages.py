@@ -26,6 +26,10 @@ from esea_host.assess.words import conclusion, long_name
 
 COLOURS = (MODEL, MEASURED, ROUNDING, BOUND)
 MOST_LINES = 5
+MEANING = (
+    "Spastic-like: the leg resists more the faster it is moved.  Dystonic-like: it pulls towards a "
+    "posture at any speed."
+)
 
 
 def session_page(session: Assessment, who: str = "", comfort: Comfort | None = None) -> Figure:
@@ -51,6 +55,7 @@ def session_page(session: Assessment, who: str = "", comfort: Comfort | None = N
         figure.text(0.06, 0.911, NOTICE, fontsize=10, color=BOUND, weight="bold")
         for i, line in enumerate([*conclusion(session), allowed(limits)]):
             figure.text(0.06, 0.881 - 0.0195 * i, line, fontsize=9.5, color=INK)
+        figure.text(0.06, 0.022, MEANING, fontsize=8, color=INK)
         _bars(figure.add_subplot(grid[0, 0]), session)
         _history(figure.add_subplot(grid[0, 1]), session)
         _map(figure.add_subplot(grid[1, :]), session, limits)
@@ -112,7 +117,7 @@ def _map(ax: Axes, session: Assessment, comfort: Comfort) -> None:
         shading="nearest",
         rasterized=True,
     )
-    ax.figure.colorbar(drawn, ax=ax, label="would tell [nats]", pad=0.01)
+    ax.figure.colorbar(drawn, ax=ax, label="how much it would tell", pad=0.01)
     ax.grid(False)
     been = session.evidence.places()
     if len(been):
@@ -152,6 +157,7 @@ def _trail(ax: Axes, session: Assessment) -> None:
     for i, entry in enumerate(session.trail[-11:]):
         best = max(entry.probabilities, key=lambda n: entry.probabilities[n])
         y, now = 0.93 - 0.09 * i, f"{long_name(best)} {entry.probabilities[best]:.0%}"
+        now = now if entry.what != "begin" else ""
         text = f"{entry.number:>3}  {step_text(entry)}"[:88]
         about: dict[str, Any] = {"fontsize": 8, "transform": ax.transAxes, "color": INK}
         ax.text(-0.24, y, text, **about)

@@ -201,8 +201,8 @@ class AssessWindow(QMainWindow):
         simulated = "<b>SIMULATED PATIENT.</b> " if self.desk.patient else ""
         self.now.setText(simulated + " ".join(conclusion(session)[:3]))
         settled = session.settled
-        words = "The probabilities have stopped changing." if settled else "Still changing."
-        self.settled.setText(words)
+        change = "have stopped changing" if settled else "are still changing"
+        self.settled.setText(f"The probabilities {change}.")
         self.settled.setStyleSheet(f"color: {theme.good if settled else theme.soft}")
         self.next.setText(f"<b>Next:</b> {describe(self.desk.proposed)}")
         places = session.evidence.places() / DEG

@@ -17,7 +17,7 @@ from esea_host.windows.plots import dress
 from esea_host.windows.theme import Theme
 
 Floats = npt.NDArray[np.float64]
-MOST_LINES, TITLE_PX = 5, 52
+MOST_LINES, TITLE_PX = 5, 66
 MARKS = ("o", "s", "t", "d", "+")
 
 
