@@ -17,7 +17,7 @@ from esea_host.windows.plots import dress
 from esea_host.windows.theme import Theme
 
 Floats = npt.NDArray[np.float64]
-MOST_LINES, TITLE_PX = 5, 66
+MOST_LINES, TITLE_PX = 5, 46
 MARKS = ("o", "s", "t", "d", "+")
 
 
@@ -195,8 +195,6 @@ class HistoryPlot(_Plot):
         self._lines = [self.item.plot(symbol=m) for m in MARKS]
         self.item.setYRange(0, 100, padding=0.04)
         self.item.setMouseEnabled(y=False)
-        self.item.titleLabel.setMaximumHeight(TITLE_PX)  # of three lines
-        self.item.layout.setRowFixedHeight(0, TITLE_PX)
 
     def show(self, theme: Theme) -> None:
         """In these colours."""
@@ -220,3 +218,6 @@ class HistoryPlot(_Plot):
         names = "<br>".join(" &nbsp; ".join(parts[k : k + 3]) for k in (0, 3))
         title = f"<b>{self.title}</b><br>{names}"
         self.item.setTitle(title, color=self._theme.ink, size="8pt")
+        # Three lines; a title is set to the height of one.
+        self.item.titleLabel.setMaximumHeight(TITLE_PX)
+        self.item.layout.setRowFixedHeight(0, TITLE_PX)
