@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from esea_host.assess.knee import STEP_S, Knees
-from esea_host.assess.patients import Array, KneePatient
+from esea_host.assess.patients import CATEGORIES, Array, KneePatient
 from esea_host.assess.probing import ProbingMovement
 from esea_host.assess.simulated import HOLD_S, knee_sensor, moved_by_hands, patient_named
+from esea_host.assess.validation import nominal
 from esea_host.study.scene import Scene
 from esea_host.study.task import Actor, Inputs
 
@@ -33,7 +35,11 @@ class PlayedLeg(Actor):
 
 
 def _patient(given: Any) -> KneePatient:
-    return patient_named(given.simulated, (given.height_m, given.mass_kg))
+    size = given.height_m, given.mass_kg
+    if given.simulated not in CATEGORIES:
+        return patient_named(given.simulated, size)
+    # The one in the middle: whom a protocol names is nobody in particular.
+    return dataclasses.replace(nominal(given.simulated), height_m=size[0], mass_kg=size[1])
 
 
 def _seed(rng: np.random.Generator) -> list[int]:
