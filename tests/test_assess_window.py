@@ -83,8 +83,10 @@ def test_the_clinician_judges_and_takes_back_and_the_steps_tell(opened):
     asked = opened.desk.proposed.location
     c.another.emit()
     assert opened.desk.proposed.location != asked
+    opened.undo()  # that, and not a step before it
+    assert opened.desk.proposed.location == asked
     c.skipped.emit("pain")
-    assert steps(opened)[-2:] == ["missed", "skipped"]
+    assert steps(opened)[-3:] == ["left out", "undone", "skipped"]
 
 
 def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):

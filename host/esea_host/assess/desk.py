@@ -164,7 +164,7 @@ class ClinicDesk:
 
     def leave_out(self) -> None:
         """Propose another movement from now on: this one cannot be made."""
-        self.session.missed(self.proposed.location)
+        self.session.leave_out(self.proposed.location)
         self._keep()
 
     def undo(self) -> bool:

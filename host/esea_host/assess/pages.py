@@ -145,6 +145,7 @@ def step_text(entry: AuditEntry) -> str:
         + (f" ({d['why']})" if d.get("why") else ""),
         "skipped": "skipped" + (f": {d['why']}" if d.get("why") else ""),
         "missed": f"{d.get('location')} was not passed; not asked for again",
+        "left out": f"{d.get('location')} left out at the clinician's wish",
         "outside the map": f"{d.get('location')} is not in the data base",
         "undone": "last step taken back",
     }

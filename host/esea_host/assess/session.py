@@ -116,7 +116,7 @@ class Assessment:
         fit = {**UNCALIBRATED, **(data.calibration or {})}
         self._log_prior = np.log(self._equal())
         self._log_prior[-1] += fit["none_log_odds"]
-        self._undo: list[tuple[Array, bool]] = []
+        self._undo: list[tuple[Array, bool, Location | None]] = []
         self.trail: list[AuditEntry] = []
         self.avoided: set[Location] = set()
         self.probabilities = normalised(self._log_prior)
@@ -164,7 +164,7 @@ class Assessment:
         if not taken:
             self._note("outside the map", {"location": where.text()})
             return False
-        self._undo.append((self._log_prior.copy(), True))
+        self._undo.append((self._log_prior.copy(), True, None))
         self._settle()
         self._note(what, {"location": where.text(), **about})
         return True
@@ -189,9 +189,15 @@ class Assessment:
         self.avoided.add(where)
         self._note("missed", {"location": where.text()})
 
+    def leave_out(self, where: Location) -> None:
+        """A location that is not to be passed, as the clinician wishes."""
+        self._undo.append((self._log_prior.copy(), False, where))
+        self.avoided.add(where)
+        self._note("left out", {"location": where.text()})
+
     def skip(self, why: str = "") -> None:
         """A movement without a result."""
-        self._undo.append((self._log_prior.copy(), False))
+        self._undo.append((self._log_prior.copy(), False, None))
         self._note("skipped", {"why": why})
 
     def override(self, probabilities: Mapping[str, float], why: str) -> None:
@@ -216,7 +222,7 @@ class Assessment:
         for i, n in enumerate(self.names):
             if n in probabilities:
                 target[i] = probabilities[n]
-        self._undo.append((self._log_prior.copy(), False))
+        self._undo.append((self._log_prior.copy(), False, None))
         # A category at 0 may come back if the clinician says so: kept finite.
         self._log_prior = np.log(np.maximum(target, 1e-12)) - self.evidence.log_likelihood()
         self._settle()
@@ -228,9 +234,11 @@ class Assessment:
         """Take back the last step; it stays in the trail as taken back."""
         if not self._undo:
             return False
-        self._log_prior, read = self._undo.pop()
+        self._log_prior, read, left_out = self._undo.pop()
         if read:
             self.evidence.undo()
+        if left_out is not None:
+            self.avoided.discard(left_out)
         self._settle()
         self._note("undone", {})
         return True

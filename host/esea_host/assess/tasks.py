@@ -197,7 +197,7 @@ class ProbeTask(_KneeTask):
 
     def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
         """Show, follow, judge."""
-        move, events = state.movement, ()
+        move = state.movement
         period_s = move.duration_s + PAUSE_S
         if state.phase == "show" and time_s - state.began_s >= SHOWN * period_s:
             state = replace(state, phase="follow", began_s=time_s)
@@ -206,7 +206,7 @@ class ProbeTask(_KneeTask):
             if time_s - state.began_s >= period_s:
                 return self._judged(state, time_s, inputs)
             state = state.with_sample(time_s, inputs)
-        return TaskStep(state, _probe_scene(state, inside, inputs), events=events)
+        return TaskStep(state, _probe_scene(state, inside, inputs))
 
     def _judged(self, state: KneeState, time_s: float, inputs: Inputs) -> TaskStep:
         move = state.movement
