@@ -36,8 +36,9 @@ from esea_host.assess.probing import Comfort
 from esea_host.assess.tasks import PAUSE_S, leg_scene
 from esea_host.assess.words import conclusion, long_name
 from esea_host.windows.assess_controls import ClinicControls
-from esea_host.windows.assess_plots import HistoryPlot, InformationMap, LegPlot, ProbabilityBars
+from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
 from esea_host.windows.counting import take_many
+from esea_host.windows.study.scene_view import SceneView
 from esea_host.windows.theme import DARK, LIGHT, Theme
 
 take_many()
@@ -70,7 +71,7 @@ class AssessWindow(QMainWindow):
         self.settled, self.next = QLabel(), QLabel()
         for label in (self.now, self.said, self.next):
             label.setWordWrap(True)
-        self.map, self.leg = InformationMap(self.desk.session.hypotheses.grid), LegPlot()
+        self.map, self.leg = InformationMap(self.desk.session.hypotheses.grid), SceneView()
         names = list(self.desk.session.names)
         self.bars = ProbabilityBars([long_name(n) for n in names])
         self.history = HistoryPlot([long_name(n) for n in names])
@@ -88,7 +89,7 @@ class AssessWindow(QMainWindow):
         c.limited.connect(self.limit)
         left, right = QSplitter(Qt.Orientation.Vertical), QSplitter(Qt.Orientation.Vertical)
         lower = QSplitter()
-        for part in (self.leg.view, self.bars.view):
+        for part in (self.leg, self.bars.view):
             lower.addWidget(part)
         lower.setSizes([330, 420])
         for part in (self.map.view, lower):
@@ -228,7 +229,7 @@ class AssessWindow(QMainWindow):
         period_s = target.duration_s + PAUSE_S
         shown = float(target.at(since_s % period_s)[0])
         where = target.location.angle_rad
-        self.leg.draw(leg_scene((key,), self.desk.comfort, angle, shown, where))
+        self.leg.show_scene(leg_scene((key,), self.desk.comfort, angle, shown, where))
 
     def toggle_theme(self) -> None:
         """Dark or light."""
@@ -240,7 +241,8 @@ class AssessWindow(QMainWindow):
         self.theme = theme
         self.setPalette(theme.palette())
         self.notice.setStyleSheet(f"color: {theme.limit}; font-weight: bold")
-        for part in (self.map, self.leg, self.bars, self.history):
+        self.leg.set_dark(theme is DARK)
+        for part in (self.map, self.bars, self.history):
             part.show(theme)
 
 

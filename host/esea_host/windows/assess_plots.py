@@ -1,8 +1,6 @@
-"""The plots of the clinician's window: map, leg, probabilities, and how they came."""
+"""The plots of the clinician's window: map, probabilities, and how they came."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +10,6 @@ from PySide6.QtCore import QRectF, Qt
 from esea_host.assess.database import LocationGrid
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort, ProbingMovement
-from esea_host.study.scene import Scene, said
 from esea_host.windows.plots import dress
 from esea_host.windows.theme import Theme
 
@@ -102,59 +99,6 @@ class InformationMap(_Plot):
         soft = f'<span style="color:{self._theme.soft}">{about}</span>'
         title = f"<b>{self.title}</b> &nbsp; {soft}"
         self.item.setTitle(title, color=self._theme.ink, size="9pt")
-
-
-class LegPlot:
-    """A scene of a leg: what is asked for moves, and what was measured."""
-
-    def __init__(self) -> None:
-        self.view = pg.PlotWidget()
-        item = self.view.getPlotItem()
-        item.setMenuEnabled(False)
-        item.hideButtons()
-        item.hideAxis("left")
-        item.hideAxis("bottom")
-        item.setAspectLocked(True)
-        item.setMouseEnabled(x=False, y=False)
-        self.item = item
-        self._drawn: list[Any] = []
-
-    def show(self, theme: Theme) -> None:
-        """In these colours."""
-        self._theme = theme
-        self.view.setBackground(theme.ground)
-        self._roles = {
-            "guide": theme.soft,
-            "boundary": theme.limit,
-            "node": theme.wanted,
-            "cursor": theme.measured,
-            "target": theme.good,
-        }
-
-    def draw(self, scene: Scene) -> None:
-        """Draw it."""
-        half = scene.half_width
-        self.item.setRange(QRectF(-half, -half, 2 * half, 1.4 * half), padding=0, update=False)
-        while len(self._drawn) < len(scene.shapes):
-            self._drawn.append(self.item.plot())
-        for s, drawn in zip(scene.shapes, self._drawn, strict=False):
-            colour = self._roles[s.role]
-            drawn.setVisible(True)
-            if s.kind == "line":
-                dashed = s.role == "boundary"
-                style = Qt.PenStyle.DashLine if dashed else Qt.PenStyle.SolidLine
-                drawn.setData([s.x, s.to_x], [s.y, s.to_y], symbol=None)
-                drawn.setPen(pg.mkPen(colour, width=2 if dashed else 5, style=style))
-            else:
-                ring = s.kind == "ring"
-                drawn.setData([s.x], [s.y], symbol="s" if s.kind == "square" else "o")
-                drawn.setSymbolSize(7 * s.size)
-                drawn.setSymbolBrush(None if ring else colour)
-                drawn.setSymbolPen(pg.mkPen(colour, width=3))
-        for drawn in self._drawn[len(scene.shapes) :]:
-            drawn.setVisible(False)
-        words = f"<b>{said(scene.texts[0])}</b>"
-        self.item.setTitle(words, color=self._theme.ink, size="9pt")
 
 
 class ProbabilityBars(_Plot):
