@@ -60,15 +60,15 @@ def leg_scene(
 ) -> Scene:
     """A leg from its side: thigh level, the knee in the middle; what is asked, and what is."""
 
-    def shank(role: str, angle: float, share: float = 1.0) -> Shape:
+    def shank(role: str, angle: float, share: float = 1.0, wide: float = 1.0) -> Shape:
         x, y = LEG * share * float(np.cos(angle)), -LEG * share * float(np.sin(angle))
-        return Shape("line", role, 0.0, 0.0, 1.0, x, y)
+        return Shape("line", role, 0.0, 0.0, wide, x, y)
 
     def foot(role: str, angle: float, size: float, kind: Any = "disc") -> Shape:
         return Shape(kind, role, LEG * float(np.cos(angle)), -LEG * float(np.sin(angle)), size)
 
     shapes = [Shape("line", "guide", -LEG, 0.0, 1.0, 0.0, 0.0), Shape("disc", "guide", 0, 0, 1.2)]
-    shapes += [shank("boundary", a, 1.15) for a in (comfort.low_rad, comfort.high_rad)]
+    shapes += [shank("boundary", a, 1.15, 0.25) for a in (comfort.low_rad, comfort.high_rad)]
     if location_rad is not None:
         shapes.append(foot("node", location_rad, 1.6, "square"))
     if angle_rad is not None:
