@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.assess import NOTICE
+from esea_host.assess.desk import ClinicDesk, converse, extra_torque_Nm
 from esea_host.assess.evaluation import evaluate, meet
 from esea_host.assess.files import from_recordings, read_recording
 from esea_host.assess.judge import judge
 from esea_host.assess.knee import STEP_S, Knees, sweep
-from esea_host.assess.motion_range import motion_range
+from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import (
     CATEGORIES,
     OUTSIDE_KINDS,
@@ -31,13 +32,20 @@ from esea_host.assess.patients import (
     leg_weight_Nm,
     passive_torque_Nm,
 )
-from esea_host.assess.pendulum import pendulum_test
 from esea_host.assess.responses import LegRecording
-from esea_host.assess.sensing import knee_sensor
-from esea_host.assess.session import assessed_hypotheses
-from esea_host.assess.terminal import converse, extra_torque_Nm
-from esea_host.assess.validation import against_elbow, nominal, pendulum_table, ramp_torque
+from esea_host.assess.session import Assessment, assessed_hypotheses
+from esea_host.assess.simulated import knee_sensor
+from esea_host.assess.validation import (
+    against_elbow,
+    knee_stiffness,
+    nominal,
+    pendulum_table,
+    ramp_torque,
+)
 from esea_host.cli.app import app
+from esea_host.recording.gaps import Gap, GapError
+from esea_host.recording.layout import StreamColumn, StreamLayout
+from esea_host.recording.writer import Recorder
 
 from .conftest import ROOT, require_tool
 from .test_assess import made_up
@@ -101,6 +109,39 @@ def test_reflex_comes_after_its_delay():
     assert first >= 0.1 + p.delay_s - 1e-9
     assert over + p.delay_s - 0.02 < first < over + p.delay_s + 0.02
     assert torque.max() > 5
+
+
+def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch):
+    """The same stretch through the whole knee, and through the formula fitted to the elbow.
+
+    So a difference from that elbow is one of parameters, and not of units, joint or lags.
+    """
+    # Hands that do not give way.
+    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nm_rad", 10_000.0)
+    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nms_rad", 100.0)
+    rate, p = 90 * DEG, nominal("S4")
+    t = np.arange(600) * STEP_S
+    path = 20 * DEG + rate * t
+    silent = dataclasses.replace(p, gain_Nms_rad2=0.0)
+    both = Knees([p, silent]).move(np.stack([path] * 2, 1), np.full((600, 2), rate), [[0], [0]])
+    torque = both.torque_Nm[:, 0] - both.torque_Nm[:, 1]
+    stiffness = knee_stiffness(rate)[4]
+    assert stiffness == pytest.approx(45 * (90 - 41) * DEG)
+    threshold = p.threshold_rad[0] - p.threshold_rate_s * rate
+    exact = ramp_torque(path, rate, threshold, stiffness, p.reflex_max_Nm[0])
+    assert torque[-1] > 10
+    assert np.abs(torque - exact)[path < 110 * DEG].max() < 0.02 * exact[-1]
+
+
+def test_a_stiffer_reflex_with_these_lags_keeps_the_leg_swinging():
+    """Why it is softer than that elbow: published pendulum tests come to rest."""
+    severe = nominal("S5")
+    stiffer = dataclasses.replace(severe, gain_Nms_rad2=1.5 * severe.gain_Nms_rad2)
+    m = Knees([severe, stiffer]).release(0.0, 8.0, [[0], [1]])
+    rest, swings = (pendulum_test(m.time_s, m.angle_rad[:, i]) for i in (0, 1))
+    assert rest.reached_rest
+    assert not swings.reached_rest
+    assert np.ptp(m.angle_rad[-500:, 1]) > 5 * DEG
 
 
 def test_free_leg_without_passive_torque_is_a_pendulum():
@@ -254,6 +295,11 @@ def test_elbow_fit_finds_what_was_put_in(tmp_path):
     assert found["stiffness_Nm_deg"] / DEG == pytest.approx(25, rel=0.03)
     assert found["most_Nm"] == pytest.approx(8, rel=0.02)
     assert found["healthy_largest_Nm"] == 0.3
+    # At any other speed the knee's own stiffness is another, the elbow's fit hardly.
+    softer = found["softer_than_elbow"]
+    assert softer[60][5] > softer[90][5] > softer[150][5]
+    scaled = found["stiffness_scaled_Nm_rad"] / (50 * (90 - 35) * DEG)
+    assert softer[90][5] == pytest.approx(scaled, rel=0.02)
     with pytest.raises(UserError, match="folder"):
         against_elbow(tmp_path / "none")
 
@@ -307,7 +353,7 @@ def test_everybody_of_no_category_is_somebody():
 def test_the_judge_counts(tmp_path):
     """Made-up meetings: all right, all sure at the second movement, one outsider missed."""
     from esea_host.assess.evaluation import Met, hypothesis_names
-    from esea_host.assess.page import evaluation_page
+    from esea_host.assess.pages import evaluation_page
 
     data = made_up()
     names = hypothesis_names(data)
@@ -436,6 +482,73 @@ def test_pendulum_and_range_from_files(tmp_path):
     assert figure.read_bytes()[:4] == b"\x89PNG"
 
 
+def mcap_of(path, gap=False, note="", **columns):
+    """A recording as ``esea-host record`` and ``import`` write it, at 100 Hz."""
+    layout = StreamLayout(
+        "knee", (StreamColumn("sequence", "u4"), *(StreamColumn(c) for c in columns))
+    )
+    n = len(next(iter(columns.values())))
+    rows = np.zeros(n, layout.dtype)
+    rows["sequence"] = np.arange(n) * 10
+    for name, values in columns.items():
+        rows[name] = values
+    ns = np.arange(n, dtype=np.int64) * 10_000_000
+    with Recorder(path) as recorder:
+        if note:
+            recorder.note(note)
+        recorder.rows(layout, rows, ns, ns)
+        if gap:
+            recorder.gap(Gap("knee", 100, 140, 3, "link", int(ns[12])))
+    return path
+
+
+def test_an_mcap_recording_gives_what_its_csv_does(tmp_path):
+    t = np.arange(0, 14, 0.01)
+    angle = 65 * (1 - np.exp(-0.4 * t) * np.cos(5.8 * t))
+    slow = 65 - 30 * np.cos(0.5 * t)
+    torque = np.sin(0.5 * t)
+    for what, x in (("pendulum", angle), ("range", slow)):
+        told = []
+        files = (
+            csv_of(tmp_path / f"{what}.csv", time_s=t, angle_deg=x, torque_Nm=torque),
+            mcap_of(tmp_path / f"{what}.mcap", theta_load_rad=x * DEG, tau_Nm=torque),
+        )
+        for file in files:
+            done = CliRunner().invoke(app, ["assess", what, str(file)])
+            assert done.exit_code == 0, done.output
+            told.append(done.output)
+        assert told[0] == told[1]
+    # Armed: a hole, no angle, no torque, no recording.
+    hole = mcap_of(tmp_path / "hole.mcap", gap=True, theta_load_rad=slow * DEG, tau_Nm=torque)
+    with pytest.raises(GapError, match="gap"):
+        read_recording(hole)
+    with pytest.raises(UserError, match="no stream has an angle"):
+        read_recording(mcap_of(tmp_path / "a.mcap", tau_Nm=torque))
+    with pytest.raises(UserError, match="Needs torque_Nm"):
+        read_recording(mcap_of(tmp_path / "b.mcap", theta_load_rad=slow * DEG))
+    (tmp_path / "c.mcap").write_text("no")
+    with pytest.raises(UserError):
+        read_recording(tmp_path / "c.mcap")
+
+
+def test_a_simulated_patient_is_assessed_in_the_conversation(base, tmp_path):
+    require_tool("gcc")
+    call = ["assess", "run", "--database", str(base), "--patient", "simulated:D3"]
+    page = tmp_path / "page.html"
+    done = CliRunner().invoke(
+        app, [*call, "--page", str(page), "--to-deg", "120"], input="move\nmove\n"
+    )
+    assert done.exit_code == 0, done.output
+    assert done.output.count("Simulated: ") == 2
+    assert "The patient is simulated." in done.output
+    assert "The simulated patient was: D3" in done.output
+    assert "SIMULATED PATIENT" in page.read_text()
+    wrong = CliRunner().invoke(app, ["assess", "run", "--patient", "S3"], input="")
+    assert "simulated:S3" in str(wrong.exception)
+    without = CliRunner().invoke(app, ["assess", "run", "--database", str(base)], input="move\n")
+    assert "no simulated patient" in without.output
+
+
 def test_a_data_base_from_recordings_of_any_categories(tmp_path):
     rng = np.random.default_rng(0)
     t = np.arange(0, 30, 0.01)
@@ -456,18 +569,25 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert "8 people, 2 categories" in done.output
+    # One more person, in an MCAP file, whose note tells the body's size.
+    w = 0.15 * t
+    more = {"theta_load_rad": 1 + 0.5 * np.sin(w * t), "tau_Nm": 1.0 * 0.5 * np.sin(w * t)}
+    mcap_of(tmp_path / "soft" / "k.mcap", note="height_m=1.6 mass_kg=60", **more)
+    grown = from_recordings(tmp_path)
+    assert len(grown.category) == 9
+    mcap_of(tmp_path / "soft" / "l.mcap", note="height_m=tall mass_kg=60", **more)
+    with pytest.raises(UserError, match="body's size"):
+        from_recordings(tmp_path)
     with pytest.raises(UserError, match="no recordings"):
         from_recordings(tmp_path / "none")
 
 
 def test_the_conversation_ends_with_its_lines(base):
     from esea_host.assess.database import ResponseDataBase
-    from esea_host.assess.probing import Comfort
-    from esea_host.assess.session import Assessment
 
     said: list[str] = []
-    session = Assessment(ResponseDataBase.load(base))
-    converse(session, Comfort(), 1.7, 70, io.StringIO("strong\n"), said.append)
+    desk = ClinicDesk(Assessment(ResponseDataBase.load(base)))
+    converse(desk, io.StringIO("strong\n"), said.append)
     assert sum("knee from" in s for s in said) == 2
     assert any("still changing" in s for s in said)
 

@@ -14,22 +14,28 @@ import numpy as np
 from esea_gen.cache import cache_folder
 from esea_host.assess import NOTICE
 from esea_host.assess.database import KNEE_GRID, ResponseDataBase
-from esea_host.assess.hypotheses import Evidence, normalised, summarised
+from esea_host.assess.hypotheses import normalised, summarised
 from esea_host.assess.patients import CATEGORIES, RELAXED, KneePatient, draw_category
-from esea_host.assess.probing import Comfort, next_movement, probing_movement, reachable
-from esea_host.assess.responses import Passage, nearest_reading
-from esea_host.assess.session import Assessment, assessed_hypotheses
+from esea_host.assess.probing import next_movement, plans
+from esea_host.assess.responses import Passage
+from esea_host.assess.session import UNCALIBRATED, Assessment, assessed_hypotheses, take
 from esea_host.assess.simulated import probed, swept
 
 # Roots of the seeds.  Evaluation adds its own seed to EVALUATION: nobody is met twice.
 PEOPLE, CALIBRATION, NONE_CALIBRATION, EVALUATION = 11, 12, 13, 1000
 PER_CATEGORY, CALIBRATION_PER_CATEGORY = 60, 12
 CALIBRATION_MOVEMENTS = 12
-LOOKS = (2, 5, 11)  # movements after which the noise is judged
+LOOKS = (1, 3, 6, 12)  # movements after which the noise is judged
+FITTED = {
+    "own_Nm": (0.25, 0.5, 0.75, 1.0),
+    "share": (0.0, 0.03, 0.06, 0.1),
+    "people_scale": (0.5, 0.75, 1.0),
+    "noise_Nm": (0.25, 0.5, 1.0),
+}
 NONE_INSIDE = 0.02  # share of calibration patients that may be called "none of these"
 CHUNK = 220
-SIMULATION = ("patients", "knee", "sensing", "responses", "database", "simulated")
-FITTING = ("build", "hypotheses", "kernel_map", "probing", "session")
+SIMULATION = ("patients", "knee", "responses", "database", "simulated")
+FITTING = ("build", "hypotheses", "probing", "session")
 Say = Callable[[str], None]
 
 
@@ -87,39 +93,38 @@ def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseD
 
 
 def movement_noise(data: ResponseDataBase) -> dict[str, float]:
-    """Noise of one movement and size of the factors: best log score on calibration patients."""
+    """What a map, a person and a reading differ by: best log score on calibration patients.
+
+    Every other movement is chosen as in use, for a chooser goes where errors repeat themselves.
+    """
     people = draw_many(CALIBRATION, CALIBRATION_PER_CATEGORY, data.diagnoses)
-    comfort = Comfort()
-    base = summarised(data)
-    cells = np.flatnonzero(reachable(data.grid, base.known, comfort))
-    readings = [Evidence(base) for _ in people]
-    looks: list[list[Evidence]] = [[] for _ in people]
+    sessions = [Assessment(data, hypotheses=h) for h in [assessed_hypotheses(data)] for _ in people]
     rng = np.random.default_rng([CALIBRATION, 1])
+    any_one = [p.movement for p in plans(sessions[0].hypotheses)]
     for k in range(CALIBRATION_MOVEMENTS):
-        wanted = [data.grid.location(int(c)) for c in rng.choice(cells, len(people))]
-        moves = [probing_movement(w, comfort) for w in wanted]
+        drawn = [any_one[i] for i in rng.integers(0, len(any_one), len(people))]
+        moves = [next_movement(s) for s in sessions] if k % 2 else drawn
         seeds = [[CALIBRATION, 8, i, k] for i in range(len(people))]
-        passages = probed(people, [m for m in moves if m], seeds)
-        for i, (passed, w) in enumerate(zip(passages, wanted, strict=True)):
-            found = nearest_reading(passed, w)
-            if found:
-                readings[i].add(found.location, found.response_Nm, found.spread_Nm)
-            if k in LOOKS and len(readings[i]):
-                looks[i].append(readings[i].under(base))
+        for s, m, p in zip(sessions, moves, probed(people, moves, seeds), strict=True):
+            take(s, p, m.location)
     truth = np.array([data.diagnoses.index(p.category) for p in people])
-    best, kept = -np.inf, {}
-    for own in (0.25, 0.5, 1.0, 1.5):
-        for share in (0.0, 0.05, 0.1):
-            for scale in (0.5, 0.75, 1.0):
-                h = base.only(data.diagnoses).with_movement_noise(own, share, scale)
-                score = 0.0
-                for i, mine in enumerate(looks):
-                    for evidence in mine:
-                        said = normalised(evidence.under(h).log_likelihood())
-                        score += float(np.log(max(said[truth[i]], 1e-12)))
-                if score > best:
-                    best = score
-                    kept = {"own_Nm": own, "share": share, "factor_scale": scale}
+    base = summarised(data).only(data.diagnoses)
+
+    def score(fit: dict[str, float]) -> float:
+        h, total = base.with_movement_noise(fit), 0.0
+        for s, t in zip(sessions, truth, strict=True):
+            for log in s.evidence.history(h, LOOKS):
+                total += float(np.log(max(normalised(log)[t], 1e-12)))
+        return total
+
+    kept = {k: UNCALIBRATED[k] for k in FITTED}
+    best = score(kept)
+    for name in (*FITTED, *FITTED):  # one after the other, twice
+        for value in FITTED[name]:
+            tried = kept | {name: value}
+            found = score(tried) if tried != kept else best
+            if found > best:
+                best, kept = found, tried
     return kept
 
 
@@ -135,9 +140,7 @@ def none_offset(data: ResponseDataBase) -> float:
         moves = [next_movement(s) for s in sessions]
         seeds = [[NONE_CALIBRATION, 8, i, k] for i in range(len(people))]
         for s, m, p in zip(sessions, moves, probed(people, moves, seeds), strict=True):
-            found = nearest_reading(p, m.location)
-            if found is None or not s.observe(found.location, found.response_Nm, found.spread_Nm):
-                s.missed(m.location)
+            take(s, p, m.location)
     all_p = np.array([s.probabilities for s in sessions])
     odds = np.log(np.maximum(all_p[:, -1], 1e-300)) - np.log(
         np.maximum(all_p[:, :-1].sum(axis=1), 1e-300)

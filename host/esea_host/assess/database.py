@@ -19,14 +19,14 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.responses import Location, Passage
+from esea_host.assess.responses import ERROR_STAYS_S, Location, Passage
 
-FORMAT = 1
+FORMAT = 2
 KERNEL_RAD, KERNEL_rad_s = 6 * DEG, 10 * DEG
 LEAST_WEIGHT_S = 0.1  # of a recording near a location, to say anything of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocationGrid:
     """Locations of the map: centres of a grid of angle x rate, flattened angle by angle."""
 
@@ -82,16 +82,32 @@ class LocationGrid:
 KNEE_GRID = LocationGrid.spanning((0, 130 * DEG), (-120 * DEG, 120 * DEG), (13, 12))
 
 
-def responses_at(p: Passage, grid: LocationGrid) -> tuple[Array, Array]:
-    """Responses of one person at the grid's locations, and how often each was passed.
+@dataclass(frozen=True)
+class CellResponses:
+    """Responses of one person at the grid's locations.
 
-    return: local linear estimate, NaN where the person has not been; separate passes (samples of
-        one pass count once).
+    values: local linear estimates, shape (cells,), NaN where the person has not been; passes:
+    separate ones (samples of one pass count once); weights: of the samples at ``time_s`` in each
+    value, shape (cells, samples).
     """
+
+    values: Array
+    passes: Array
+    weights: Array
+    time_s: Array
+
+    def error_Nm2(self, error_Nm: float) -> Array:
+        """Covariance of the values, from an error of the sensor that stays for a while."""
+        late = np.abs(self.time_s[:, None] - self.time_s)
+        return error_Nm**2 * self.weights @ np.exp(-late / ERROR_STAYS_S) @ self.weights.T
+
+
+def responses_at(p: Passage, grid: LocationGrid) -> CellResponses:
+    """Responses of one person at the grid's locations."""
     every = max(1, round(0.02 / float(p.time_s[1] - p.time_s[0])))
     strained = p.strained[::every]
-    columns = p.angle_rad, p.rate_rad_s, p.response_Nm
-    a, r, y = (x[::every][~strained] for x in columns)
+    columns = p.angle_rad, p.rate_rad_s, p.response_Nm, p.time_s
+    a, r, y, t = (x[::every][~strained] for x in columns)
     h = every * float(p.time_s[1] - p.time_s[0])
     centres = grid.centres
     da = (a - centres[:, :1]) / KERNEL_RAD
@@ -102,12 +118,13 @@ def responses_at(p: Passage, grid: LocationGrid) -> tuple[Array, Array]:
     normal = np.einsum("cs,csi,csj->cij", w, basis, basis)
     # A little ridge on the slopes: where all lies on one line, the slope across it stays near 0.
     normal += w.sum(axis=1)[:, None, None] * np.diag([0, 0.02, 0.02])
-    right = np.einsum("cs,csi,s->ci", w, basis, y)
-    out = np.full(grid.cells, np.nan)
-    out[seen] = np.linalg.solve(normal[seen], right[seen][..., None])[:, 0, 0]
+    first = np.zeros((len(centres), 3))
+    first[seen] = np.linalg.inv(normal[seen])[:, 0]
+    weights = np.einsum("ci,csi,cs->cs", first, basis, w)
     near = da**2 + dr**2 < 1.5**2
     begins = near & ~np.concatenate([np.zeros((len(near), 1), bool), near[:, :-1]], axis=1)
-    return out, begins.sum(axis=1).astype(np.float64)
+    values = np.where(seen, weights @ y, np.nan)
+    return CellResponses(values, begins.sum(axis=1).astype(np.float64), weights, t)
 
 
 @dataclass(frozen=True)
@@ -119,6 +136,8 @@ class ResponseDataBase:
     category: number of each person's category, shape (people,).
     responses: shape (people, cells), NaN where a person has not been; passes likewise.
     provenance: where all this comes from; calibration: numbers fitted on other people.
+    error_Nm2: covariance that the sensor's error alone gives a person's responses, shape (cells,
+        cells); none: not known.
     """
 
     grid: LocationGrid
@@ -129,6 +148,7 @@ class ResponseDataBase:
     provenance: Mapping[str, Any]
     reference: str | None = None
     calibration: Mapping[str, float] | None = None
+    error_Nm2: Array | None = None
 
     @classmethod
     def of(
@@ -140,12 +160,16 @@ class ResponseDataBase:
     ) -> ResponseDataBase:
         """Built from passages, of recordings or of the simulated knee."""
         names: dict[str, int] = {}
-        category, rows, counts = [], [], []
+        category, rows, counts, errors = [], [], [], []
         for name, p in people:
+            # Paths are much the same: the first of each category stands for its errors.
+            new = name not in names
             category.append(names.setdefault(name, len(names)))
-            row, count = responses_at(p, grid)
-            rows.append(row)
-            counts.append(count)
+            found = responses_at(p, grid)
+            rows.append(found.values)
+            counts.append(found.passes)
+            if new:
+                errors.append(found.error_Nm2(p.error_Nm))
         if len(names) < 2:
             raise UserError(
                 f"data base: {len(names)} categories.", "Give recordings of at least 2."
@@ -158,6 +182,7 @@ class ResponseDataBase:
             np.array(counts),
             dict(provenance),
             reference,
+            error_Nm2=np.mean(errors, axis=0),
         )
 
     @property
@@ -209,6 +234,7 @@ class ResponseDataBase:
             "category": self.category,
             "responses_Nm": self.responses,
             "passes": self.passes,
+            "error_Nm2": np.zeros(0) if self.error_Nm2 is None else self.error_Nm2,
         }
         head["digest"] = _digest(head, arrays)
         arrays["head"] = np.frombuffer(json.dumps(head, sort_keys=True).encode(), np.uint8)
@@ -254,6 +280,7 @@ class ResponseDataBase:
             head["provenance"],
             head["reference"],
             head["calibration"],
+            arrays["error_Nm2"] if arrays["error_Nm2"].size else None,
         )
 
 

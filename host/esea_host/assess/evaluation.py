@@ -30,12 +30,13 @@ from esea_host.assess.patients import (
 from esea_host.assess.probing import (
     Comfort,
     ProbingMovement,
+    informative,
     next_movement,
+    plans,
     probing_movement,
-    reachable,
 )
-from esea_host.assess.responses import Location, nearest_reading
-from esea_host.assess.session import Assessment, assessed_hypotheses
+from esea_host.assess.responses import Location
+from esea_host.assess.session import Assessment, assessed_hypotheses, take
 from esea_host.assess.simulated import probed
 
 Cells = npt.NDArray[np.intp]
@@ -128,7 +129,7 @@ class _Lane:
     def choose(self, cells: Cells, protocol: list[Location]) -> ProbingMovement:
         grid = self.session.hypotheses.grid
         if self.way in ("expected", "thesis"):
-            return next_movement(self.session, measure=self.way)
+            return next_movement(self.session, value=informative(self.session, measure=self.way))
         made = len(self.steps) - 1
         where = (
             protocol[made % len(protocol)]
@@ -149,7 +150,7 @@ def meet(
     ways: Sequence[str] = WAYS,
 ) -> list[Met]:
     """A chunk of patients, each met in every way."""
-    cells = np.flatnonzero(reachable(data.grid, hypotheses.known, Comfort()))
+    cells = np.array([p.cell for p in plans(hypotheses)])
     protocol = fixed_protocol(data, cells)
     root = EVALUATION + seed
     lanes = []
@@ -167,12 +168,7 @@ def meet(
         seeds = [[root, 6, first + i, WAYS.index(lane.way), k] for i, lane in active]
         passages = probed([people[i][1] for i, _ in active], moves, seeds)
         for (_, lane), move, p in zip(active, moves, passages, strict=True):
-            found = nearest_reading(p, move.location)
-            if found is None or not lane.session.observe(
-                found.location, found.response_Nm, found.spread_Nm
-            ):
-                lane.again += 1  # asked elsewhere: the try counts as a movement
-                lane.session.missed(move.location)
+            lane.again += not take(lane.session, p, move.location)
             lane.steps.append(lane.session.probabilities)
             if len(lane.steps) - 1 == MOVEMENTS:
                 lane.severity = lane.session.severity()

@@ -1,4 +1,4 @@
-"""Recordings as text tables, and files written whole or not at all."""
+"""Recordings of a moved leg: text tables, and what ``esea-host record`` and ``import`` write."""
 
 from __future__ import annotations
 
@@ -11,13 +11,40 @@ from esea_gen.errors import UserError
 from esea_host.assess.database import LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
+from esea_host.recording.log import open_log
 
-ANGLES = {"angle_rad": 1.0, "angle_deg": DEG, "knee_rad": 1.0, "knee_deg": DEG}
+# ``theta_load_rad`` is what boards call the joint's angle.
+ANGLES = {
+    "angle_rad": 1.0,
+    "angle_deg": DEG,
+    "knee_rad": 1.0,
+    "knee_deg": DEG,
+    "theta_load_rad": 1.0,
+}
 TORQUES = ("torque_Nm", "tau_Nm")
 
 
 def read_columns(path: Path) -> dict[str, Array]:
-    """A CSV with a header, all numbers."""
+    """Columns by name, ``time_s`` among them: of a CSV with a header, or of an MCAP recording."""
+    return _from_log(path) if path.suffix == ".mcap" else _from_text(path)
+
+
+def _from_log(path: Path) -> dict[str, Array]:
+    with open_log(path) as log:
+        with_angle = [s for s in log.streams if set(ANGLES) & set(log[s].names)]
+        if not with_angle:
+            raise UserError(
+                f"{path}: no stream has an angle; it has {', '.join(log.streams) or 'none'}.",
+                f"Needs a column {', '.join(ANGLES)}.",
+            )
+        # One with a torque, where there is one.
+        stream = max(with_angle, key=lambda s: bool(set(TORQUES) & set(log[s].names)))
+        table = log[stream].between(0.0, np.inf)  # refuses a recording with holes
+        found = {"time_s": table.time_s}
+        return found | {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
+
+
+def _from_text(path: Path) -> dict[str, Array]:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = [r for r in csv.reader(file) if r and not r[0].startswith("#")]
@@ -40,7 +67,7 @@ def read_columns(path: Path) -> dict[str, Array]:
 
 
 def angle_columns(path: Path) -> tuple[Array, Array, dict[str, Array]]:
-    """Time and knee angle (flexion from full extension) of a CSV, and all its columns."""
+    """Time and knee angle (flexion from full extension) of a recording, and all its columns."""
     found = read_columns(path)
     name = next((n for n in ANGLES if n in found), None)
     if name is None or "time_s" not in found:
@@ -54,7 +81,7 @@ def angle_columns(path: Path) -> tuple[Array, Array, dict[str, Array]]:
 def read_recording(
     path: Path, height_m: float = MEAN_HEIGHT_M, mass_kg: float = MEAN_MASS_KG
 ) -> LegRecording:
-    """A moved leg from a CSV: time_s, angle_rad or angle_deg, torque_Nm or tau_Nm."""
+    """A moved leg: time_s, angle_rad or angle_deg, torque_Nm or tau_Nm; of a CSV or MCAP file."""
     time_s, angle, found = angle_columns(path)
     torque = next((n for n in TORQUES if n in found), None)
     if torque is None:
@@ -66,16 +93,20 @@ def read_recording(
 
 
 def from_recordings(folder: Path) -> ResponseDataBase:
-    """A data base from recordings: a folder for each category, CSV files of people in it.
+    """A data base from recordings: a folder for each category, CSV or MCAP files of people in it.
 
-    A line ``# height_m=1.7 mass_kg=70`` at the top of a file gives its body's size.
+    A line ``# height_m=1.7 mass_kg=70`` at the top of a CSV gives its body's size; a note of the
+    same words does in an MCAP file.
     """
     people = []
-    for path in sorted(folder.glob("*/*.csv")) if folder.is_dir() else ():
+    found = [*folder.glob("*/*.csv"), *folder.glob("*/*.mcap")] if folder.is_dir() else []
+    for path in sorted(found):
         size = _body(path)
         people.append((path.parent.name, passage(read_recording(path, *size))))
     if not people:
-        raise UserError(f"{folder}: no recordings.", "Put CSV files in a folder for each category.")
+        raise UserError(
+            f"{folder}: no recordings.", "Put CSV or MCAP files in a folder for each category."
+        )
     low = min(float(np.min(p.angle_rad)) for _, p in people)
     high = max(float(np.max(p.angle_rad)) for _, p in people)
     fast = max(float(np.quantile(np.abs(p.rate_rad_s), 0.995)) for _, p in people)
@@ -87,10 +118,17 @@ def from_recordings(folder: Path) -> ResponseDataBase:
 
 
 def _body(path: Path) -> tuple[float, float]:
-    first = path.read_text(encoding="utf-8").split("\n", 1)[0]
+    if path.suffix == ".mcap":
+        with open_log(path) as log:
+            notes = [str(e.get("text", "")) for e in log.events("note")]
+        first = next((n for n in notes if "height_m=" in n or "mass_kg=" in n), "")
+    else:
+        first = path.read_text(encoding="utf-8").split("\n", 1)[0]
     found = dict(x.split("=", 1) for x in first.lstrip("# ").split() if "=" in x)
     try:
         height = float(found.get("height_m", MEAN_HEIGHT_M))
         return height, float(found.get("mass_kg", MEAN_MASS_KG))
     except ValueError as error:
-        raise UserError(f"{path}, line 1: {error}.", "Write # height_m=1.7 mass_kg=70.") from error
+        raise UserError(
+            f"{path}: body's size: {error}.", "Write height_m=1.7 mass_kg=70."
+        ) from error

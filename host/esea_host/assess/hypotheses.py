@@ -1,9 +1,9 @@
-"""What a person of each category would answer: a joint Gaussian over all locations.
+"""What a person of each category would answer: a Gaussian over the whole map.
 
-A category's responses are mean + factors + noise.  The factors say how people of one category
-differ from each other all over the map: a strong patient is strong everywhere, and what was seen
-in earlier movements is not counted as news again.  Without factors this is the thesis' naive Bayes
-(8.5, 8.6).  "None of these" is one more hypothesis: any smooth map, wide.
+Each hypothesis has a mean map and a covariance of it: how people of one category differ from each
+other.  A strong patient is strong everywhere, and what was seen in earlier movements is not counted
+as news again; each movement conditions the maps on what it passed.  Without covariance this is
+the thesis' naive Bayes (8.5, 8.6).  "None of these" is one more hypothesis: any smooth map, wide.
 """
 
 from __future__ import annotations
@@ -14,59 +14,83 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import cho_factor, cho_solve
 
 from esea_gen.errors import UserError
 from esea_host.assess.database import LocationGrid, ResponseDataBase
-from esea_host.assess.kernel_map import kernel_map, smooth_covariance
-from esea_host.assess.patients import Array
-from esea_host.assess.responses import Location
+from esea_host.assess.patients import DEG, Array
+from esea_host.assess.responses import Location, MovementReadings
 
 NONE = "none of these"
-FACTORS = 4
 # "None of these": how far a map of no category goes from the middle of all, and how smoothly.
 NONE_SCALE = 1.5  # of the spread of all categories' people
-NONE_RANK = 14
-NONE_NOISE_NM = 3.0  # and how unsteady it may be: tremor, a leg that is not relaxed; assumed
+NONE_NOISE_NM = 1.5  # and how unsteady it may be: tremor, a leg that is not relaxed; assumed
+KINDS = ("people", "distributions", "centroids", "kernel")
+
+LENGTH_RAD, LENGTH_rad_s = 20 * DEG, 35 * DEG
+WIDE = 1.6  # how much smoother a map of no category is
 
 
-@dataclass(frozen=True)
-class Summary:
-    """How a data base is summarised.
+def smooth_covariance(a: Array, b: Array, *, wide: bool = False) -> Array:
+    """Correlation of responses at locations, shapes (n, 2) and (m, 2): 1 at the same one."""
+    scale = np.array([LENGTH_RAD, LENGTH_rad_s]) * (WIDE if wide else 1.0)
+    d = (a[:, None] - b[None]) / scale
+    return np.asarray(np.exp(-0.5 * np.sum(d**2, axis=2)))
 
-    kind: ``people`` (joint distribution), ``distributions`` and ``centroids`` (thesis),
-        ``kernel`` (Gaussian process: its uncertainty grows away from data).
+
+def kernel_map(
+    data: ResponseDataBase, category: str, where: Array | None = None
+) -> tuple[Array, Array]:
+    """Mean and standard deviation of a new person's response, at cells or elsewhere.
+
+    where: locations, shape (n, 2); the grid's cells by default.
+
+    The mean's own uncertainty is the process's; the spread over people is added, taken where
+    people have been nearest.
     """
-
-    kind: str = "people"
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("people", "distributions", "centroids", "kernel"):
-            raise UserError(
-                f"summary: {self.kind!r}.", "people, distributions, centroids or kernel."
-            )
+    centres = data.grid.centres
+    mean, spread, people = data.mean(category), data.spread(category), data.people(category)
+    use = np.isfinite(mean) & np.isfinite(spread)
+    level = float(np.mean(mean[use]))
+    amplitude = max(float(np.std(mean[use])), 0.5)
+    at = centres if where is None else where
+    noise = spread[use] ** 2 / people[use] + 1e-6
+    inner = amplitude**2 * smooth_covariance(centres[use], centres[use]) + np.diag(noise)
+    cross = amplitude**2 * smooth_covariance(at, centres[use])
+    factor = cho_factor(inner, lower=True)
+    found = level + cross @ cho_solve(factor, mean[use] - level)
+    variance = amplitude**2 - np.sum(cross * cho_solve(factor, cross.T).T, axis=1)
+    closeness = smooth_covariance(at, centres[use])
+    nearest = spread[use][np.argmax(closeness, axis=1)]
+    return found, np.sqrt(np.maximum(variance, 0) + nearest**2)
 
 
 @dataclass(frozen=True)
 class Hypotheses:
     """Several hypotheses over the locations of one grid.
 
-    mean: shape (hypotheses, cells); factors: (hypotheses, rank, cells); noise_Nm: (hypotheses,
-    cells), what neither explains, of one movement.
+    mean: shape (hypotheses, cells); covariance: (hypotheses, cells, cells), of people around it;
+    noise_Nm: (hypotheses, cells), of one reading, new each time.
     """
 
     names: tuple[str, ...]
     grid: LocationGrid
     known: npt.NDArray[np.bool_]
     mean: Array
-    factors: Array
+    covariance: Array
     noise_Nm: Array
 
-    def with_movement_noise(self, own_Nm: float, share: float, factor_scale: float) -> Hypotheses:
-        """Noise of one probing movement (calibrated on other patients) in place of the map's."""
-        noise = np.sqrt(own_Nm**2 + (share * self.mean) ** 2)
-        return dataclasses.replace(
-            self, noise_Nm=noise, factors=np.sqrt(factor_scale) * self.factors
-        )
+    def with_movement_noise(self, fit: Mapping[str, float]) -> Hypotheses:
+        """With what was calibrated on other patients.
+
+        own_Nm, share: how far a person is off the map at one location, for good;
+        people_scale: of the covariance; noise_Nm: of a reading.
+        """
+        cells = np.arange(self.mean.shape[1])
+        covariance = fit["people_scale"] * self.covariance
+        covariance[:, cells, cells] += fit["own_Nm"] ** 2 + (fit["share"] * self.mean) ** 2
+        noise = np.full_like(self.mean, fit["noise_Nm"])
+        return dataclasses.replace(self, covariance=covariance, noise_Nm=noise)
 
     def only(self, names: Sequence[str]) -> Hypotheses:
         """Some of them."""
@@ -75,81 +99,88 @@ class Hypotheses:
             self,
             names=tuple(names),
             mean=self.mean[at],
-            factors=self.factors[at],
+            covariance=self.covariance[at],
             noise_Nm=self.noise_Nm[at],
         )
 
     def joined(self, other: Hypotheses) -> Hypotheses:
         """Both, one after the other."""
-        rank = max(self.factors.shape[1], other.factors.shape[1])
-        parts = [
-            np.pad(x.factors, ((0, 0), (0, rank - x.factors.shape[1]), (0, 0)))
-            for x in (self, other)
-        ]
         return dataclasses.replace(
             self,
             names=self.names + other.names,
             mean=np.concatenate([self.mean, other.mean]),
-            factors=np.concatenate(parts),
+            covariance=np.concatenate([self.covariance, other.covariance]),
             noise_Nm=np.concatenate([self.noise_Nm, other.noise_Nm]),
         )
 
+    def readings(self, weights: Array, error: Array) -> tuple[Array, Array]:
+        """Mean (hypotheses, k) and covariance (hypotheses, k, k) of readings to come.
 
-def summarised(data: ResponseDataBase, kind: Summary | str = "people") -> Hypotheses:
-    """The categories of a data base as hypotheses, the reference among them."""
-    kind = kind if isinstance(kind, Summary) else Summary(kind)
+        weights: of the cells at each reading, (k, cells); error: their common errors, (k, k).
+        """
+        at = np.flatnonzero(weights.any(axis=0))
+        w = weights[:, at]
+        between = w @ self.covariance[:, at[:, None], at] @ w.T + error
+        k = np.arange(len(w))
+        between[:, k, k] += self.noise_Nm[:, at] ** 2 @ w.T
+        return self.mean[:, at] @ w.T, between
+
+
+def summarised(data: ResponseDataBase, kind: str = "people") -> Hypotheses:
+    """The categories of a data base as hypotheses, the reference among them.
+
+    kind: ``people`` (joint distribution), ``distributions`` and ``centroids`` (thesis), ``kernel``
+        (Gaussian process: its uncertainty grows away from data).
+    """
+    if kind not in KINDS:
+        raise UserError(f"summary: {kind!r}.", "people, distributions, centroids or kernel.")
     known, cells = data.common, data.grid.cells
     if not known.any():
         raise UserError("data base: no location was reached by all.", "Record wider movements.")
-    means, factors, noises = [], [], []
-    for name in data.categories:
-        if kind.kind == "kernel":
-            m, s = kernel_map(data, name)
-            means.append(m)
-            noises.append(s)
-            factors.append(np.zeros((1, cells)))
-            continue
-        rows, mean = data.rows(name), data.mean(name)
-        off = np.where(np.isfinite(rows), rows - mean, 0.0)
-        off[:, ~known] = 0
-        rank = FACTORS if kind.kind == "people" else 0
-        _, s, v = np.linalg.svd(off, full_matrices=False)
-        rank = min(rank, len(s))
-        b = s[:rank, None] * v[:rank] / np.sqrt(max(1, len(rows) - 1))
-        total = np.sum(off**2, axis=0) / max(1, len(rows) - 1)
-        means.append(np.where(known, mean, 0.0))
-        factors.append(np.pad(b, ((0, max(FACTORS, 1) - rank), (0, 0))))
-        noises.append(np.sqrt(np.maximum(total - np.sum(b**2, axis=0), 1e-4)))
-    found = Hypotheses(
-        data.categories,
-        data.grid,
-        known,
-        np.array(means),
-        np.array(factors),
-        np.array(noises),
-    )
-    if kind.kind == "centroids":
-        same = float(np.sqrt(np.mean(found.noise_Nm[:, known] ** 2)))
-        found = dataclasses.replace(found, noise_Nm=np.full_like(found.noise_Nm, same))
-    return found
+    means, noises = [], []
+    covariance = np.zeros((len(data.categories), cells, cells))
+    for i, name in enumerate(data.categories):
+        if kind == "kernel":
+            mean, noise = kernel_map(data, name)
+        else:
+            rows, mean = data.rows(name), data.mean(name)
+            off = np.where(np.isfinite(rows) & known, rows - mean, 0.0)
+            mean = np.where(known, mean, 0.0)
+            together = off.T @ off / max(1, len(rows) - 1)
+            if kind == "people":
+                # The mean is known from so many people only.
+                covariance[i] = (1 + 1 / len(rows)) * _of_people(together, data.error_Nm2)
+            noise = np.sqrt(np.maximum(np.diag(together), 1e-4))
+        means.append(mean)
+        noises.append(noise if kind != "people" else np.full(cells, 1e-2))
+    noise_Nm = np.array(noises)
+    if kind == "centroids":
+        noise_Nm[:] = np.sqrt(np.mean(noise_Nm[:, known] ** 2))
+    return Hypotheses(data.categories, data.grid, known, np.array(means), covariance, noise_Nm)
+
+
+def _of_people(seen: Array, error: Array | None) -> Array:
+    # What people differ by: what is seen, less what the sensor's error makes of it.
+    if error is None:
+        return seen
+    there = np.outer(np.diag(seen) > 0, np.diag(seen) > 0)
+    values, vectors = np.linalg.eigh(seen - np.where(there, error, 0.0))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def none_of_these(of: Hypotheses) -> Hypotheses:
     """Any smooth map: around the middle of all categories, wider than they are."""
-    middle = of.mean.mean(axis=0)
-    everybody = np.var(of.mean, axis=0) + np.mean(np.sum(of.factors**2, axis=1), axis=0)
+    people = np.diagonal(of.covariance, axis1=1, axis2=2)
+    everybody = np.var(of.mean, axis=0) + np.mean(people, axis=0)
     wide = NONE_SCALE * np.sqrt(float(np.mean(everybody[of.known])))
-    covariance = wide**2 * smooth_covariance(of.grid.centres, of.grid.centres, wide=True)
-    values, vectors = np.linalg.eigh(covariance)
-    top = np.argsort(values)[::-1][:NONE_RANK]
-    factors = np.sqrt(np.maximum(values[top], 0))[:, None] * vectors[:, top].T
+    centres = of.grid.centres
+    # Noisier than any: what is absurd under all is least absurd under this one.
     return Hypotheses(
         (NONE,),
         of.grid,
         of.known,
-        middle[None],
-        factors[None],
-        # Noisier than any: what is absurd under all is least absurd under this one.
+        of.mean.mean(axis=0)[None],
+        (wide**2 * smooth_covariance(centres, centres, wide=True))[None],
         np.hypot(NONE_NOISE_NM, 1.5 * of.noise_Nm.max(axis=0, keepdims=True)),
     )
 
@@ -182,13 +213,11 @@ def between_severities(
     def mixed(x: Array) -> Array:
         return np.array([(1 - w) * x[a] + w * x[b] for a, b, w in rows])
 
-    # Factors of neighbours may turn the other way round: taken of the nearer one.
-    near = [a if w < 0.5 else b for a, b, w in rows]
     found = dataclasses.replace(
         of,
         names=tuple(f"{n}{s:g}" for n, s in labels),
         mean=mixed(of.mean),
-        factors=of.factors[near],
+        covariance=mixed(of.covariance),
         noise_Nm=mixed(of.noise_Nm),
     )
     return found, labels
@@ -197,7 +226,7 @@ def between_severities(
 def mixtures(of: Hypotheses, reference: str) -> Hypotheses:
     """Two disorders at once, each pair of severities: their torques beyond the reference add."""
     base = of.names.index(reference)
-    names, means, factors, noises = [], [], [], []
+    names, means, covariances, noises = [], [], [], []
     parts = [(i, disorder_of(n)) for i, n in enumerate(of.names)]
     rungs = [(i, d) for i, d in parts if d]
     for i, first in rungs:
@@ -206,87 +235,97 @@ def mixtures(of: Hypotheses, reference: str) -> Hypotheses:
                 continue
             names.append(f"{of.names[i]}+{of.names[j]}")
             means.append(of.mean[i] + of.mean[j] - of.mean[base])
-            factors.append(np.concatenate([of.factors[i], of.factors[j]]))
+            covariances.append(of.covariance[i] + of.covariance[j])
             noises.append(np.maximum(of.noise_Nm[i], of.noise_Nm[j]))
     return dataclasses.replace(
         of,
         names=tuple(names),
         mean=np.array(means),
-        factors=np.array(factors),
+        covariance=np.array(covariances),
         noise_Nm=np.array(noises),
     )
 
 
 class Evidence:
-    """What readings so far say under each hypothesis, and what the next would be."""
+    """What movements so far say under each hypothesis, and what the maps are after them."""
 
     def __init__(self, hypotheses: Hypotheses) -> None:
         self.h = hypotheses
-        self._weights: list[Array] = []
-        self._values: list[float] = []
-        self._extra: list[float] = []
+        self._movements: list[tuple[Array, Array, Array]] = []
+        self._start()
+
+    def _start(self) -> None:
+        self.now, self._log = self.h, np.zeros(len(self.h.names))
 
     def __len__(self) -> int:
-        return len(self._values)
+        return len(self._movements)
 
     def add(self, where: Location, response_Nm: float, spread_Nm: float = 0.0) -> bool:
         """One reading; False (and nothing counted) where the map says nothing of the location."""
-        w = self.h.grid.weights(where, self.h.known)
-        if w is None or not np.isfinite(response_Nm):
+        return self._take([where], np.array([float(response_Nm)]), np.array([[spread_Nm**2]]))
+
+    def add_movement(self, readings: MovementReadings) -> bool:
+        """All readings of one movement, whose errors go together; False as for one."""
+        return self._take(readings.locations, readings.responses_Nm, readings.error_Nm2)
+
+    def _take(self, where: Sequence[Location], values: Array, error: Array) -> bool:
+        found = [self.h.grid.weights(w, self.h.known) for w in where]
+        use = [i for i, w in enumerate(found) if w is not None and np.isfinite(values[i])]
+        if not use:
             return False
-        self._weights.append(w)
-        self._values.append(float(response_Nm))
-        self._extra.append(float(spread_Nm) ** 2)
+        weights = np.array([found[i] for i in use])
+        self._movements.append((weights, values[use], error[np.ix_(use, use)]))
+        self._condition(*self._movements[-1])
         return True
 
+    def _condition(self, weights: Array, values: Array, error: Array) -> None:
+        mean, between = self.now.readings(weights, error)
+        off = (values - mean)[..., None]
+        root = np.linalg.cholesky(between)
+        z = np.linalg.solve(root, off)
+        size = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+        density = -0.5 * np.sum(z[..., 0] ** 2, axis=1) - size
+        self._log = self._log + density - 0.5 * len(values) * np.log(2 * np.pi)
+        half = np.linalg.solve(root, weights @ self.now.covariance)  # (h, k, cells)
+        back = np.swapaxes(half, 1, 2)
+        self.now = dataclasses.replace(
+            self.now,
+            mean=self.now.mean + (back @ z)[..., 0],
+            covariance=self.now.covariance - back @ half,
+        )
+
     def under(self, hypotheses: Hypotheses) -> Evidence:
-        """The same readings under other hypotheses over the same grid."""
+        """The same movements under other hypotheses over the same grid."""
         other = Evidence(hypotheses)
-        other._weights, other._values = list(self._weights), list(self._values)
-        other._extra = list(self._extra)
+        for m in self._movements:
+            other._movements.append(m)
+            other._condition(*m)
         return other
+
+    def history(self, hypotheses: Hypotheses, after: Sequence[int]) -> list[Array]:
+        """Log likelihoods under other hypotheses after so many movements, of those there were."""
+        other, out = Evidence(hypotheses), []
+        for n, m in enumerate(self._movements, 1):
+            other._condition(*m)
+            if n in after:
+                out.append(other.log_likelihood())
+        return out
 
     def places(self) -> Array:
         """Where readings were, shape (readings, 2): angle, rate."""
-        return np.array(self._weights).reshape(-1, self.h.grid.cells) @ self.h.grid.centres
+        weights = [w for w, _, _ in self._movements]
+        return np.concatenate([np.empty((0, self.h.grid.cells)), *weights]) @ self.h.grid.centres
 
     def undo(self) -> None:
-        """Forget the last reading."""
-        for x in (self._weights, self._values, self._extra):
-            x.pop()
-
-    def _moments(self) -> tuple[Array, Array, Array, Array]:
-        w = np.array(self._weights)
-        b = self.h.factors @ w.T  # (h, rank, k)
-        off = np.array(self._values) - self.h.mean @ w.T
-        noise = self.h.noise_Nm**2 @ w.T + np.array(self._extra)
-        c = np.einsum("hrk,hrl->hkl", b, b)
-        k = np.arange(len(w))
-        c[:, k, k] += noise
-        return w, b, off, c
+        """Forget the last movement."""
+        self._movements.pop()
+        self._start()
+        for m in self._movements:
+            self._condition(*m)
 
     def log_likelihood(self) -> Array:
         """Log density of all readings together, shape (hypotheses,)."""
-        if not self._values:
-            return np.zeros(len(self.h.names))
-        _, _, off, c = self._moments()
-        root = np.linalg.cholesky(c)
-        z = np.linalg.solve(root, off[..., None])[..., 0]
-        size = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-        return np.asarray(
-            -0.5 * np.sum(z**2, axis=1) - size - 0.5 * off.shape[1] * np.log(2 * np.pi)
-        )
-
-    def predicted(self) -> tuple[Array, Array]:
-        """Mean and standard deviation of the next reading at every cell, given all so far."""
-        mean, variance = self.h.mean, np.sum(self.h.factors**2, axis=1) + self.h.noise_Nm**2
-        if not self._values:
-            return mean, np.sqrt(variance)
-        _, b, off, c = self._moments()
-        cross = np.einsum("hrc,hrk->hck", self.h.factors, b)
-        gain = np.linalg.solve(c, np.swapaxes(cross, 1, 2))  # (h, k, cells)
-        after = variance - np.einsum("hck,hkc->hc", cross, gain)
-        return mean + np.einsum("hkc,hk->hc", gain, off), np.sqrt(np.maximum(after, 1e-9))
+        return self._log
 
 
 def normalised(log_weights: Array | Mapping[str, float]) -> Array:

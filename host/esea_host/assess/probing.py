@@ -7,18 +7,18 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_host.assess.database import LocationGrid
+from esea_host.assess.hypotheses import Hypotheses
 from esea_host.assess.patients import DEG, RANGE_RAD, Array
-from esea_host.assess.responses import Location
+from esea_host.assess.responses import SENSOR_ERROR_NM, Location, Passage, along
 from esea_host.assess.session import Assessment
 
 MEASURES = ("expected", "thesis")
 K_MOST_PROBABLE = 5
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
-_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
+LEAST_PROBABILITY = 1e-3  # of a hypothesis that is planned for
+PLAN_STEP_S, PLAN_HOLD_S = 0.01, 0.3
 
 
 def inherent_information(means_Nm: Array) -> Array:
@@ -34,22 +34,25 @@ def contextual_information(
     return np.asarray(np.std(means_Nm[most], axis=0))
 
 
-def expected_information(mean_Nm: Array, spread_Nm: Array, probabilities: Array) -> Array:
-    """Information in nats that a reading is expected to give about the hypothesis, per location.
+def expected_information(mean_Nm: Array, covariance_Nm2: Array, probabilities: Array) -> float:
+    """Information in nats that readings to come are expected to give about the hypothesis.
 
-    mean_Nm, spread_Nm: of the next reading, shape (hypotheses, cells).
+    mean_Nm, covariance_Nm2: of the readings, shapes (hypotheses, k) and (hypotheses, k, k).
 
-    I = sum_i p_i E_i[log N_i(y) - log sum_j p_j N_j(y)], each expectation by Gauss-Hermite.
+    The lower bound of [Kolchinsky2017] with Bhattacharyya distances B_ij of the Gaussians,
+    I >= - sum_i p_i log sum_j p_j exp(-B_ij): exact where they are equal or far apart.
+
+    [Kolchinsky2017] A. Kolchinsky, B. D. Tracey, "Estimating mixture entropy with pairwise
+        distances", Entropy 19(7):361, 2017.
     """
-    likely = probabilities > 1e-3
-    p, m, s = probabilities[likely], mean_Nm[likely], spread_Nm[likely]
-    y = m[:, None] + s[:, None] * _NODES[None, :, None]  # (i, node, cell)
-    z = (y[:, :, None] - m[None, None]) / s[None, None]
-    log = -0.5 * z**2 - np.log(s)[None, None]  # (i, node, j, cell)
-    own = -0.5 * _NODES[None, :, None] ** 2 - np.log(s)[:, None]
-    top = log.max(axis=2)
-    mixed = top + np.log(np.einsum("injc,j->inc", np.exp(log - top[:, :, None]), p))
-    return np.asarray(np.einsum("i,n,inc->c", p, _WEIGHTS, own - mixed))
+    likely = probabilities > LEAST_PROBABILITY
+    p = probabilities[likely] / probabilities[likely].sum()
+    m, c = mean_Nm[likely], covariance_Nm2[likely]
+    middle, off = 0.5 * (c[:, None] + c[None]), m[:, None] - m[None]
+    far = np.einsum("ijk,ijk->ij", off, np.linalg.solve(middle, off[..., None])[..., 0]) / 8
+    size = np.linalg.slogdet(c)[1]
+    apart = far + 0.5 * (np.linalg.slogdet(middle)[1] - 0.5 * (size[:, None] + size[None]))
+    return float(-p @ np.log(np.exp(-apart) @ p))
 
 
 @dataclass(frozen=True)
@@ -113,45 +116,87 @@ def probing_movement(where: Location, comfort: Comfort) -> ProbingMovement | Non
     return ProbingMovement(where, where.angle_rad - half, where.angle_rad + half, duration)
 
 
-def reachable(
-    grid: LocationGrid, known: npt.NDArray[np.bool_], comfort: Comfort
-) -> npt.NDArray[np.bool_]:
-    """Cells of the map that a comfortable movement passes."""
-    able = [probing_movement(grid.location(c), comfort) is not None for c in range(grid.cells)]
-    return np.asarray(known & np.array(able))
+@dataclass(frozen=True)
+class PlannedMovement:
+    """A comfortable movement through a cell of the map, and what it would read on its way.
+
+    weights: of the cells at each reading, shape (k, cells); error_Nm2: covariance, shape (k, k).
+    """
+
+    cell: int
+    movement: ProbingMovement
+    weights: Array
+    error_Nm2: Array
 
 
-def informative(session: Assessment, measure: str = "expected") -> Array:
-    """How much each cell would tell now, shape (cells,)."""
-    if measure == "thesis":
-        singles = slice(0, len(session.names) - 1)
-        return contextual_information(
-            session.hypotheses.mean[singles], session.probabilities[singles]
-        )
-    if measure != "expected":
-        raise UserError(f"measure: {measure!r}.", f"One of {', '.join(MEASURES)}.")
-    mean, spread = session.evidence.predicted()
-    return expected_information(mean, spread, session.probabilities)
+@lru_cache(maxsize=32)
+def planned(grid: LocationGrid, known: bytes, comfort: Comfort) -> tuple[PlannedMovement, ...]:
+    """Movements through all cells that are known (as bytes of a mask) and comfortable."""
+    mask = np.frombuffer(known, dtype=np.bool_)
+    out = []
+    for cell in np.flatnonzero(mask):
+        where = grid.location(int(cell))
+        move = probing_movement(where, comfort)
+        if move is None:
+            continue
+        t = np.arange(-PLAN_HOLD_S, move.duration_s + PLAN_HOLD_S, PLAN_STEP_S)
+        angle, rate = move.at(t)
+        still = np.zeros(len(t))
+        way = Passage(t, angle, rate, still, still > 0, SENSOR_ERROR_NM)
+        read = along(way, where)
+        assert read is not None
+        found = [grid.weights(w, mask) for w in read.locations]
+        use = [i for i, w in enumerate(found) if w is not None]
+        weights = np.array([found[i] for i in use])
+        out.append(PlannedMovement(int(cell), move, weights, read.error_Nm2[np.ix_(use, use)]))
+    return tuple(out)
 
 
-def next_movement(
-    session: Assessment, comfort: Comfort | None = None, measure: str = "expected"
-) -> ProbingMovement:
-    """The movement that would tell most, within reach and comfort."""
-    limits = comfort or Comfort()
-    able = reachable(session.hypotheses.grid, session.hypotheses.known, limits)
-    if not able.any():
+def plans(hypotheses: Hypotheses, comfort: Comfort | None = None) -> tuple[PlannedMovement, ...]:
+    """The movements that may be asked for."""
+    found = planned(hypotheses.grid, hypotheses.known.tobytes(), comfort or Comfort())
+    if not found:
         raise UserError(
             "reach: no location of the map can be passed comfortably.",
             "Widen the reach or allow a faster movement.",
         )
-    grid = session.hypotheses.grid
-    for cell in np.flatnonzero(able) if session.avoided else ():
-        able[cell] = grid.location(int(cell)) not in session.avoided
-    if not able.any():
-        session.avoided.clear()
-        return next_movement(session, comfort, measure)
-    value = np.where(able, informative(session, measure), -np.inf)
-    found = probing_movement(grid.location(int(np.argmax(value))), limits)
-    assert found is not None
     return found
+
+
+def informative(
+    session: Assessment, comfort: Comfort | None = None, measure: str = "expected"
+) -> Array:
+    """How much a movement through each cell would tell now, shape (cells,).
+
+    NaN where no comfortable movement passes.
+    """
+    if measure not in MEASURES:
+        raise UserError(f"measure: {measure!r}.", f"One of {', '.join(MEASURES)}.")
+    h, p = session.evidence.now, session.probabilities
+    likely = np.flatnonzero(p > LEAST_PROBABILITY)
+    some = h.only([h.names[i] for i in likely])
+    thesis = contextual_information(session.hypotheses.mean[:-1], p[:-1])
+    out = np.full(h.grid.cells, np.nan)
+    for plan in plans(session.hypotheses, comfort):
+        if measure == "thesis":
+            out[plan.cell] = thesis[plan.cell]
+        else:
+            ahead = some.readings(plan.weights, plan.error_Nm2)
+            out[plan.cell] = expected_information(*ahead, p[likely])
+    return out
+
+
+def next_movement(
+    session: Assessment, comfort: Comfort | None = None, value: Array | None = None
+) -> ProbingMovement:
+    """The movement that would tell most, within reach and comfort.
+
+    value: of each cell, from :func:`informative`; by default what is expected now.
+    """
+    made = plans(session.hypotheses, comfort)
+    worth = informative(session, comfort) if value is None else value
+    left = [p for p in made if p.movement.location not in session.avoided]
+    if not left:
+        session.avoided.clear()
+        left = list(made)
+    return max(left, key=lambda p: worth[p.cell]).movement

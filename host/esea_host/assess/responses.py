@@ -27,6 +27,8 @@ from esea_host.assess.patients import (
 SMOOTH_S = 0.16
 TORQUE_SMOOTH_S = 0.04  # longer, and a tremor of 5 Hz would be smoothed away and not be seen
 SENSOR_ERROR_NM = 0.0382 * 47.8  # rms over a minute of free motion, thesis chapter 8
+ERROR_STAYS_S = 1.0  # how long that error lasts, assumed
+MOST_READINGS = 12  # of one movement: farther apart than a tolerance, or nothing new is read
 STRAINED = 0.95  # of the hands' pull: beyond it a leg goes its own way, and for some time after
 AFTER_STRAIN_S = 0.5
 # A reflex answers to where the leg was this long ago (delay, and lags of the muscle).  Without it
@@ -146,30 +148,64 @@ NEAR_RAD, NEAR_rad_s = 10 * DEG, 20 * DEG
 
 
 @dataclass(frozen=True)
-class Reading:
-    """One location of one movement: never more than one from each."""
+class MovementReadings:
+    """Locations that one movement passed, farther from each other than a tolerance.
 
-    location: Location
-    response_Nm: float
-    spread_Nm: float  # standard error: of the short stretch around it, and of the torque itself
-    distance: float  # from what was asked, in tolerances
+    locations, responses_Nm: one a location.  error_Nm2: covariance of their errors, for an error of
+    the sensor stays for a while.  distance: from what was asked, in tolerances.
+    """
+
+    locations: tuple[Location, ...]
+    responses_Nm: Array
+    error_Nm2: Array
+    distance: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether what was asked was passed, within a tolerance."""
+        return self.distance <= 1
 
 
-def nearest_reading(p: Passage, wanted: Location, tolerance: float = 1.0) -> Reading | None:
-    """The nearest point passed; None where none is near enough: ask for another try."""
-    off = np.hypot(
-        (p.angle_rad - wanted.angle_rad) / NEAR_RAD,
-        (p.rate_rad_s - wanted.rate_rad_s) / NEAR_rad_s,
-    )
-    off[p.strained] = np.inf
-    k = int(np.argmin(off))
-    if off[k] > tolerance:
+def nearest(p: Passage, wanted: Location) -> tuple[int, float]:
+    """Sample nearest to a location, and how far it is in tolerances; infinite: strained."""
+    angle, rate = p.angle_rad - wanted.angle_rad, p.rate_rad_s - wanted.rate_rad_s
+    off = np.where(p.strained, np.inf, np.hypot(angle / NEAR_RAD, rate / NEAR_rad_s))
+    first = int(np.argmin(off))
+    return first, float(off[first])
+
+
+def along(p: Passage, wanted: Location, most: int = MOST_READINGS) -> MovementReadings | None:
+    """What a movement passed, from the location that was asked outwards; None: strained all along.
+
+    Where the location was missed by more than a tolerance, all else that was passed still counts.
+    """
+    first, distance = nearest(p, wanted)
+    if not np.isfinite(distance):
         return None
+    x = np.stack([p.angle_rad / NEAR_RAD, p.rate_rad_s / NEAR_rad_s], axis=1)
     half = max(1, round(0.02 / float(p.time_s[1] - p.time_s[0])))
+    taken = [first]
+    others = np.arange(half, len(x) - half, half)
+    for k in others[np.argsort(np.abs(others - first), kind="stable")]:
+        if len(taken) == most:
+            break
+        if not p.strained[k] and np.min(np.hypot(*(x[taken] - x[k]).T)) >= 1:
+            taken.append(int(k))
+    found = [_reading(p, k, half) for k in taken]
+    t = p.time_s[taken]
+    common = p.error_Nm**2 * np.exp(-np.abs(t[:, None] - t) / ERROR_STAYS_S)
+    return MovementReadings(
+        tuple(where for where, _, _ in found),
+        np.array([response for _, response, _ in found]),
+        common + np.diag([spread**2 for _, _, spread in found]),
+        distance,
+    )
+
+
+def _reading(p: Passage, k: int, half: int) -> tuple[Location, float, float]:
+    # Mean of a short stretch around a sample, and its standard error.
     around = slice(max(0, k - half), k + half + 1)
-    x = p.response_Nm[around]
+    y = p.response_Nm[around]
     where = Location(float(np.mean(p.angle_rad[around])), float(np.mean(p.rate_rad_s[around])))
-    line = np.polyval(np.polyfit(np.arange(len(x)), x, 1), np.arange(len(x)))
-    spread = float(np.std(x - line) / np.sqrt(effective_samples(x - line)))
-    total = float(np.hypot(spread, p.error_Nm))
-    return Reading(where, float(np.mean(x)), total, float(off[k]))
+    line = np.polyval(np.polyfit(np.arange(len(y)), y, 1), np.arange(len(y)))
+    return where, float(np.mean(y)), float(np.std(y - line) / np.sqrt(effective_samples(y - line)))

@@ -30,7 +30,7 @@ from esea_host.assess.hypotheses import (
     summarised,
 )
 from esea_host.assess.patients import Array
-from esea_host.assess.responses import Location
+from esea_host.assess.responses import Location, MovementReadings, Passage, along
 
 NONE_PRIOR = 0.05
 MIXTURES_PRIOR = 0.2  # where mixtures are asked for
@@ -45,7 +45,13 @@ WORDS = {
     "strong": (15.0, 3.0),
     "very strong": (22.0, 4.0),
 }
-UNCALIBRATED = {"own_Nm": 0.5, "share": 0.08, "factor_scale": 1.0, "none_log_odds": 0.0}
+UNCALIBRATED = {
+    "own_Nm": 0.5,
+    "share": 0.06,
+    "people_scale": 1.0,
+    "noise_Nm": 0.5,
+    "none_log_odds": 0.0,
+}
 
 
 @dataclass(frozen=True)
@@ -66,9 +72,7 @@ def assessed_hypotheses(
     fit = {**UNCALIBRATED, **(data.calibration or {})}
     everything = summarised(data, kind)
     if kind == "people":
-        everything = everything.with_movement_noise(
-            fit["own_Nm"], fit["share"], fit["factor_scale"]
-        )
+        everything = everything.with_movement_noise(fit)
     # Someone without a disorder is no mild case: the reference is a hypothesis of its own.
     chosen = everything.only(data.diagnoses + ((data.reference,) if data.reference else ()))
     if mixed:
@@ -112,7 +116,7 @@ class Assessment:
         fit = {**UNCALIBRATED, **(data.calibration or {})}
         self._log_prior = np.log(self._equal())
         self._log_prior[-1] += fit["none_log_odds"]
-        self._undo: list[tuple[Array, bool]] = []
+        self._undo: list[tuple[Array, bool, Location | None]] = []
         self.trail: list[AuditEntry] = []
         self.avoided: set[Location] = set()
         self.probabilities = normalised(self._log_prior)
@@ -146,15 +150,23 @@ class Assessment:
 
     def observe(self, where: Location, response_Nm: float, spread_Nm: float = 0.0) -> bool:
         """One location of one movement, measured; False where the map does not reach."""
-        before = self._log_prior.copy()
-        if not self.evidence.add(where, response_Nm, spread_Nm):
+        taken = self.evidence.add(where, response_Nm, spread_Nm)
+        return self._taken(taken, "measured", where, {"response_Nm": round(float(response_Nm), 3)})
+
+    def observe_movement(self, readings: MovementReadings) -> bool:
+        """All that one movement passed; False where the map does not reach."""
+        where, first = readings.locations[0], float(readings.responses_Nm[0])
+        about = {"response_Nm": round(first, 3), "readings": len(readings.locations)}
+        taken = self.evidence.add_movement(readings)
+        return self._taken(taken, "measured", where, about)
+
+    def _taken(self, taken: bool, what: str, where: Location, about: Mapping[str, Any]) -> bool:
+        if not taken:
             self._note("outside the map", {"location": where.text()})
             return False
-        self._undo.append((before, True))
+        self._undo.append((self._log_prior.copy(), True, None))
         self._settle()
-        self._note(
-            "measured", {"location": where.text(), "response_Nm": round(float(response_Nm), 3)}
-        )
+        self._note(what, {"location": where.text(), **about})
         return True
 
     def feel(self, where: Location, word: str) -> bool:
@@ -162,7 +174,6 @@ class Assessment:
         if word not in WORDS:
             raise UserError(f"resistance: {word!r}.", f"One of {', '.join(WORDS)}.")
         resisting, spread = WORDS[word]
-        before = self._log_prior.copy()
         # Passive tension is in every map: a word is about what is beyond a relaxed leg's.
         rest = 0.0
         if self.data.reference is not None:
@@ -170,22 +181,23 @@ class Assessment:
             if w is not None:
                 rest = float(np.nansum(w * np.nan_to_num(self.data.mean(self.data.reference))))
         value = rest + math.copysign(resisting, resisting * where.rate_rad_s)
-        if not self.evidence.add(where, value, spread):
-            self._note("outside the map", {"location": where.text()})
-            return False
-        self._undo.append((before, True))
-        self._settle()
-        self._note("felt", {"location": where.text(), "word": word})
-        return True
+        taken = self.evidence.add(where, value, spread)
+        return self._taken(taken, "felt", where, {"word": word})
 
     def missed(self, where: Location) -> None:
         """A location that could not be passed: not asked for again."""
         self.avoided.add(where)
         self._note("missed", {"location": where.text()})
 
+    def leave_out(self, where: Location) -> None:
+        """A location that is not to be passed, as the clinician wishes."""
+        self._undo.append((self._log_prior.copy(), False, where))
+        self.avoided.add(where)
+        self._note("left out", {"location": where.text()})
+
     def skip(self, why: str = "") -> None:
         """A movement without a result."""
-        self._undo.append((self._log_prior.copy(), False))
+        self._undo.append((self._log_prior.copy(), False, None))
         self._note("skipped", {"why": why})
 
     def override(self, probabilities: Mapping[str, float], why: str) -> None:
@@ -210,7 +222,7 @@ class Assessment:
         for i, n in enumerate(self.names):
             if n in probabilities:
                 target[i] = probabilities[n]
-        self._undo.append((self._log_prior.copy(), False))
+        self._undo.append((self._log_prior.copy(), False, None))
         # A category at 0 may come back if the clinician says so: kept finite.
         self._log_prior = np.log(np.maximum(target, 1e-12)) - self.evidence.log_likelihood()
         self._settle()
@@ -222,9 +234,11 @@ class Assessment:
         """Take back the last step; it stays in the trail as taken back."""
         if not self._undo:
             return False
-        self._log_prior, read = self._undo.pop()
+        self._log_prior, read, left_out = self._undo.pop()
         if read:
             self.evidence.undo()
+        if left_out is not None:
+            self.avoided.discard(left_out)
         self._settle()
         self._note("undone", {})
         return True
@@ -271,6 +285,19 @@ class Assessment:
             "none": float(self.probabilities[self.names.index(NONE)]),
             "trail": [vars(e) | {"details": dict(e.details)} for e in self.trail],
         }
+
+
+def take(session: Assessment, passed: Passage, wanted: Location) -> bool:
+    """Take in a movement that was to pass a location; False where it missed it.
+
+    A missed location is not asked for again; what was passed instead counts all the same.
+    """
+    found = along(passed, wanted)
+    counted = found is not None and session.observe_movement(found)
+    if found is not None and counted and found.passed:
+        return True
+    session.missed(wanted)
+    return False
 
 
 def trail_is_whole(trail: Sequence[Mapping[str, Any]]) -> bool:

@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 
 from esea_gen.errors import UserError
 from esea_host.assess.knee import Knees
+from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import (
     DEG,
     DISORDERS,
@@ -25,9 +26,9 @@ from esea_host.assess.patients import (
     KneePatient,
     afflicted,
 )
-from esea_host.assess.pendulum import pendulum_test
 
 ELBOW_RATE_rad_s = 90 * DEG  # the file does not say; in the middle of the paper's 15 to 150 deg/s
+RATES_deg_s = (60, 90, 120, 150)  # at which it might have been
 FINE_S = 1e-3
 
 
@@ -81,6 +82,26 @@ def ramp_torque(
     return np.asarray(np.interp(angle_rad, float(angle_rad[0]) + rate_rad_s * t, torque))
 
 
+def knee_stiffness(rate_rad_s: float) -> dict[int, float]:
+    """Reflex stiffness of the middle patients at a speed of stretch, Nm/rad, not saturated."""
+    people = {s: afflicted(KneePatient(""), s, 0) for s in SEVERITIES}
+    return {
+        s: p.gain_Nms_rad2 * max(0.0, rate_rad_s - p.dynamic_threshold_rad_s)
+        for s, p in people.items()
+    }
+
+
+def _fitted(angle: Array, torque: Array, rate_rad_s: float) -> tuple[float, float, float, float]:
+    # Threshold, stiffness, most torque and error of the model fitted at a speed of stretch.
+    def residual(v: Array) -> Array:
+        return np.asarray(ramp_torque(angle, rate_rad_s, *v) - torque)
+
+    start, ends = [85 * DEG, 15.0, 8.0], ([0.5, 0.5, 3], [3, 500, 60])
+    found = least_squares(residual, start, x_scale=[0.2, 10, 5], bounds=ends)
+    threshold, stiffness, most = (float(v) for v in found.x)
+    return threshold, stiffness, most, float(np.sqrt(np.mean(found.fun**2)))
+
+
 def against_elbow(folder: Path) -> dict[str, Any]:
     """The model fitted to a spastic elbow, and to none at all in healthy ones."""
     try:
@@ -98,25 +119,17 @@ def against_elbow(folder: Path) -> dict[str, Any]:
     rising = spastic[: int(np.argmax(spastic[:, 1])) + 1]
     x, y = rising[:, 0] * DEG, rising[:, 1]
 
-    def residual(v: Array) -> Array:
-        return np.asarray(ramp_torque(x, ELBOW_RATE_rad_s, *v) - y)
-
-    found = least_squares(
-        residual, [85 * DEG, 15.0, 8.0], x_scale=[0.2, 10, 5], bounds=([0.5, 0.5, 3], [3, 500, 60])
-    )
-    threshold, stiffness, most = (float(v) for v in found.x)
-    reflex_max = KneePatient("").reflex_max_Nm[0]
-    scale = reflex_max / float(y.max())
-    people = {s: afflicted(KneePatient(""), s, 0) for s in SEVERITIES}
-    knee = {
-        s: p.gain_Nms_rad2 * max(0.0, ELBOW_RATE_rad_s - p.dynamic_threshold_rad_s)
-        for s, p in people.items()
-    }
+    threshold, stiffness, most, rms_Nm = _fitted(x, y, ELBOW_RATE_rad_s)
+    scale = KneePatient("").reflex_max_Nm[0] / float(y.max())
+    softer = {}
+    for rate in RATES_deg_s:
+        elbow = scale * _fitted(x, y, rate * DEG)[1]
+        softer[rate] = {s: elbow / k if k else None for s, k in knee_stiffness(rate * DEG).items()}
     still = {n: float(np.abs(d[:, 2]).max()) for n, d in healthy.items()}
     rms = {n: float(np.sqrt(np.mean(d[:, 2] ** 2))) for n, d in healthy.items()}
     return {
         "assumed_rate_deg_s": ELBOW_RATE_rad_s / DEG,
-        "rms_error_Nm": float(np.sqrt(np.mean(found.fun**2))),
+        "rms_error_Nm": rms_Nm,
         "peak_Nm": float(y.max()),
         "threshold_deg": threshold / DEG,
         "onset_deg": float(np.interp(0.05 * y.max(), y, x)) / DEG,
@@ -124,7 +137,8 @@ def against_elbow(folder: Path) -> dict[str, Any]:
         "most_Nm": most,
         "scale_to_knee": scale,
         "stiffness_scaled_Nm_rad": stiffness * scale,
-        "knee_stiffness_Nm_rad": knee,
+        "knee_stiffness_Nm_rad": knee_stiffness(ELBOW_RATE_rad_s),
+        "softer_than_elbow": softer,
         "healthy_largest_Nm": max(still.values()) if still else None,
         "healthy_rms_Nm": rms,
     }
@@ -150,6 +164,13 @@ def table(found: dict[str, Any]) -> list[str]:
             f"  scaled to the knee {elbow['stiffness_scaled_Nm_rad']:.0f} Nm/rad; the simulated "
             "severities have "
             + ", ".join(f"{v:.0f}" for v in elbow["knee_stiffness_Nm_rad"].values()),
+            "  softer than that by a factor of "
+            + "; ".join(
+                f"{by[5]:.1f} to {by[2]:.1f} at {rate}°/s"
+                for rate, by in elbow["softer_than_elbow"].items()
+                if by[2] and by[5]
+            )
+            + " (S5 to S2)",
             f"  healthy elbows: at most {elbow['healthy_largest_Nm']:.2f} Nm at any speed; "
             "the model has no reflex there",
         ]

@@ -49,9 +49,9 @@ def conclusion(session: Assessment) -> list[str]:
                 f"If {DISORDERS.get(what, what)} ({s['probability']:.0%}): severity "
                 f"{s['mean']:.1f} of 5, between {s['low']:g} and {s['high']:g} with 90 %."
             )
-    readings = "reading" if made == 1 else "readings"
+    movements = "movement" if made == 1 else "movements"
     out.append(
-        f"{made} {readings} so far; the probabilities "
+        f"{made} {movements} so far; the probabilities "
         + ("have stopped changing." if session.settled else "are still changing.")
     )
     if any(e.what == "clinician" for e in session.trail):

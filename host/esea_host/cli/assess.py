@@ -13,6 +13,7 @@ from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
 from esea_host.assess import NOTICE
 from esea_host.cli.app import app, out
+from esea_host.cli.view import need_a_screen
 
 assess = typer.Typer(
     help=f"Knee: movement disorders, and which movement would tell most. {NOTICE}",
@@ -56,7 +57,7 @@ def build(
         typer.Option(
             "--recordings",
             metavar="FOLDER",
-            help="Build from recordings instead: a folder for each category, CSV files in it.",
+            help="Build from recordings instead: a folder for each category, CSV or MCAP in it.",
         ),
     ] = None,
 ) -> None:
@@ -87,7 +88,7 @@ def evaluate(
     """Judge the assessment on simulated patients drawn anew."""
     from esea_host.assess.evaluation import evaluate as meet_all
     from esea_host.assess.judge import judge, table
-    from esea_host.assess.page import evaluation_page
+    from esea_host.assess.pages import evaluation_page
 
     data = _data(database)
     met, mixed = meet_all(data, patients, seed, jobs, say=_say)
@@ -104,7 +105,16 @@ def evaluate(
 def run(
     recording: Annotated[
         list[Path] | None,
-        typer.Option("--recording", metavar="CSV", help="Read a recorded movement; repeatable."),
+        typer.Option("--recording", metavar="FILE", help="Read a movement; repeatable."),
+    ] = None,
+    patient: Annotated[
+        str | None,
+        typer.Option("--patient", help="simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the simulated patient.")] = 1,
+    window: Annotated[bool, typer.Option("--window", help="The clinician's window.")] = False,
+    dark: Annotated[
+        bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
     ] = None,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
@@ -123,54 +133,59 @@ def run(
 
     Works without a sensor: say in a word how the leg resists, or skip.
     """
+    from esea_host.assess.desk import ClinicDesk, converse
     from esea_host.assess.files import read_recording
     from esea_host.assess.patients import DEG
     from esea_host.assess.probing import Comfort
     from esea_host.assess.session import Assessment
-    from esea_host.assess.terminal import add_recording, converse
 
+    if window:
+        need_a_screen("the conversation: leave --window out")
+    if page is not None:
+        from esea_host.assess.pages import checked_page
+
+        checked_page(page)
     comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest * DEG)
+    somebody = None if patient is None else _patient(patient, height_m, mass_kg, seed)
     recordings = [read_recording(p, height_m, mass_kg) for p in recording or []]
     session = Assessment(_data(database), mixed=mixed)
+    desk = ClinicDesk(session, comfort, height_m, mass_kg, somebody, json_file, seed)
     out.print(NOTICE)
+    if somebody is not None:
+        out.print("The patient is simulated.")
     for path, r in zip(recording or [], recordings, strict=True):
-        out.print(add_recording(session, r, path.name))
-    converse(
-        session,
-        comfort,
-        height_m,
-        mass_kg,
-        sys.stdin if not recording else io.StringIO(),
-        out.print,
-    )
-    write_json(json_file, session.to_dict())
+        out.print(desk.recording(r, path.name))
+    if window:
+        from esea_host.windows.assess import run_assess
+
+        run_assess(desk, who, dark)
+    else:
+        converse(desk, sys.stdin if not recording else io.StringIO(), out.print)
+    if somebody is not None:
+        out.print(f"The simulated patient was: {somebody.category}")
     if page is not None:
-        _write_page(page, session, who)
+        from esea_host.assess.pages import write_session_page
+
+        write_session_page(page, session, desk.about(who), desk.comfort)
 
 
-def _write_page(path: Path, session: Any, who: str) -> None:
-    from esea_host.assess.page import session_html
-    from esea_host.assess.pictures import session_page
+def _patient(text: str, height_m: float, mass_kg: float, seed: int) -> Any:
+    from esea_host.assess.simulated import patient_named
 
-    if path.suffix == ".html":
-        write_whole(path, session_html(session, who))
-        return
-    if path.suffix not in (".png", ".pdf"):
-        raise UserError(f"{path}: a page ends in .html, .png or .pdf.", "Give another name.")
-    buffer = io.BytesIO()
-    kind = path.suffix[1:]
-    session_page(session, who).savefig(buffer, format=kind, dpi=150)
-    write_whole(path, buffer.getvalue())
+    kind, _, name = text.partition(":")
+    if kind != "simulated":
+        raise UserError(f"--patient {text}.", "Give simulated:S3, simulated:any; others are real.")
+    return patient_named(name or "any", (height_m, mass_kg), seed)
 
 
 @assess.command()
 def pendulum(
-    recording: Annotated[Path, typer.Argument(help="CSV: time_s and angle_deg or angle_rad.")],
+    recording: Annotated[Path, typer.Argument(help="CSV or MCAP: time_s, angle_deg or angle_rad.")],
     json_file: JsonOption = None,
 ) -> None:
     """Wartenberg's pendulum test: relaxation index, damping, first swing."""
     from esea_host.assess.files import angle_columns
-    from esea_host.assess.pendulum import pendulum_test
+    from esea_host.assess.passive_tests import pendulum_test
 
     time_s, angle, _ = angle_columns(recording)
     found = pendulum_test(time_s, angle)
@@ -182,7 +197,7 @@ def pendulum(
 
 @assess.command("range")
 def range_(
-    recording: Annotated[Path, typer.Argument(help="CSV: time_s, angle_deg, torque_Nm.")],
+    recording: Annotated[Path, typer.Argument(help="CSV or MCAP: time_s, angle_deg, torque_Nm.")],
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
     json_file: JsonOption = None,
@@ -192,8 +207,8 @@ def range_(
 ) -> None:
     """Passive range of motion: how far, how stiff, and what the loop of torque loses."""
     from esea_host.assess.files import read_recording
-    from esea_host.assess.motion_range import motion_range
-    from esea_host.assess.pictures import loop_picture
+    from esea_host.assess.pages import loop_picture
+    from esea_host.assess.passive_tests import motion_range
 
     found = motion_range(read_recording(recording, height_m, mass_kg))
     out.print("Not a medical device.")

@@ -28,7 +28,7 @@ StreamOption = Annotated[
 ]
 
 # Rooms whose tasks register themselves when they are read.
-SHIPPED_TASKS = ("esea_host.interaction", "esea_host.wrist")
+SHIPPED_TASKS = ("esea_host.assess.tasks", "esea_host.interaction", "esea_host.wrist")
 
 
 def know_shipped_tasks() -> None:

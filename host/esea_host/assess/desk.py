@@ -1,0 +1,262 @@
+"""One assessment as it is worked on, whoever asks: the conversation in the terminal, the window."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.files import write_json
+from esea_host.assess.patients import (
+    DEG,
+    MEAN_HEIGHT_M,
+    MEAN_MASS_KG,
+    Array,
+    KneePatient,
+    leg_weight_Nm,
+)
+from esea_host.assess.probing import Comfort, ProbingMovement, informative, next_movement, plans
+from esea_host.assess.responses import (
+    SENSOR_ERROR_NM,
+    LegRecording,
+    Location,
+    Passage,
+    along,
+    nearest,
+    passage,
+)
+from esea_host.assess.session import WORDS, Assessment, take
+from esea_host.assess.words import conclusion, long_name
+
+HELP = (
+    "A number: torque of your hands in Nm at that moment, bending positive, as the sensor shows.",
+    f"A word: {', '.join(WORDS)}: how the leg resists, without a sensor.",
+    "skip | undo | set S3=0.5 D2=0.3 (your own probabilities) | show | done",
+)
+MOVE_HELP = "move: the simulated patient's leg is moved."
+READ_MOST = 60  # readings of a whole recording
+
+
+class ClinicDesk:
+    """Proposes, takes in, remembers; after every step the session is in its file.
+
+    Parameters
+    ----------
+    session : Assessment
+        What is known.
+    comfort : Comfort
+        Reach and speed.
+    height_m, mass_kg : float
+        Of the body.
+    patient : KneePatient, optional
+        A simulated one, whose leg can be moved.
+    file : Path, optional
+        Where the session is written after every step.
+    seed : int
+        Of the simulated hands.
+    """
+
+    def __init__(
+        self,
+        session: Assessment,
+        comfort: Comfort | None = None,
+        height_m: float = MEAN_HEIGHT_M,
+        mass_kg: float = MEAN_MASS_KG,
+        patient: KneePatient | None = None,
+        file: Path | None = None,
+        seed: int = 1,
+    ) -> None:
+        self.session, self._comfort = session, comfort or Comfort()
+        self.height_m, self.mass_kg = height_m, mass_kg
+        self.patient, self.file, self.seed = patient, file, seed
+        plans(session.hypotheses, self._comfort)  # refused now, not at the first step
+        self._value: Array | None = None
+        self._proposed: ProbingMovement | None = None
+        self.moved: tuple[ProbingMovement, Passage] | None = None
+        self._count = 0
+        self._keep()
+
+    def _keep(self) -> None:
+        self._value = self._proposed = None
+        write_json(self.file, self.session.to_dict())
+
+    @property
+    def comfort(self) -> Comfort:
+        """Reach and comfortable speed."""
+        return self._comfort
+
+    @comfort.setter
+    def comfort(self, limits: Comfort) -> None:
+        plans(self.session.hypotheses, limits)
+        self._comfort = limits
+        self._keep()
+
+    @property
+    def value(self) -> Array:
+        """What a movement through each cell would tell now, NaN out of reach or comfort."""
+        if self._value is None:
+            self._value = informative(self.session, self._comfort)
+        return self._value
+
+    @property
+    def proposed(self) -> ProbingMovement:
+        """The movement that would tell most."""
+        if self._proposed is None:
+            self._proposed = next_movement(self.session, self._comfort, self.value)
+        return self._proposed
+
+    def torque(self, torque_Nm: float) -> None:
+        """Read off a sensor at the midpoint of the movement."""
+        if not abs(torque_Nm) <= 100:
+            raise UserError(f"torque: {torque_Nm} Nm.", "Give -100 to 100 Nm.")
+        where = self.proposed.location
+        size = self.height_m * self.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
+        response = extra_torque_Nm(torque_Nm, where, self.height_m, self.mass_kg)
+        self.session.observe(where, response, SENSOR_ERROR_NM / size)
+        self._keep()
+
+    def word(self, word: str) -> None:
+        """Felt by the hands, without a sensor."""
+        self.session.feel(self.proposed.location, word)
+        self._keep()
+
+    def move(self) -> str:
+        """The proposed movement, with the simulated patient; what came of it."""
+        if self.patient is None:
+            raise UserError("There is no simulated patient here.", "Start with --patient.")
+        # What simulates takes seconds to load: only where it is needed.
+        from esea_host.assess.simulated import probed
+
+        wanted, self._count = self.proposed, self._count + 1
+        (passed,) = probed([self.patient], [wanted], [[self.seed, 9, self._count]])
+        self.moved = wanted, passed
+        hit = take(self.session, passed, wanted.location)
+        self._keep()
+        entry = next(e for e in reversed(self.session.trail) if e.what != "missed")
+        if entry.what != "measured":
+            return "Simulated: the hands were not strong enough; nothing could be read."
+        told = f"Simulated: {entry.details['readings']} places read, "
+        told += f"{entry.details['response_Nm']:.1f} Nm at {entry.details['location']}"
+        return told if hit else f"{told}; the place that was asked for was missed"
+
+    def recording(self, recording: LegRecording, name: str) -> str:
+        """A recorded movement, read from the most informative place that it passed."""
+        p, value = passage(recording), np.nan_to_num(self.value, nan=-1.0)
+        for cell in np.argsort(-value):
+            wanted = self.session.hypotheses.grid.location(int(cell))
+            found = along(p, wanted, READ_MOST) if nearest(p, wanted)[1] <= 1 else None
+            if found is not None and self.session.observe_movement(found):
+                self._keep()
+                where, first = found.locations[0], found.responses_Nm[0]
+                count = len(found.locations)
+                return f"{name}: {count} places read, {first:.1f} Nm at {where.text()}"
+        self.skip(f"{name}: no location of the map was passed")
+        return f"{name}: no location of the map was passed"
+
+    def skip(self, why: str) -> None:
+        """A movement without a result."""
+        self.session.skip(why)
+        self._keep()
+
+    def leave_out(self) -> None:
+        """Propose another movement from now on: this one cannot be made."""
+        self.session.leave_out(self.proposed.location)
+        self._keep()
+
+    def undo(self) -> bool:
+        """Take back the last step."""
+        done = self.session.undo()
+        self._keep()
+        return done
+
+    def override(self, probabilities: Mapping[str, float], why: str) -> None:
+        """The clinician's own probabilities."""
+        self.session.override(probabilities, why)
+        self._keep()
+
+    def about(self, who: str) -> str:
+        """Whose page it is; nobody is to take a simulated one for a person's."""
+        return f"SIMULATED PATIENT {who}".strip() if self.patient else who
+
+    def now(self) -> str:
+        """The most probable answer in a line."""
+        name, p = max(self.session.by_name().items(), key=lambda x: x[1])
+        settled = "; probabilities have stopped changing" if self.session.settled else ""
+        return f"Now: {long_name(name)} {p:.0%}{settled}"
+
+
+def describe(m: ProbingMovement) -> str:
+    """A movement as an instruction."""
+    way = "Bend" if m.end_rad > m.start_rad else "Straighten"
+    return (
+        f"{way} the knee from {m.start_rad / DEG:.0f}° to {m.end_rad / DEG:.0f}° in "
+        f"{m.duration_s:.1f} s (looked at: {m.location.text()})."
+    )
+
+
+def converse(desk: ClinicDesk, lines: TextIO, say: Callable[[str], None]) -> None:
+    """Propose, ask, take in, until done or the lines end."""
+    for line in HELP + ((MOVE_HELP,) if desk.patient else ()):
+        say(line)
+    while True:
+        say("")
+        say(describe(desk.proposed))
+        typed = lines.readline()
+        if not typed or typed.strip() in ("done", "quit", "q"):
+            break
+        try:
+            _take(desk, typed.strip(), say)
+        except UserError as error:
+            say(str(error))
+    say("")
+    for line in conclusion(desk.session):
+        say(line)
+
+
+def _take(desk: ClinicDesk, typed: str, say: Callable[[str], None]) -> None:
+    head, _, rest = typed.partition(" ")
+    if typed in WORDS:
+        desk.word(typed)
+    elif head == "move":
+        say(desk.move())
+    elif head == "skip":
+        desk.skip(rest)
+    elif head == "undo":
+        if not desk.undo():
+            say("Nothing to take back.")
+    elif head == "set":
+        desk.override(_probabilities(rest), "typed by the clinician")
+    elif head == "show":
+        for name, p in sorted(desk.session.by_name().items(), key=lambda x: -x[1])[:6]:
+            say(f"  {p:6.1%}  {long_name(name)}")
+        return
+    else:
+        try:
+            torque_Nm = float(typed.replace(",", "."))
+        except ValueError:
+            raise UserError(f"{typed!r} is no number and no word.", HELP[1]) from None
+        desk.torque(torque_Nm)
+    say(desk.now())
+
+
+def extra_torque_Nm(torque_Nm: float, where: Location, height_m: float, mass_kg: float) -> float:
+    """A torque read at the midpoint, where nothing accelerates, as a response: weight off."""
+    carried = -leg_weight_Nm(height_m, mass_kg) * math.cos(where.angle_rad)
+    return (torque_Nm - carried) / (height_m * mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG))
+
+
+def _probabilities(text: str) -> dict[str, float]:
+    out = {}
+    for part in text.split():
+        name, _, value = part.partition("=")
+        try:
+            out[name] = float(value)
+        except ValueError:
+            raise UserError(f"{part!r}.", "Write S3=0.5 D2=0.3.") from None
+    if not out:
+        raise UserError("set: nothing given.", "Write S3=0.5 D2=0.3.")
+    return out

@@ -1,0 +1,371 @@
+"""The assessment on the study engine: probing movements, pendulum test, passive range of motion.
+
+Pure steps, as every task: ``angle_rad`` and ``torque_Nm`` come in, a scene goes out, and at the end
+a row.  The next probing movement follows from the rows before it, so that a session that was cut
+off goes on where it was, and a log replays to the same movements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from esea_gen.errors import UserError
+from esea_host.assess.database import ResponseDataBase
+from esea_host.assess.hypotheses import Hypotheses
+from esea_host.assess.passive_tests import motion_range, pendulum_test
+from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, Array
+from esea_host.assess.probing import Comfort, ProbingMovement, next_movement
+from esea_host.assess.responses import (
+    LegRecording,
+    Location,
+    MovementReadings,
+    along,
+    passage,
+)
+from esea_host.assess.session import Assessment, assessed_hypotheses
+from esea_host.study.scene import Scene, Shape, Text
+from esea_host.study.task import (
+    Actor,
+    DataColumn,
+    Inputs,
+    Row,
+    Situation,
+    StudyTask,
+    TaskEvent,
+    TaskParameters,
+    TaskStep,
+    TrialOutcome,
+    register,
+)
+
+SHOWN, PAUSE_S, TRIES = 2, 1.0, 3
+LEG = 30.0  # length in a scene
+Sample = tuple[float, float, float]
+INPUTS = ("angle_rad", "torque_Nm")
+
+
+def leg_scene(
+    texts: Sequence[str],
+    comfort: Comfort,
+    angle_rad: float | None = None,
+    target_rad: float | None = None,
+    location_rad: float | None = None,
+) -> Scene:
+    """A leg from its side: thigh level, the knee in the middle; what is asked, and what is."""
+
+    def shank(role: str, angle: float, share: float = 1.0, wide: float = 1.0) -> Shape:
+        x, y = LEG * share * float(np.cos(angle)), -LEG * share * float(np.sin(angle))
+        return Shape("line", role, 0.0, 0.0, wide, x, y)
+
+    def foot(role: str, angle: float, size: float, kind: Any = "disc") -> Shape:
+        return Shape(kind, role, LEG * float(np.cos(angle)), -LEG * float(np.sin(angle)), size)
+
+    shapes = [Shape("line", "guide", -LEG, 0.0, 1.0, 0.0, 0.0), Shape("disc", "guide", 0, 0, 1.2)]
+    shapes += [shank("boundary", a, 1.15, 0.25) for a in (comfort.low_rad, comfort.high_rad)]
+    if location_rad is not None:
+        shapes.append(foot("node", location_rad, 1.6, "square"))
+    if angle_rad is not None:
+        shapes += [shank("cursor", angle_rad), foot("cursor", angle_rad, 1.8)]
+    if target_rad is not None:
+        shapes += [shank("target", target_rad), foot("target", target_rad, 2.6, "ring")]
+    return Scene(tuple(shapes), tuple(Text(t) for t in (*texts, "knee_notice")))
+
+
+class KneeParameters(TaskParameters):
+    """What every task of the knee is told."""
+
+    height_m: float = Field(MEAN_HEIGHT_M, ge=1.0, le=2.3, description="body height")
+    mass_kg: float = Field(MEAN_MASS_KG, ge=15, le=250, description="body mass")
+    low_deg: float = Field(0.0, ge=0, le=160, description="reach: least bending")
+    high_deg: float = Field(130.0, ge=0, le=160, description="reach: most bending")
+    fastest_deg_s: float = Field(120.0, gt=0, le=300, description="fastest comfortable speed")
+    simulated: str = Field("S3", description="who a simulated session has, such as S3 or rigid")
+
+    def comfort(self) -> Comfort:
+        """Reach and speed."""
+        return Comfort(self.low_deg * DEG, self.high_deg * DEG, self.fastest_deg_s * DEG)
+
+
+@dataclass(frozen=True)
+class KneeState:
+    """All that a step of these tasks remembers.
+
+    phase: show or follow.  began_s: of the phase.
+    """
+
+    parameters: Any
+    past: tuple[Row, ...] = ()
+    movement: ProbingMovement | None = None
+    phase: str = "show"
+    began_s: float = 0.0
+    tries: int = 0
+    samples: tuple[Sample, ...] = ()
+
+    def with_sample(self, time_s: float, inputs: Inputs) -> KneeState:
+        """One more."""
+        sample = (time_s, float(inputs["angle_rad"]), float(inputs.get("torque_Nm", 0.0)))
+        return replace(self, samples=(*self.samples, sample))
+
+    def recording(self) -> LegRecording:
+        """What was sampled."""
+        t, angle, torque = np.array(self.samples).T
+        return LegRecording(t, angle, torque, self.parameters.height_m, self.parameters.mass_kg)
+
+
+class _KneeTask(StudyTask):
+    Parameters = KneeParameters
+    inputs: ClassVar[tuple[str, ...]] = INPUTS
+
+    def begin(self, situation: Situation) -> KneeState:
+        return KneeState(situation.parameters, situation.past)
+
+
+# -- probing ------------------------------------------------------------------------------------
+
+
+class ProbeParameters(KneeParameters):
+    """Of a probing movement."""
+
+    database: str = Field("", description="data base file; none: of the simulated knee")
+    mixed: bool = Field(False, description="two disorders at once, too")
+
+
+@lru_cache(maxsize=4)
+def _known(path: str, mixed: bool) -> tuple[ResponseDataBase, Hypotheses]:
+    from esea_host.assess.build import cached  # what simulates takes seconds to load
+
+    data = ResponseDataBase.load(Path(path)) if path else cached()
+    return data, assessed_hypotheses(data, mixed=mixed)
+
+
+def assessment_of(parameters: Any, rows: Sequence[Row]) -> Assessment:
+    """What is known after the probing movements among a participant's rows."""
+    data, hypotheses = _known(parameters.database, parameters.mixed)
+    session = Assessment(data, hypotheses=hypotheses)
+    for row in rows:
+        if row["task"] == ProbeTask.name:
+            _take_row(session, row)
+    return session
+
+
+def _take_row(session: Assessment, row: Row) -> None:
+    if row["readings"]:
+        places = tuple(Location(a, r) for a, r, _ in row["readings"])
+        values = np.array([y for _, _, y in row["readings"]])
+        error, distance = np.array(row["error_Nm2"]), float(row["distance"])
+        session.observe_movement(MovementReadings(places, values, error, distance))
+    if not row["passed"]:
+        session.missed(Location(row["asked_rad"], row["asked_rad_s"]))
+
+
+@register
+class ProbeTask(_KneeTask):
+    """The most telling movement: shown twice, then followed; again where it was missed."""
+
+    name = "knee-probe"
+    title = "The movement of the knee that would tell most"
+    Parameters = ProbeParameters
+    columns = (
+        DataColumn("asked_rad", float, "bending that was asked for"),
+        DataColumn("asked_rad_s", float, "its rate"),
+        DataColumn("passed", bool, "whether that was passed"),
+        DataColumn("distance", float, "of the nearest point from it, in tolerances"),
+        DataColumn("tries", int, "how often it was tried"),
+        DataColumn("readings", list, "angle_rad, rate_rad_s, response_Nm of each place passed"),
+        DataColumn("error_Nm2", list, "covariance of the errors of these responses"),
+        DataColumn("most_like", str, "most probable answer after it"),
+        DataColumn("probability", float, "of that"),
+        DataColumn("settled", bool, "whether probabilities have stopped changing"),
+    )
+
+    def longest_s(self, parameters: Any) -> float:
+        """Shown and tried as often as can be."""
+        return float((SHOWN + TRIES) * (parameters.comfort().longest_s + PAUSE_S) + 1)
+
+    def begin(self, situation: Situation) -> KneeState:
+        """With the movement that tells most after all before."""
+        state = super().begin(situation)
+        session = assessment_of(state.parameters, state.past)
+        return replace(state, movement=next_movement(session, state.parameters.comfort()))
+
+    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
+        """Show, follow, judge."""
+        move = state.movement
+        period_s = move.duration_s + PAUSE_S
+        if state.phase == "show" and time_s - state.began_s >= SHOWN * period_s:
+            state = replace(state, phase="follow", began_s=time_s)
+        inside = (time_s - state.began_s) % period_s
+        if state.phase == "follow":
+            if time_s - state.began_s >= period_s:
+                return self._judged(state, time_s, inputs)
+            state = state.with_sample(time_s, inputs)
+        return TaskStep(state, _probe_scene(state, inside, inputs))
+
+    def _judged(self, state: KneeState, time_s: float, inputs: Inputs) -> TaskStep:
+        move = state.movement
+        assert move is not None
+        found, tries = along(passage(state.recording()), move.location), state.tries + 1
+        again = replace(state, began_s=time_s, tries=tries, samples=())
+        scene = _probe_scene(again, 0.0, inputs)
+        passed = found is not None and found.passed
+        if not passed and tries < TRIES:
+            return TaskStep(again, scene, events=(TaskEvent("missed", {"tries": tries}),))
+        row: dict[str, Any] = {
+            "asked_rad": move.location.angle_rad,
+            "asked_rad_s": move.location.rate_rad_s,
+            "passed": passed,
+            "distance": found.distance if found else None,
+            "tries": tries,
+            "readings": [
+                [w.angle_rad, w.rate_rad_s, float(y)]
+                for w, y in zip(found.locations, found.responses_Nm, strict=True)
+            ]
+            if found
+            else [],
+            "error_Nm2": found.error_Nm2.tolist() if found else [],
+        }
+        session = assessment_of(state.parameters, state.past)
+        _take_row(session, row)
+        best = max(session.by_name().items(), key=lambda x: x[1])
+        row |= {"most_like": best[0], "probability": best[1], "settled": session.settled}
+        return TaskStep(again, scene, outcome=TrialOutcome(row))
+
+    def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
+        """The leg of a simulated patient, and hands that follow what is shown."""
+        from esea_host.assess.actors import probing_actor
+
+        state = self.begin(situation)
+        assert state.movement is not None
+        still_s = SHOWN * (state.movement.duration_s + PAUSE_S)
+        return probing_actor(state.parameters, state.movement, still_s, PAUSE_S, rng)
+
+
+def _probe_scene(state: KneeState, inside_s: float, inputs: Inputs) -> Scene:
+    move = state.movement
+    assert move is not None
+    key = "knee_watch" if state.phase == "show" else "knee_again" if state.tries else "knee_follow"
+    target, comfort = float(move.at(inside_s)[0]), state.parameters.comfort()
+    return leg_scene((key,), comfort, inputs["angle_rad"], target, move.location.angle_rad)
+
+
+# -- tests of the first day -----------------------------------------------------------------------
+
+
+class PendulumParameters(KneeParameters):
+    """Of the pendulum test."""
+
+    seconds: float = Field(12.0, ge=4, le=60, description="how long the leg is watched")
+
+
+@register
+class PendulumTask(_KneeTask):
+    """Wartenberg's pendulum test: the leg is let go from a straight knee."""
+
+    name = "knee-pendulum"
+    title = "Pendulum test of the knee"
+    Parameters = PendulumParameters
+    inputs = INPUTS[:1]
+    columns = (
+        DataColumn("relaxation_index", float, "first swing over start to rest"),
+        DataColumn("first_swing_rad", float, "how far it fell first"),
+        DataColumn("rest_rad", float, "bending at rest"),
+        DataColumn("damping_ratio", float, "from the decay of half swings; none with few"),
+        DataColumn("frequency_Hz", float, "of the swings; none with few"),
+        DataColumn("swings", int, "how many"),
+        DataColumn("reached_rest", bool, "whether it had come to rest"),
+    )
+
+    def longest_s(self, parameters: Any) -> float:
+        """As long as it is watched."""
+        return float(parameters.seconds) + 1
+
+    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
+        """Watch the leg."""
+        scene = leg_scene(("knee_let_fall",), state.parameters.comfort(), inputs["angle_rad"])
+        state = state.with_sample(time_s, inputs)
+        if time_s < state.parameters.seconds:
+            return TaskStep(state, scene)
+        t, angle, _ = np.array(state.samples).T
+        try:
+            found = pendulum_test(t, angle)
+        except UserError as error:
+            return TaskStep(state, scene, outcome=TrialOutcome(None, str(error)))
+        row = {c.name: getattr(found, c.name) for c in self.columns}
+        return TaskStep(state, scene, outcome=TrialOutcome(row))
+
+    def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
+        """The leg of a simulated patient that falls."""
+        from esea_host.assess.actors import falling_actor
+
+        return falling_actor(situation.parameters, situation.parameters.seconds + 0.5, rng)
+
+
+class LoopParameters(KneeParameters):
+    """Of the passive range of motion."""
+
+    seconds: float = Field(48.0, ge=10, le=600, description="how long it is moved")
+    period_s: float = Field(16.0, ge=6, le=120, description="of one bending and straightening")
+
+
+@register
+class RangeTask(_KneeTask):
+    """Passive range of motion: bent and straightened slowly, torque over angle."""
+
+    name = "knee-range"
+    title = "Passive range of motion of the knee"
+    Parameters = LoopParameters
+    columns = (
+        DataColumn("low_rad", float, "least bending"),
+        DataColumn("high_rad", float, "most bending"),
+        DataColumn("fastest_rad_s", float, "fastest movement"),
+        DataColumn("slow", bool, "slow enough to be passive"),
+        DataColumn("cycles", int, "whole ones"),
+        DataColumn("stiffness_Nm_rad", float, "of the middle third"),
+        DataColumn("loop_J", float, "work lost in a cycle"),
+    )
+
+    def longest_s(self, parameters: Any) -> float:
+        """As long as it is moved."""
+        return float(parameters.seconds) + 1
+
+    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
+        """Show a slow target, and take the loop."""
+        given = state.parameters
+        target = _slow(given, np.array(time_s))[0]
+        scene = leg_scene(("knee_slowly",), given.comfort(), inputs["angle_rad"], float(target))
+        state = state.with_sample(time_s, inputs)
+        if time_s < given.seconds:
+            return TaskStep(state, scene)
+        try:
+            found = motion_range(state.recording())
+        except UserError as error:
+            return TaskStep(state, scene, outcome=TrialOutcome(None, str(error)))
+        row = {c.name: getattr(found, c.name) for c in self.columns}
+        row["stiffness_Nm_rad"] = _number(found.stiffness_Nm_rad)
+        return TaskStep(state, scene, outcome=TrialOutcome(row))
+
+    def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
+        """The leg of a simulated patient, and hands that follow slowly."""
+        from esea_host.assess.actors import following_actor
+
+        given = situation.parameters
+        return following_actor(given, lambda t: _slow(given, t), given.seconds + 0.5, rng)
+
+
+def _number(x: float) -> float | None:
+    return x if np.isfinite(x) else None
+
+
+def _slow(given: Any, time_s: Array) -> tuple[Array, Array]:
+    # Five degrees short of the reach at either end: hands overshoot.
+    comfort, w = given.comfort(), 2 * np.pi / given.period_s
+    low, high = comfort.low_rad + 5 * DEG, comfort.high_rad - 5 * DEG
+    half = (high - low) / 2
+    return low + half * (1 - np.cos(w * time_s)), half * w * np.sin(w * time_s)

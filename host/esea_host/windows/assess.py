@@ -1,0 +1,266 @@
+"""The clinician's window: what would tell most now, what is known, and what the clinician says."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QAction, QGuiApplication, QKeySequence
+from PySide6.QtWidgets import (
+    QApplication,
+    QFileDialog,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QListWidget,
+    QMainWindow,
+    QScrollArea,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from esea_gen.errors import UserError
+from esea_host.assess import NOTICE
+from esea_host.assess.desk import ClinicDesk, describe
+from esea_host.assess.files import read_recording
+from esea_host.assess.pages import step_text, write_session_page
+from esea_host.assess.patients import DEG
+from esea_host.assess.probing import Comfort
+from esea_host.assess.tasks import PAUSE_S, leg_scene
+from esea_host.assess.words import conclusion, long_name
+from esea_host.windows.assess_controls import ClinicControls
+from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
+from esea_host.windows.counting import take_many
+from esea_host.windows.study.scene_view import SceneView
+from esea_host.windows.theme import DARK, LIGHT, Theme
+
+take_many()
+FRAME_MS = 40
+RECORDINGS = "Recordings (*.csv *.mcap)"
+PAGES = "Page (*.pdf *.png *.html)"
+
+
+class AssessWindow(QMainWindow):
+    """A window on a :class:`ClinicDesk`; every step goes through the desk and into its trail."""
+
+    def __init__(self, desk: ClinicDesk, who: str = "", dark: bool = False) -> None:
+        super().__init__()
+        self.desk, self.who, self.theme = desk, who, DARK if dark else LIGHT
+        simulated = "SIMULATED PATIENT - " if desk.patient else ""
+        self.setWindowTitle(f"{simulated}Knee: assessment - esea-host")
+        self._began_s = time.monotonic()
+        self._build()
+        self._actions()
+        self.set_theme(self.theme)
+        self.refresh()
+        self._timer = QTimer(self)
+        self._timer.timeout.connect(self.animate)
+        self._timer.start(FRAME_MS)
+
+    # -- what there is -----------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        self.notice, self.now, self.said = QLabel(NOTICE), QLabel(), QLabel()
+        self.settled, self.next = QLabel(), QLabel()
+        for label in (self.now, self.said, self.next):
+            label.setWordWrap(True)
+        self.map, self.leg = InformationMap(self.desk.session.hypotheses.grid), SceneView()
+        names = list(self.desk.session.names)
+        self.bars = ProbabilityBars([long_name(n) for n in names])
+        self.history = HistoryPlot([long_name(n) for n in names])
+        self.trail = QListWidget()
+        self.trail.setMinimumHeight(90)
+        self.controls = ClinicControls(names, self.desk.comfort, self.desk.patient is not None)
+        c = self.controls
+        c.moved.connect(self.move_leg)
+        c.torque_read.connect(lambda x: self._step(partial(self.desk.torque, x)))
+        c.felt.connect(lambda word: self._step(partial(self.desk.word, word)))
+        c.skipped.connect(lambda why: self._step(partial(self.desk.skip, why)))
+        c.another.connect(lambda: self._step(self.desk.leave_out))
+        c.undone.connect(self.undo)
+        c.judged.connect(lambda p, why: self._step(partial(self.desk.override, p, why)))
+        c.limited.connect(self.limit)
+        left, right = QSplitter(Qt.Orientation.Vertical), QSplitter(Qt.Orientation.Vertical)
+        lower = QSplitter()
+        for part in (self.leg, self.bars.view):
+            lower.addWidget(part)
+        lower.setSizes([330, 420])
+        for part in (self.map.view, lower):
+            left.addWidget(part)
+        left.setSizes([360, 340])
+        controls = QScrollArea()
+        controls.setWidget(self.controls)
+        controls.setWidgetResizable(True)
+        for part in (self.history.view, controls, self.trail):
+            right.addWidget(part)
+        right.setSizes([230, 350, 130])
+        both = QSplitter()
+        both.addWidget(left)
+        both.addWidget(right)
+        both.setSizes([760, 520])
+        words = QGridLayout()
+        words.addWidget(self.notice, 0, 0)
+        words.addWidget(self.settled, 0, 1, Qt.AlignmentFlag.AlignRight)
+        words.addWidget(self.now, 1, 0, 1, 2)
+        words.addWidget(self.next, 2, 0, 1, 2)
+        column = QVBoxLayout()
+        column.addLayout(words)
+        column.addWidget(both, 1)
+        row = QHBoxLayout()
+        row.addWidget(self.said, 1)
+        column.addLayout(row)
+        middle = QWidget()
+        middle.setLayout(column)
+        self.setCentralWidget(middle)
+
+    def _actions(self) -> None:
+        menu = self.menuBar().addMenu("&Assessment")
+        jobs: list[tuple[str, str, Callable[[], object]]] = [
+            ("Read a recording...", "Ctrl+O", self.open_recording),
+            ("Save the page for the file...", "Ctrl+S", self.save_page),
+            ("Take back the last step", "Ctrl+Z", self.undo),
+            ("Another movement", "Ctrl+N", lambda: self._step(self.desk.leave_out)),
+            ("Dark, light", "Ctrl+T", self.toggle_theme),
+        ]
+        if self.desk.patient is not None:
+            jobs.insert(0, ("Move the simulated leg", "Ctrl+M", self.move_leg))
+        for name, keys, job in jobs:
+            action = QAction(name, self)
+            action.setShortcut(QKeySequence(keys))
+            action.triggered.connect(lambda _checked=False, job=job: job())
+            menu.addAction(action)
+
+    # -- steps -------------------------------------------------------------------------------------
+
+    def _step(self, job: Callable[[], object]) -> None:
+        # What is refused is said, and nothing has changed.
+        QApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
+        try:
+            found = job()
+            self._tell(found if isinstance(found, str) else "")
+        except UserError as error:
+            self._tell(str(error), alarm=True)
+        finally:
+            QApplication.restoreOverrideCursor()
+        self.refresh()
+
+    def _tell(self, text: str, *, alarm: bool = False) -> None:
+        self.said.setText(text)
+        colour = self.theme.alarm if alarm else self.theme.soft
+        self.said.setStyleSheet(f"color: {colour}")
+
+    def move_leg(self) -> None:
+        """Make the proposed movement with the simulated patient, and show how the leg went."""
+        self._step(self.desk.move)
+        self._began_s = time.monotonic()
+
+    def undo(self) -> None:
+        """Take back the last step."""
+        self._step(lambda: "" if self.desk.undo() else "Nothing to take back.")
+
+    def limit(self, low_deg: float, high_deg: float, fastest_deg_s: float) -> None:
+        """Other limits of reach and comfort."""
+
+        def job() -> None:
+            self.desk.comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest_deg_s * DEG)
+
+        self._step(job)
+        self.controls.show_limits(self.desk.comfort)
+
+    def open_recording(self, path: Path | None = None) -> None:
+        """Read a recorded movement."""
+        name = str(path or "") or QFileDialog.getOpenFileName(self, "Recording", "", RECORDINGS)[0]
+        if name:
+            self._step(partial(self._read, Path(name)))
+
+    def _read(self, path: Path) -> str:
+        recording = read_recording(path, self.desk.height_m, self.desk.mass_kg)
+        return self.desk.recording(recording, path.name)
+
+    def save_page(self, path: Path | None = None) -> None:
+        """Write the page for the file."""
+        name = str(path or "") or QFileDialog.getSaveFileName(self, "Page", "knee.pdf", PAGES)[0]
+        if name:
+            self._step(partial(self._write, Path(name)))
+
+    def _write(self, path: Path) -> str:
+        write_session_page(path, self.desk.session, self.desk.about(self.who), self.desk.comfort)
+        return f"{path} is written."
+
+    # -- looking -----------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """All as it is known now."""
+        session, theme = self.desk.session, self.theme
+        simulated = "<b>SIMULATED PATIENT.</b> " if self.desk.patient else ""
+        self.now.setText(simulated + " ".join(conclusion(session)[:3]))
+        settled = session.settled
+        change = "have stopped changing" if settled else "are still changing"
+        self.settled.setText(f"The probabilities {change}.")
+        self.settled.setStyleSheet(f"color: {theme.good if settled else theme.soft}")
+        self.next.setText(f"<b>Next:</b> {describe(self.desk.proposed)}")
+        places = session.evidence.places() / DEG
+        self.map.draw(self.desk.value, places, self.desk.proposed, self.desk.comfort)
+        self.bars.draw(session.probabilities)
+        self.history.draw(np.array([list(e.probabilities.values()) for e in session.trail]))
+        self.trail.clear()
+        self.trail.addItems([f"{e.number:>3}  {step_text(e)}" for e in session.trail])
+        self.trail.scrollToBottom()
+        self.animate()
+
+    def animate(self) -> None:
+        """The moving target, and for its first showing the leg as it has been moved."""
+        move, moved = self.desk.proposed, self.desk.moved
+        since_s = time.monotonic() - self._began_s
+        key, angle, target = "knee_watch", None, move
+        if moved is not None:
+            end_s = float(moved[1].time_s[-1])
+            if since_s < end_s:
+                key, target = "knee_moved", moved[0]
+                angle = float(np.interp(since_s, moved[1].time_s, moved[1].angle_rad))
+            since_s = since_s if since_s < end_s else since_s - end_s
+        period_s = target.duration_s + PAUSE_S
+        shown = float(target.at(since_s % period_s)[0])
+        where = target.location.angle_rad
+        self.leg.show_scene(leg_scene((key,), self.desk.comfort, angle, shown, where))
+
+    def toggle_theme(self) -> None:
+        """Dark or light."""
+        self.set_theme(LIGHT if self.theme is DARK else DARK)
+        self.refresh()
+
+    def set_theme(self, theme: Theme) -> None:
+        """All in these colours."""
+        self.theme = theme
+        self.setPalette(theme.palette())
+        self.notice.setStyleSheet(f"color: {theme.limit}; font-weight: bold")
+        self.leg.set_dark(theme is DARK)
+        for part in (self.map, self.bars, self.history):
+            part.show(theme)
+
+
+def run_assess(desk: ClinicDesk, who: str = "", dark: bool | None = None) -> None:
+    """Open the window, and return when it is closed.
+
+    dark: None: as the desktop has it.
+    """
+    application = QApplication.instance() or QApplication([])
+    assert isinstance(application, QApplication)
+    pg.setConfigOptions(antialias=True)
+    if dark is None:
+        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
+    window = AssessWindow(desk, who, dark)
+    window.resize(1280, 860)
+    window.show()
+    before = signal.signal(signal.SIGINT, lambda *_: window.close())
+    try:
+        application.exec()
+    finally:
+        signal.signal(signal.SIGINT, before)
