@@ -3,6 +3,7 @@
 from esea_host.cli import (
     analyse,
     assess,
+    commission,
     demo,
     interaction,
     live,
@@ -18,6 +19,7 @@ __all__ = [
     "analyse",
     "app",
     "assess",
+    "commission",
     "demo",
     "interaction",
     "live",

@@ -52,7 +52,8 @@ def _watch(
     screenshot: Path | None,
     operated: bool,
 ) -> None:
-    _need_a_screen()
+    if (why_not := missing_screen()) is not None:
+        raise why_not
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.live import run_live
     from esea_host.windows.operator import DemoOperator
@@ -71,14 +72,15 @@ def _watch(
             raise recording.error
 
 
-def _need_a_screen() -> None:
-    # Qt ends the whole program where it finds none.
+def missing_screen() -> UserError | None:
+    """Why no window can be opened here; Qt ends the whole program where it finds no screen."""
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
-        raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
+        return UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
-        raise UserError(
+        return UserError(
             "There is no screen here.",
             "Use esea-host monitor, or esea-host demo --headless.",
         )
+    return None
