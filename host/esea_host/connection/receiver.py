@@ -306,7 +306,7 @@ class _StreamClocks:
         every = self._every.get(name) or _period(steps if last is not None else steps[1:])
         if every:
             self._every[name] = every
-        if last is not None and every and not found.late.any() and (steps == every).all():
+        if last is not None and every and not found.late_rows and (steps == every).all():
             board = self._board_ns(name, ticks)
             self._remember(name, found)
             return Batch(found.layout, found.rows, board, arrived_ns)
@@ -319,7 +319,7 @@ class _StreamClocks:
 
     def _remember(self, name: str, found: Decoded) -> None:
         self._last[name] = int(found.rows[TICK][-1])
-        self._lost[name] = int(found.lost[-1]), int(found.bad[-1])
+        self._lost[name] = found.changes[-1][1:]
         self._broken.discard(name)
 
     def _parts(self, found: Decoded, arrived_ns: int) -> Batch:
@@ -340,15 +340,16 @@ class _StreamClocks:
         kept: list[int] = []
         times: list[int] = []
         gaps: list[Gap] = []
+        late, (losts, bads) = set(found.late_rows), (c.tolist() for c in found.counted())
         for i, tick in enumerate(found.rows[TICK].tolist()):
             last = self._last.get(name)
             if last is not None and tick <= last:
-                if bool(found.late[i]) or tick == last:
+                if i in late or tick == last:
                     health.repeated_frames += 1
                     continue
                 self._start_again(name)
                 last = None
-            lost, bad = int(found.lost[i]), int(found.bad[i])
+            lost, bad = losts[i], bads[i]
             every = self._every.get(name, 0)
             if last is not None and every and tick - last != every:
                 before = self._lost.get(name, (0, 0))
