@@ -20,7 +20,7 @@ from esea_host.connection.receiver import Batch
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.simulated import LockstepDevice
-from esea_host.simulated.server import serve_hosts
+from esea_host.simulated.server import Hands, serve_hosts
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.history import RowRing, curve, spans
 from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state_text
@@ -486,3 +486,41 @@ def test_trigger_and_spectrum_by_key(seen, qtbot, tmp_path):
     window.grab().save(str(Path(os.environ.get("ESEA_PICTURES") or tmp_path) / "host-trigger.png"))
     window.toggle_trigger()
     assert not window.trigger.on
+
+
+def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, qtbot, tmp_path):
+    from PySide6.QtCore import QPoint, Qt
+
+    from esea_host.windows.arm import add_arm
+    from esea_host.windows.live import LiveWindow
+
+    ours, theirs = os.pipe()
+    hands = Hands(ours)
+    feed = LiveFeed(lockstep, None, most_rows=2000, threaded=False)
+    window = LiveWindow(feed)
+    qtbot.addWidget(window)
+    window.resize(1280, 760)
+    arm = add_arm(window, feed, lambda rad: os.write(theirs, f"push {rad:.4f}\n".encode()) and None)
+    window.show()
+    lockstep.advance(1.0)
+    feed.gather()
+    before_rad = arm.angle_rad
+    elbow, hand = (p.toPoint() for p in (arm._elbow(), arm._at(0.0)))
+    qtbot.mousePress(arm, Qt.MouseButton.LeftButton, pos=hand)
+    qtbot.mouseMove(arm, elbow + QPoint(round(0.5 * (hand - elbow).y()), (hand - elbow).y()))
+    assert arm.push_rad == pytest.approx(math.atan(0.5), abs=0.02)
+    hands.reach(simulated_elbow)
+    lockstep.advance(1.0)
+    feed.gather()
+    window.draw()
+    window.grab().save(str(Path(os.environ.get("ESEA_PICTURES") or tmp_path) / "host-arm.png"))
+    # The virtual person's spring is softer than the drive's friction is nothing: most of the way.
+    assert arm.angle_rad - before_rad > 0.1
+    qtbot.mouseRelease(arm, Qt.MouseButton.LeftButton, pos=hand)
+    assert arm.push_rad == 0.0
+    os.write(theirs, b"push 7\npush x\npu")  # too far, no number, half a line
+    hands.reach(simulated_elbow)
+    assert simulated_elbow.push_rad == 0.0
+    feed.close()
+    simulated_elbow.push_rad = 0.0
+    os.close(theirs)

@@ -21,7 +21,7 @@ from esea_gen.verify.sim import SimBoard
 NOBODY, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
 NOISE_TICKS = 1000
-PUSH_TICKS = 60
+PUSH_TICKS = 200
 MOVES_RAD, MOVES_HZ = 0.6, 0.4  # flexion and back, as in the published trials' slow movement
 
 

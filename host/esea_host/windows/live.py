@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import signal
 import time
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
-from PySide6.QtGui import QAction, QCloseEvent, QGuiApplication, QKeyEvent, QKeySequence
+from PySide6.QtGui import QAction, QCloseEvent, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
     QApplication,
@@ -464,34 +462,3 @@ def _toggle(item: QListWidgetItem) -> None:
 
 def _typing() -> bool:
     return isinstance(QApplication.focusWidget(), QLineEdit | QAbstractSpinBox)
-
-
-def run_live(
-    feed: LiveFeed,
-    dark: bool | None = None,
-    seconds: float | None = None,
-    screenshot: Path | None = None,
-) -> None:
-    """Open the view, and return when it is closed, or after some seconds.
-
-    dark: None: as the desktop has it.
-    screenshot: a picture, just before it closes.
-    """
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
-    if dark is None:
-        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
-    window = LiveWindow(feed, dark)
-    window.resize(1280, 860)
-    window.show()
-    if seconds is not None:
-        QTimer.singleShot(int(seconds * 1000), window.close)
-    if screenshot is not None:
-        before_ms = max(0, int((seconds or 5.0) * 1000) - 300)
-        QTimer.singleShot(before_ms, lambda: window.grab().save(str(screenshot)))
-    # Ctrl+C closes the window, so that the recording is ended well.
-    before = signal.signal(signal.SIGINT, lambda *_: window.close())
-    try:
-        application.exec()
-    finally:
-        signal.signal(signal.SIGINT, before)
