@@ -3,6 +3,7 @@
 from esea_host.cli import (
     analyse,
     assess,
+    bridge,
     commission,
     demo,
     interaction,
@@ -19,6 +20,7 @@ __all__ = [
     "analyse",
     "app",
     "assess",
+    "bridge",
     "commission",
     "demo",
     "interaction",

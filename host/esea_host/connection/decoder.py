@@ -81,12 +81,15 @@ class _Kept:
         self.changes = [*before, now]
 
     def decoded(self, layout: StreamLayout) -> Decoded:
-        rows = np.frombuffer(b"".join(self.payloads), layout.dtype)
-        made = Decoded(layout, rows, self.changes, self.late)
+        payloads, changes, late = self.taken()
+        return Decoded(layout, np.frombuffer(b"".join(payloads), layout.dtype), changes, late)
+
+    def taken(self) -> tuple[list[bytes], list[tuple[int, int, int]], list[int]]:
+        """What came, and begin anew."""
+        made = self.payloads.copy(), self.changes, self.late
         if len(self.changes) > 1:
             self.changes = [(0, *self.changes[-1][1:])]
-        if self.late:
-            self.late = []
+        self.late = []
         self.payloads.clear()
         return made
 
@@ -129,6 +132,7 @@ class TelemetryDecoder:
                 said = dict((units or {}).get(name, {})), dict((texts or {}).get(name, {}))
                 self.layouts[number] = layout_of(message, stream_name(name), *said)
         self._rows = [(n, self._known[n][2]) for n in self.layouts]
+        self._kept_back: _Kept | None = None
         self._late: dict[int, tuple[int, int]] = {}
 
     def feed(self, data: bytes) -> tuple[list[Decoded], bytes]:
@@ -201,6 +205,22 @@ class TelemetryDecoder:
             if size - at < 3 or not buffer[at + 2] & ~SIGNED:
                 return at, False
             at = self._refuse(at, 3)
+
+    def keep_back(self, number: int) -> None:
+        """From now on a message's payloads are for :meth:`kept_back`, and not among the others."""
+        extra, size, kept, _ = self._known[number]
+        self._known[number] = extra, size, kept, kept.payloads
+        self._kept_back = kept
+
+    def kept_back(self) -> list[tuple[bytes, int, int]]:
+        """Whole payloads since the last time, and what was counted as lost and bad by then."""
+        kept = self._kept_back
+        if kept is None or not kept.payloads:
+            return []
+        payloads, changes, _ = kept.taken()
+        ends = [row for row, _, _ in changes[1:]] + [len(payloads)]
+        parts = zip(changes, ends, strict=True)
+        return [(p, lost, bad) for (a, lost, bad), b in parts for p in payloads[a:b]]
 
     def forget(self) -> None:
         """The link was opened anew: half a frame, and what was expected next, mean nothing."""

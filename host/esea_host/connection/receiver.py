@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from esea_host.connection.decoder import TICK, Decoded, LinkHealth, TelemetryDecoder
+from esea_host.connection.named import NamedStream, data_key, data_rows
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamLayout
 from esea_link.transport import LinkError, Transport
@@ -158,6 +159,7 @@ class Receiver:
         self._stopped = threading.Event()
         self._clock = _StreamClocks(tick_ns)
         self._told_s = 0.0
+        self.named: dict[tuple[int, int], NamedStream] = {}
 
     @property
     def health(self) -> LinkHealth:
@@ -224,6 +226,8 @@ class Receiver:
         """Hand out what these bytes complete."""
         decoded, others = self.decoder.feed(data)
         now = time.time_ns()
+        if self.named:
+            decoded += self._of_named()
         for found in decoded:
             batch = self._clock.batch(found, now, self.health)
             if batch is not None:
@@ -234,6 +238,27 @@ class Receiver:
             with self._changed:
                 self._others += others
                 self._changed.notify_all()
+
+    def add_named(self, stream: NamedStream, number: int) -> None:
+        """Make rows of a stream that the board was asked for by names.
+
+        number: of the messages that carry it.
+        """
+        self.decoder.keep_back(number)
+        self.named = {**self.named, stream.key: stream}
+
+    def _of_named(self) -> list[Decoded]:
+        found: dict[tuple[int, int], tuple[list[Array], list[tuple[int, int, int]]]] = {}
+        for payload, lost, bad in self.decoder.kept_back():
+            stream = self.named.get(data_key(payload))
+            if stream is not None:
+                rows, counted = found.setdefault(stream.key, ([], []))
+                counted.append((sum(map(len, rows)), lost, bad))
+                rows.append(data_rows(stream, payload))
+        return [
+            Decoded(self.named[key].layout, np.concatenate(rows), counted, [])
+            for key, (rows, counted) in found.items()
+        ]
 
     def _run(self) -> None:
         while not self._stopped.is_set():
