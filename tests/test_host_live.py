@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -26,6 +27,8 @@ from esea_host.windows.history import RowRing, curve, spans
 from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state_text
 from esea_host.windows.operator import DemoOperator
 from esea_host.windows.trigger import SINGLE, Trigger, crossings
+
+from .conftest import require_tool
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 LAYOUT = StreamLayout("sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm")))
@@ -524,3 +527,30 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     feed.close()
     simulated_elbow.push_rad = 0.0
     os.close(theirs)
+
+
+def test_the_live_view_on_an_x_server(tmp_path):
+    """The platform that people have, beside the one that the other tests take."""
+    xvfb = require_tool("Xvfb")
+    shot = tmp_path / "x.png"
+    with tempfile.TemporaryFile() as said:
+        # It chooses a display that is free, and says which once it listens.
+        server = subprocess.Popen([xvfb, "-displayfd", "1", "-screen", "0", "1400x1000x24"],
+                                  stdout=subprocess.PIPE, stderr=said)  # fmt: skip
+        try:
+            assert server.stdout is not None
+            display = server.stdout.readline().decode().strip()
+            assert display.isdigit()
+            env = {k: v for k, v in os.environ.items() if k != "QT_QPA_PLATFORM"}
+            env |= {"DISPLAY": f":{display}", "QT_QPA_PLATFORM": "xcb"}
+            words = ["view", "sim:elbow_drive", "--seconds", "2", "--screenshot", str(shot)]
+            command = [sys.executable, "-m", "esea_host.cli", *words]
+            done = subprocess.run(
+                command, check=False, env=env, capture_output=True, text=True, timeout=180
+            )
+        finally:
+            server.terminate()
+            server.communicate(timeout=10)
+    assert done.returncode == 0, done.stderr
+    assert shot.read_bytes().startswith(b"\x89PNG")
+    assert shot.stat().st_size > 20_000  # curves, not an empty window

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import resource
 import tempfile
@@ -125,7 +126,7 @@ def fuzzed(data: bytes, dialect: Any, total_bytes: int, seed: int = 16) -> dict[
     wrong = taken = missing = unmarked = 0
     accidents: dict[str, int] = {}
     health: dict[str, int] = {}
-    rounds = max(1, round(total_bytes / len(data)))
+    rounds = max(1, math.ceil(total_bytes / len(data)))
     for i in range(rounds):
         noise = NoisyTransport(_Bytes(b""), seed + i, 2000.0)
         batches = _rows(_Bytes(noise.damage(data)), dialect, health)

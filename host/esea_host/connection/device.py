@@ -455,7 +455,7 @@ class ConnectedDevice:
             A context manager; it has counters and takes notes.
         """
         recorder = Recorder(Path(path), self.identity.attachments(), compress)
-        given = recorder, self.receiver, streams, self.health, self.forget
+        given = recorder, self.receiver, streams, self.health, self._forget
         recording = LiveRecording(*given, threaded=self._threaded)
         self._recordings.append(recording)
         if self.address is None or self.address.kind != "file":
@@ -463,8 +463,7 @@ class ConnectedDevice:
             self.listen(streams)
         return recording
 
-    def forget(self, recording: LiveRecording) -> None:
-        """A recording has ended."""
+    def _forget(self, recording: LiveRecording) -> None:
         self._recordings = [r for r in self._recordings if r is not recording]
 
 
