@@ -23,7 +23,8 @@ from esea_link.transport import LinkError
 IN, OUT = "sense_in", "sense_out"
 TURN_S = 0.02  # from one command to the next
 DEADLINE_MS = 500
-SETTLE_S = 0.4
+HEARTBEAT_S = 1.5
+ARM_TRIES = 4
 ActKind = Literal["rest", "turn", "clamp", "load"]
 
 
@@ -208,13 +209,30 @@ class CommissioningBench:
         }.get(state, "Wait until the motor is off.")
         raise UserError(f"The board is {state}.", fix)
 
+    def _arm(self) -> None:
+        # The limits refuse while the controller has not quite let go of what was before: once more.
+        for _ in range(ARM_TRIES):
+            self.device.arm()
+            if self.reach("ARMED", 0.2) and not self.reach("READY", 0.1):
+                return
+            self.wait(0.3)
+        raise UserError(
+            f"The board took the motor off again {ARM_TRIES} times: its limits do not release.",
+            "Look at 'which limit acts' in the live view: esea-host view.",
+        )
+
     def driven(self, seconds: float, wanted_Nm: Callable[[float], float]) -> Capture:
         """Torque mode, armed for as long; motor off afterwards, stopped where something failed."""
         device = self.device
-        device.arm()
+        self._arm()
+        moved = False
 
         def turn(at_s: float) -> bool:
-            if at_s > SETTLE_S and device.state() not in ("ARMED", "ACTIVE"):
+            nonlocal moved
+            on = device.state() in ("ARMED", "ACTIVE")
+            moved = moved or on
+            # What the last heartbeat said may be of before it was armed.
+            if not on and (moved or at_s > HEARTBEAT_S):
                 return False
             device.want(DEADLINE_MS, mode=1.0, tau_desired_Nm=wanted_Nm(at_s))
             return True
