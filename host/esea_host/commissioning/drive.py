@@ -83,15 +83,26 @@ def _direction(gear: float, motor: float, load: float) -> tuple[str, str] | None
     return None
 
 
+def _steady(r: DriveRecording) -> Array:
+    # Rows in which the drive turns evenly: little of the torque is inertia's.
+    smooth = np.convolve(np.gradient(r.gear_rad, r.tick_s), np.ones(51) / 51, "same")
+    bent = np.abs(np.gradient(smooth, r.tick_s)) > MOST_BEND_RAD_S2
+    return np.asarray((np.abs(smooth) > SLOWEST_RAD_S) & ~bent)
+
+
+def _ratio(r: DriveRecording, angle_rad: Array, tau_Nm: Array) -> float:
+    # Motion of a side over that of the motor's encoder, less what torque does to cable and rubber.
+    rows = np.flatnonzero(_steady(r))[::3]
+    tau = tau_Nm[rows]
+    terms = np.column_stack([r.gear_rad[rows], np.ones(len(rows)), tau, np.sign(tau)])
+    return float(np.linalg.lstsq(terms, angle_rad[rows], rcond=None)[0][0])
+
+
 def _error(r: DriveRecording, tau_Nm: Array, edges: Array) -> Array:
     # Of the motor side over the travel, in cells.  Torque winds the cable up and lies in its gap:
     # that comes with friction's sign both ways over every cell, so least squares tell it apart.
-    rate = np.gradient(r.gear_rad, r.tick_s)
-    smooth = np.convolve(rate, np.ones(51) / 51, "same")
-    bent = np.abs(np.gradient(smooth, r.tick_s)) > MOST_BEND_RAD_S2
     cell = np.digitize(r.gear_rad, edges) - 1
-    used = (np.abs(smooth) > SLOWEST_RAD_S) & ~bent & (cell >= 0) & (cell < len(edges) - 1)
-    rows = np.flatnonzero(used)[::3]
+    rows = np.flatnonzero(_steady(r) & (cell >= 0) & (cell < len(edges) - 1))[::3]
     terms = np.zeros((len(rows), len(edges) + 1))
     terms[np.arange(len(rows)), cell[rows]] = 1.0
     terms[:, -2], terms[:, -1] = tau_Nm[rows], np.sign(tau_Nm[rows])
@@ -116,7 +127,7 @@ def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEnco
         return JudgedEncoders((), problem, found, np.zeros(0), {})
     checks = []
     for side, angle in (("motor", r.motor_rad), ("load", r.load_rad)):
-        ratio = float(np.polyfit(r.gear_rad, angle, 1)[0])
+        ratio = _ratio(r, angle, c["tau_Nm"])
         found[f"{side}_ratio"] = ratio
         checks.append(
             StartupCheck(
