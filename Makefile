@@ -19,7 +19,6 @@ run: setup
 
 test: setup style
 	@$(BIN)/esea-gen check
-	@$(BIN)/esea-gen traces check
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # Other examples at each run; SEED=n repeats one, TESTS=tests/test_plant.py narrows it.

@@ -1,7 +1,7 @@
 """Pages of the site that are made from the program itself, at every build, so that none goes stale.
 
 ``device-file.md`` from the JSON schema, ``command-line.md`` from the commands, ``api/*.md`` from
-the docstrings.
+the docstrings, ``hazards.md`` from its table.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ import importlib
 import inspect
 import re
 import textwrap
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
 from typing import Any, get_args
 
 import typer
@@ -464,9 +466,37 @@ def command_line_page() -> str:
     return "\n".join(lines)
 
 
+def hazards_page() -> str:
+    """Hazard, requirement, code and test, from the table that tests hold against what is there."""
+    table = tomllib.loads((Path(__file__).parent / "hazards.toml").read_text(encoding="utf-8"))
+    lines = [
+        "# Hazards",
+        "",
+        "*Made from `docs/hazards.toml`.* What may go wrong for the person in the robot, what is",
+        "required so that it does not, where that is done, and the tests that fail when it is not.",
+        "A test holds every name here against what is there, and every fault of latch and board to",
+        "a requirement. It is no risk analysis by a standard: probabilities, severities and the",
+        "hardware are not in it, and nothing was tried on real hardware.",
+        "",
+    ]
+    for hazard in table["hazard"]:
+        lines += [f"## {hazard['id']}: {hazard['what']}", "", f"How: {hazard['why']}", ""]
+        for r in hazard["requirement"]:
+            faults = ", ".join(f"`{f}`" for f in r["faults"])
+            lines += [f"### {r['id']}", "", r["says"], ""]
+            lines += [f"- Fault: {faults}"] if faults else []
+            lines += ["- Done in: " + ", ".join(f"`{p}`" for p in r["code"])]
+            lines += ["- Tests: " + ", ".join(f"`{p}`" for p in r["tests"]), ""]
+    return "\n".join(lines)
+
+
 def pages() -> dict[str, str]:
     """All generated pages, by path."""
-    made = {"device-file.md": device_file_page(), "command-line.md": command_line_page()}
+    made = {
+        "device-file.md": device_file_page(),
+        "command-line.md": command_line_page(),
+        "hazards.md": hazards_page(),
+    }
     return made | {f"api/{key}.md": api_page(key) for key in API_PAGES}
 
 

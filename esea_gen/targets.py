@@ -1,7 +1,7 @@
 """Processors, toolchains, flags and boards: the one table of what emitted C is built for.
 
-A processor or a board is one entry here; a board that runs the firmware also has a folder of its
-name in ``firmware/boards``.
+A processor or a board is one entry here; a board that runs the firmware also has a folder in
+``firmware/boards``, of its name or shared with its like.
 """
 
 from __future__ import annotations
@@ -144,7 +144,8 @@ _MB = 1 << 20
 class Board:
     """A board, or machine, that an image can be built for.
 
-    name: name, of its folder in ``firmware/boards`` too, if it has one.
+    name: at most 15 characters: the board tells it over the link.
+    family: folder in ``firmware/boards`` that it shares with others; empty for one of its own name.
     machine: QEMU's name of it; empty for the host itself.
     code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
     real: number format of the firmware's control code.
@@ -159,6 +160,7 @@ class Board:
     title: str
     processor: Processor
     machine: str
+    family: str = ""
     code: int = 0
     code_bytes: int = 0
     ram: int = 0x20000000
@@ -169,6 +171,11 @@ class Board:
     flags: tuple[str, ...] = ()
     app_flags: tuple[str, ...] = ()
     link: tuple[str, ...] = (*BARE_LINK, "-Wl,--fatal-warnings")
+
+    @property
+    def folder(self) -> str:
+        """Of its firmware, below ``firmware``."""
+        return f"boards/{self.family or self.name}"
 
     @property
     def core(self) -> str:
@@ -228,6 +235,7 @@ BOARDS = {
             "Arm MPS2, Cortex-M3",
             PROCESSORS["cortex-m3"],
             "mps2-an385",
+            family="mps2",
             code_bytes=4 * _MB,
             ram_bytes=4 * _MB,
             real="q31",
@@ -248,8 +256,10 @@ BOARDS = {
             "Arm MPS2, Cortex-M7",
             PROCESSORS["cortex-m7"],
             "mps2-an500",
+            family="mps2",
             code_bytes=4 * _MB,
             ram_bytes=4 * _MB,
+            tick_instructions=40,
             uses=("instructions",),
         ),
         Board(
@@ -281,8 +291,7 @@ def firmware_folder() -> Path:
 
 def firmware_boards() -> dict[str, Board]:
     """Boards that the firmware runs on: those with a folder."""
-    boards = firmware_folder() / "boards"
-    return {b.name: b for b in BOARDS.values() if (boards / b.name).is_dir()}
+    return {b.name: b for b in BOARDS.values() if (firmware_folder() / b.folder).is_dir()}
 
 
 def find_board(name: str) -> Board:

@@ -30,7 +30,7 @@ settings.register_profile(
 settings.load_profile("same")
 
 
-# Of the slow tests, those that CI runs each time: a minute or two, every kind of them.
+# Of the slow tests, those that CI runs each time: some minutes, every kind of them.
 SLOW_SAMPLE = (
     "test_box_qp.py::test_a_hundred_thousand_problems[spread]",
     "test_cluster.py::test_a_scheduler_that_goes_is_told",
@@ -38,8 +38,12 @@ SLOW_SAMPLE = (
     "test_coverage_drive.py::test_both_sides_of_every_decision_are_taken_in_f64[encoder_load]",
     "test_coverage_drive.py::test_the_c_gives_every_bit[sensor-f32]",
     "test_coverage_drive.py::test_the_c_gives_every_bit[reference-f64]",
+    "test_drive_report.py::test_a_predictive_controller_has_a_page",
+    "test_drive_verify.py::test_memory_and_stray_accesses_are_seen_in_the_drives_blocks",
     "test_fixed_drive.py::test_the_recorded_rubber_stays_within_the_aim[wrist]",
     "test_inverse.py::test_published_signals_whole",
+    "test_laws.py::test_the_emulated_board_runs_every_law[smc,mpc]",
+    "test_main_job.py::",
 )
 
 
@@ -72,6 +76,11 @@ def require_module(name: str) -> None:
 @pytest.fixture(scope="session")
 def elbow() -> Device:
     return esea_gen.load_device("elbow")
+
+
+@pytest.fixture(scope="session")
+def drive() -> Device:
+    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from pathlib import Path
 from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
-from esea_gen.targets import firmware_folder
+from esea_gen.targets import BOARDS, firmware_folder
 
 # Of the Cortex-M: assembly, the attribute of a handler without a frame, sections of the image.
 ASSEMBLY = r'__asm__ volatile\((?:[^()"]|"[^"]*"|\([^()]*\))*\);'
@@ -83,7 +83,7 @@ def registers_after_start(folder: Path, board: str) -> dict[int, int]:
     """What a board's start leaves in each register that it touches, every register 0 before."""
     firmware = without_processor(folder)
     text = f"""{REGISTERS}
-#include "{firmware}/boards/{board}/board.c"
+#include "{firmware}/{BOARDS[board].folder}/board.c"
 uint32_t esea_stack_top[1];
 void esea_cortex_m_received(uint8_t byte) {{ (void)byte; }}
 void esea_reset_handler(void) {{}}
@@ -97,7 +97,7 @@ int main(void)
     return 0;
 }}
 """
-    lines = said_by(compiled(folder, text, f"-I{firmware}/port"))
+    lines = said_by(compiled(folder, text, f"-I{firmware}/port", f'-DESEA_BOARD_NAME="{board}"'))
     return {int(a): int(v) for a, v in (line.split() for line in lines)}
 
 

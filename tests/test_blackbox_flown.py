@@ -18,11 +18,6 @@ SENSING = 6
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def powered(drive):
     require_tool("gcc")
     board = SimBoard(drive)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import esea_gen
 from esea_gen.control import cable_model
 from esea_gen.control.horizon import Horizon, linearise
 from esea_gen.control.predictive_drive import drive_model, predictive_controller
@@ -33,11 +32,6 @@ from esea_gen.verify.streams import at_the_limits, streams
 from .conftest import require_tool
 
 STEP = 2 * math.pi / 4096  # of a joint encoder
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
 
 
 def mine(text: str) -> Device:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
@@ -49,11 +48,6 @@ BLOCKS = {
     "sliding_mode": (sliding_mode, {"SATURATED", "INTEGRAL_RESTS"}),
     "law_switch": (lambda d: law_switch(d, ["one", "other"]), {"CLIPPED"}),
 }
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return esea_gen.load_device("elbow_drive")
 
 
 def unclipped(block):

@@ -193,6 +193,7 @@ def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, monkeypatch):
     assert case["rms_true_Nm"] == expected["rms_true_Nm"] != elbows["rms_true_Nm"]
 
 
+@pytest.mark.slow
 def test_a_predictive_controller_has_a_page(findings, monkeypatch):
     device = load_device("elbow_drive", "mpc")
     board = run_board(device, "host", {}, lambda _: None, ticks=40)

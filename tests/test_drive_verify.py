@@ -173,6 +173,7 @@ def test_undefined_behaviour_is_seen_in_the_drives_blocks(drive):
     assert not any(f"{name}.c" in text for text in found.reports for name in SOUND)
 
 
+@pytest.mark.slow
 def test_memory_and_stray_accesses_are_seen_in_the_drives_blocks(drive):
     """One harness: what is left unwritten shows in the bits, a stray access in a report."""
     over = "((volatile uint32_t *)(void *)state)[sizeof *state / 4u] = 1u;"

@@ -7,10 +7,8 @@ import math
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.limits import limits
 from esea_gen.control.setpoint import setpoint_rates
-from esea_gen.device import Device
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Equation
 from esea_gen.observe.disturbance import drive_observer
@@ -23,11 +21,6 @@ from .shown_equations import value
 H = 1e-3
 # Of docs/limits.md and the device file, typed again.
 N, J, FV, FC, WIDTH, JH = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.22
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
 
 
 def shown(block: Block) -> dict[str, Equation]:

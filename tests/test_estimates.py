@@ -7,18 +7,12 @@ import math
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.model.filters import tracking_observer
 from esea_gen.observe.disturbance import drive_observer
 
 H = 1e-3
 N, J, FV, FC, WIDTH, TAU_C = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return esea_gen.load_device("elbow_drive")
 
 
 def fitted(theta: np.ndarray, bandwidth: float) -> np.ndarray:

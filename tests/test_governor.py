@@ -8,7 +8,6 @@ from scipy import signal
 from scipy.integrate import quad
 
 from esea_gen.control.governor import smoothed_setpoint, torque_lead
-from esea_gen.device import load_device
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import bread, fixed_output, fixed_sinusoid, tuning
@@ -18,11 +17,6 @@ from .conftest import require_tool
 H = 1e-3
 # As it was: nothing ahead, friction of the measured rate, a lead of 2.
 BEFORE = {"lead": {"share": 0.0}, "smc": {"lead": 2.0, "friction_ahead": 0.0}}
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
 
 
 def smoothed(drive, theta, governed):

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from esea_gen.device import load_device
+from esea_gen.emit.dialect import render_dialect
 from esea_gen.targets import firmware_folder
 
 from .c_mutants import mutants
@@ -55,40 +59,112 @@ def test_both_are_armed(tmp_path):
         assert "conversion" in said(require_tool(compiler), *STRICT, "-fsyntax-only", wrong)
 
 
-@pytest.fixture
-def fuzzer(tmp_path):
-    def build(*sources: Path) -> Path:
-        clang = require_tool("clang")
-        target = tmp_path / "fuzz"
-        sanitizers = "-fsanitize=fuzzer,address,undefined"
-        told = said(
-            *(clang, "-g", "-O1", sanitizers, "-fno-sanitize-recover=all"),
-            *(*FOLDERS, ROOT / "tests" / "fuzz" / "store.c", *sources, "-o", target),
-        )
-        if "libclang_rt.fuzzer" in told:
-            missing("clang's libFuzzer")
-        assert told == ""
-        return target
-
-    return build
+SANITIZERS = ("-g", "-O1", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all")
 
 
-def fuzz(program: Path, runs: int) -> str:
-    return said(program, "-seed=1", "-max_len=6100", f"-runs={runs}", "-len_control=0")
+def fuzzer(target: Path, *given: str | Path) -> Path:
+    """A program that libFuzzer drives."""
+    told = said(require_tool("clang"), *SANITIZERS, *FOLDERS, *given, "-o", target)
+    if "libclang_rt.fuzzer" in told:
+        missing("clang's libFuzzer")
+    assert told == ""
+    return target
 
 
-def test_no_content_of_the_flash_harms_the_store(fuzzer):
-    assert "it failed" not in fuzz(fuzzer(FIRMWARE / "app" / "store.c"), 2000)
+def fuzz(program: Path, runs: int, longest: int) -> str:
+    found = f"-artifact_prefix={program.parent}/"
+    return said(program, found, "-seed=1", f"-max_len={longest}", f"-runs={runs}", "-len_control=0")
 
 
-def test_the_fuzzer_is_armed(fuzzer, tmp_path):
+def store_fuzzer(folder: Path, store: Path) -> Path:
+    return fuzzer(folder / "fuzz_store", ROOT / "tests" / "fuzz" / "store.c", store)
+
+
+def test_no_content_of_the_flash_harms_the_store(tmp_path):
+    program = store_fuzzer(tmp_path, FIRMWARE / "app" / "store.c")
+    assert "it failed" not in fuzz(program, 2000, 6100)
+
+
+def test_the_stores_fuzzer_is_armed(tmp_path):
     """It finds a store that believes how many parameters there are."""
     text = (FIRMWARE / "app" / "store.c").read_text()
     check = "store->set.parameters > ESEA_STORE_PARAMETERS"
     assert check in text
     wrong = tmp_path / "store.c"
     wrong.write_text(text.replace("head->bytes > flash->area_bytes - at", "head->bytes < 0u && at"))
-    assert "it failed" in fuzz(fuzzer(wrong), 200000)
+    assert "it failed" in fuzz(store_fuzzer(tmp_path, wrong), 200000, 6100)
+
+
+@dataclass(frozen=True)
+class LinkFuzzer:
+    """The application of a drive, compiled once; a file of it may be replaced."""
+
+    folder: Path
+    flags: tuple[str, ...]
+    objects: dict[str, Path]
+
+    def program(self, file: str = "", find: str = "", put: str = "") -> Path:
+        """The fuzzer, of ``firmware/app`` as it stands or with one place changed."""
+        objects = dict(self.objects)
+        if file:
+            text = (FIRMWARE / "app" / file).read_text()
+            assert text.count(find) == 1
+            wrong = self.folder / f"wrong_{file}"
+            wrong.write_text(text.replace(find, put))
+            objects[file] = self.compiled(wrong, *SANITIZERS)
+        return fuzzer(self.folder / "fuzz_link", *objects.values(), "-lm")
+
+    def compiled(self, source: Path, *flags: str) -> Path:
+        target = self.folder / f"{source.stem}.o"
+        told = said(require_tool("clang"), *flags, *self.flags, "-c", source, "-o", target)
+        assert told == ""
+        return target
+
+
+@pytest.fixture(scope="module")
+def link_fuzzer(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("link")
+    device = load_device("elbow_drive")
+    for name, text in render_dialect(device).files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    f32 = ROOT / "generated" / "elbow_drive" / "f32"
+    limit = np.nextafter(np.float32(device.file.safety.u_max_Nm.value), np.float32(1))
+    flags = (
+        *FOLDERS,
+        *(f"-I{FIRMWARE}/boards/sim", f"-isystem{folder}", f"-isystem{folder}/mavlink", f"-I{f32}"),
+        *('-DESEA_LINK_HEADER="esea_elbow_drive_link.h"', '-DESEA_BOARD_NAME="sim"'),
+        *("-DESEA_ENCODER_BITS=14u", "-DESEA_GEAR_BITS=17u", "-DESEA_BLACKBOX_BYTES=4096u"),
+        f"-DLIMIT_NM={limit}f",
+    )
+    made = LinkFuzzer(folder, flags, {})
+    for source in (*FIRMWARE.glob("app/*.c"), ROOT / "tests" / "fuzz" / "drive.c"):
+        made.objects[source.name] = made.compiled(source, *SANITIZERS)
+    for source in f32.glob("*.c"):
+        if source.name != "main.c":  # generated: held by tests of its own
+            made.objects[source.name] = made.compiled(source, "-O0")
+    return made
+
+
+def test_nothing_over_the_link_moves_the_motor_past_its_limits(link_fuzzer):
+    assert "it failed" not in fuzz(link_fuzzer.program(), 4000, 600)
+
+
+@pytest.mark.parametrize(
+    ("file", "find", "put"),
+    [
+        (
+            "schedule.c",
+            "const bool enable = esea_state_drives(app->state) && outcome->fault == 0u;",
+            "const bool enable = true;",
+        ),
+        ("streams.c", "fields->stream >= ESEA_LINK_STREAMS ||", ""),
+        ("link.c", "default:\n        /* The parser", "default: run_message(app);\n/* The parser"),
+    ],
+    ids=["motor on in any state", "a stream of any number", "corrupt frames taken"],
+)
+def test_the_links_fuzzer_is_armed(link_fuzzer, file, find, put):
+    assert "it failed" in fuzz(link_fuzzer.program(file, find, put), 20000, 600)
 
 
 def test_faults_are_made_of_every_kind():

@@ -91,11 +91,6 @@ def test_a_program_takes_its_own_stated_bound():
 # -- from one law to another -----------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
-
-
 def test_a_change_is_joined_and_fades(drive):
     """Against the closed form, in plain floats."""
     switch = law_switch(drive, ["a", "b"]).simulator({"fade_s": 0.05})
@@ -328,7 +323,7 @@ def test_a_law_without_a_wire_says_which(drive):
         control_system(drive, [law], drive.velocity, drive.sensor, lambda: drive.inverse)
 
 
-@pytest.mark.parametrize("controller", ["mpc", "smc,mpc"])
+@pytest.mark.parametrize("controller", ["mpc", pytest.param("smc,mpc", marks=pytest.mark.slow)])
 def test_the_emulated_board_runs_every_law(monkeypatch, capsys, tmp_path, controller):
     for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
         require_tool(tool)

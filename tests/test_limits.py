@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import esea_gen
 from esea_gen.control.faults import FAULT_TEXT, Fault
 from esea_gen.control.limits import command_stamp, limits
 from esea_gen.device import Device, parse_device
@@ -46,11 +45,6 @@ from .limits_model import (
     stream_of,
     with_value,
 )
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")

@@ -5,19 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.faults import Fault
 from esea_gen.control.limits import limits
 from esea_gen.device import Device
 from esea_gen.language.stream import single
 
 from .limits_model import SHIPPED, calm
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
-
 
 # -- what cannot be detected stays bounded ---------------------------------------------------------
 

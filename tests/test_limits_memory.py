@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.faults import Fault
 from esea_gen.control.latch import RELEASED_KEY
 from esea_gen.control.limits import limits
-from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
@@ -36,11 +33,6 @@ from .limits_model import (
 
 EVERY = [*REALS, "q31"]
 WIDTHS = {"f64": 64, "f32": 32, "q31": 32}
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")
@@ -380,11 +372,6 @@ def test_no_flipped_bit_of_a_coefficient_widens_a_limit_or_overflows(drive, real
 
 
 # Flips of the coefficients of the limits that latch, at full push one way and the other.
-# Of all Blocks before the limits one sum of whole numbers can overflow by a flipped coefficient,
-# until its checksum latches: the damping in `passivity` that is doubled to its sum's scale.
-KNOWN_OVERFLOW = re.compile(
-    r"_passivity\.c:\d+:\d+: runtime error: signed integer overflow: -?\d+ \* 2 "
-)
 DRIVE_LATCHED = {"f32": (238, 238), "q31": (217, 217)}
 
 
@@ -440,6 +427,4 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
     assert tried == 2 * 2112
     assert most <= SHIPPED.u
     assert tuple(latched) == DRIVE_LATCHED[real]
-    overflows = [line for line in said if "runtime error" in line]
-    assert [x for x in overflows if not KNOWN_OVERFLOW.search(x)] == []
-    assert bool(overflows) == (real == "q31")  # mended: take it out here and in docs/limits.md
+    assert [line for line in said if "runtime error" in line] == []

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import esea_gen
 from esea_gen.control.limits import limits
 
 from .limits_model import (
@@ -50,11 +49,6 @@ NARROW = {
     "omega_max_rad_s": (1.0, 4.0, 8.0),
     "energy_max_J": (0.25, 2.0, 8.0),
 }
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import re
 
 import pytest
 
-import esea_gen
 from esea_gen.verify.limits_proof import POSSIBLE, PROPERTIES, prove_limits, show_possible
 from esea_gen.verify.limits_step import compiled
 
@@ -17,11 +16,6 @@ from .conftest import require_tool
 
 slow = pytest.mark.slow
 REALS = ("f32", "q31")
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return esea_gen.load_device("elbow_drive")
 
 
 def test_the_numbers_are_those_of_the_device_file(drive):

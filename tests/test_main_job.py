@@ -9,6 +9,8 @@ import pytest
 from .conftest import ROOT, require_tool
 from .test_cli import run
 
+pytestmark = pytest.mark.slow  # `make run` is the same; CI runs it with the sample
+
 HDRB = ROOT / "tests" / "data" / "hdrb" / "hdrb.toml"
 
 

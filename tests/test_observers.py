@@ -39,11 +39,6 @@ N, J, FV, FC, WIDTH, TAU_C, JH = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.2
 LSB = 2 * math.pi / 4096
 
 
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
-
-
 def changed(device: Device, **values: float) -> Device:
     text = device.toml()
     for key, value in values.items():

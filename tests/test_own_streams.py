@@ -15,7 +15,6 @@ from esea_gen.control.reference import reference
 from esea_gen.control.reference_streams import STREAMS as OF_REFERENCE
 from esea_gen.control.sliding_mode import sliding_mode
 from esea_gen.control.sliding_mode_streams import STREAMS as OF_SLIDING_MODE
-from esea_gen.device import Device, load_device
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
 from esea_gen.model.encoder import encoder
@@ -26,11 +25,6 @@ from esea_gen.observe.human import extended_state
 from esea_gen.observe.human_streams import STREAMS as OF_PERSON
 
 from .limits_model import SHIPPED
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return load_device("elbow_drive")
 
 
 def named(found: list[Stream]) -> dict[str, Stream]:

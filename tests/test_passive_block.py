@@ -31,11 +31,6 @@ LATE_S = (
 SHIPPED = Path(esea_gen.__file__).parent / "devices" / "elbow_drive.toml"
 
 
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
-
-
 def mine(text: str) -> Device:
     head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
     return parse_device(head + text, "mine.toml")

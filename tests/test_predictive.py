@@ -267,11 +267,6 @@ def check_linearisation(
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def program(drive):
     return predictive_controller(drive)
 

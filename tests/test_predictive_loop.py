@@ -24,7 +24,6 @@ from esea_gen.control.box_qp_program import box_qp
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.predictive_drive import drive_model, predictive_controller
 from esea_gen.control.shown import with_state_as_output
-from esea_gen.device import load_device
 from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.studies.registry import load_study
@@ -35,11 +34,6 @@ from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
 
 from .conftest import require_tool
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")

@@ -23,11 +23,6 @@ FASTEST = 18526  # counts a tick at 12 rad/s of the joint, by hand: 12e-3 / RAD,
 SPAN = (0.6 + 3.0 + 2 * 0.35) / RAD
 
 
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
-
-
 def mine(text: str) -> Device:
     head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
     return parse_device(head + text, "mine.toml")

@@ -22,11 +22,6 @@ AT = 201  # the command is large here, and no fault
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def given(drive):
     return record_drive(drive, 1000).inputs
 

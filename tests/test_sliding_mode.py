@@ -45,11 +45,6 @@ setpoint_acceleration = "zero"
 
 
 @pytest.fixture(scope="module")
-def drive() -> Device:
-    return esea_gen.load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def printed() -> Device:
     return parse_device(PUBLISHED, "printed.toml")
 

@@ -48,11 +48,6 @@ ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def powered(drive):
     require_tool("gcc")
     board = SimBoard(drive)
@@ -332,6 +327,20 @@ def test_a_stop_is_taken_in_every_state_from_anybody(armed, state):
     assert armed.motor == (False, 0.0)
     with pytest.raises(LinkError, match="does not arm"):
         armed.arm()
+
+
+def test_a_clock_that_comes_to_rest_between_two_ticks_leaves_no_motor_on(armed):
+    """Stopped, released and put into a replay before the next tick; found by fuzzing."""
+    armed.want(mode=1.0, tau_desired_Nm=0.3, deadline_ms=1000)
+    armed.ticks(30)
+    assert armed.motor[0]
+    assert armed.motor[1] != 0
+    armed.stop()
+    armed.release()
+    armed.send(armed.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
+    assert armed.state_now == "REPLAY"
+    armed.ticks(1)
+    assert armed.motor == (False, 0.0)
 
 
 def test_a_released_stop_restores_nothing(armed):

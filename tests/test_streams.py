@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.device import Device, load_device
+from esea_gen.device import load_device
 from esea_gen.language.stream import SPECIAL, Stream
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.observe.human import extended_state
@@ -19,11 +19,6 @@ from esea_gen.verify.streams import (
     streams,
     working_inputs,
 )
-
-
-@pytest.fixture(scope="module")
-def drive() -> Device:
-    return load_device("elbow_drive")
 
 
 def named(found: list[Stream]) -> dict[str, Stream]:

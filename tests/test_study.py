@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.cli import app
+from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.acting import SimulatedSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
@@ -218,6 +219,15 @@ def test_a_row_that_is_not_as_declared_fails_the_trial(tmp_path, protocol, monke
     assert "after_s" in run_one(study).state.reasons[1]
 
 
+def test_what_a_task_raises_fails_its_trial(tmp_path, protocol, monkeypatch):
+    study = study_in(tmp_path / "s", protocol)
+    monkeypatch.setattr(type(task_named("steady_hold", "")), "step", lambda *_: {}["theta"])
+    session = run_one(study)
+    assert session.state.states[1] == "failed"
+    assert "task steady_hold: KeyError: 'theta'" in session.state.reasons[1]
+    assert "trials in a row failed" in session.state.ended
+
+
 class NotReady(SimulatedSource):
     def ready(self):
         return {"problem": "the torque at rest is 0.4 Nm, at most 0.1 Nm is allowed"}
@@ -259,6 +269,23 @@ def test_a_trial_comes_again_in_its_place(tmp_path, protocol):
     again = read_session(study.log_of("P01", 0))
     assert [r["trial"] for r in again.past] == [1, 2, 3, *range(5, 13), 4]
     assert all(same for _, _, same in replay(study.log_of("P01", 0)))
+
+
+def test_a_repeat_leaves_the_earlier_sessions_rows(tmp_path):
+    """They have the same numbers: trial 1 of the session before is where the neutral comes from."""
+    text = 'schema = 1\nname = "r"\ntitle = "r"\nseed = 1\n[[session]]\nname = "a"\n'
+    text += '[[session.block]]\nname = "b"\ntask = "wrist.range"\ntrials = [{ repeat = 2 }]\n'
+    know_shipped_tasks()
+    plan = build_plan(parse_protocol(text, "r.toml"), 0, 0)
+    neutral = {"neutral_fe_deg": 9.0, "neutral_ru_deg": 0.0, "trial": 1, "impairment": False}
+    earlier = ({**neutral, "task": "wrist.neutral"},)
+    path = tmp_path / "events.jsonl"
+    session = StudySession(path, plan, "P01", SimulatedSource(1), earlier, durable=False)
+    session.run()
+    session.repeat(1, "a cough")
+    session.run()
+    session.close()
+    assert all(same for _, _, same in replay(path, earlier))
 
 
 # -- nothing lost ----------------------------------------------------------------------------------
@@ -470,17 +497,29 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     assert "at most 2 min" in call("check", str(EXAMPLE))
     call("create", str(EXAMPLE), folder, "--simulated")
     assert "group: A" in call("enrol", folder, "P01", "--consent")
-    assert "Simulated participant: 12 of 12" in call("run", folder, "P01")
+    assert "Simulated participant: 12 of 12" in call("run", folder, "P01", "--headless")
     assert "the same, bit for bit" in call("replay", folder, "P01")
     assert "Every log is as it was written" in call("audit", folder)
-    assert "12 of 12 trials are done" in call("resume", folder, "P01")
+    assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
     assert "comes again" in call("repeat", folder, "P01", "3", "--reason", "a cough")
-    assert "Remaining, as planned: 3" in call("resume", folder, "P01")
+    assert "Remaining, as planned: 3" in call("resume", folder, "P01", "--headless")
     call("repeat", folder, "P01", "2", "--reason", "a cough")
     call("skip", folder, "P01", "2", "--reason", "no time")
-    assert "12 of 12 trials are done" in call("resume", folder, "P01")
+    assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
     assert "11 rows" in call("export", folder, str(tmp_path / "out"))
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
+
+
+def test_the_washout_holds_for_real_people(tmp_path):
+    folder = str(tmp_path / "s")
+    words = [["create", str(EXAMPLE), folder], ["enrol", folder, "P01", "--consent"]]
+    run = ["run", folder, "P01", "--headless"]
+    for more in (*words, run):
+        assert CliRunner().invoke(app, ["study", *more]).exit_code == 0
+    done = CliRunner().invoke(app, ["study", *run, "--session", "2"])
+    assert "0 days since the last session, 7 are planned" in str(done.exception)
+    more = ["--session", "2", "--early", "leaves the country"]
+    assert CliRunner().invoke(app, ["study", *run, *more]).exit_code == 0
 
 
 def test_the_task_file_may_be_named_on_the_command_line(tmp_path):

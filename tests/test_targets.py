@@ -18,10 +18,12 @@ from .conftest import ROOT
 
 def test_every_firmware_folder_has_an_entry_and_is_found():
     folders = {p.name for p in (ROOT / "firmware" / "boards").iterdir()}
-    assert set(targets.firmware_boards()) == folders
-    assert targets.DEFAULT_BOARD in folders
-    for name in folders:
+    found = targets.firmware_boards()
+    assert {b.folder for b in found.values()} == {f"boards/{name}" for name in folders}
+    assert {"mps2-an385", "mps2-an500", targets.DEFAULT_BOARD} <= set(found)
+    for name in found:
         assert targets.find_board(name) is targets.BOARDS[name]
+        assert len(name) <= 15  # what a board may tell of itself
 
 
 def test_a_board_is_one_entry_and_its_folder(tmp_path, monkeypatch):

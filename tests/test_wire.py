@@ -33,11 +33,6 @@ STOP, RESET = "MAV_CMD_USER_4", "MAV_CMD_USER_1"
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def powered(drive):
     require_tool("gcc")
     board = SimBoard(drive)

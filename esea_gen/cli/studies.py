@@ -10,9 +10,12 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from esea_gen.cli.app import out
 from esea_gen.cli.names import Written, closed_loop_studies, reproductions, written_studies
-from esea_gen.cli.options import FigureOption, JsonOption
+from esea_gen.cli.options import FigureOption, JsonOption, writable
 from esea_gen.cli.output import picture, progress_line, show
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 
 CONTROLLER_HELP = "Name of a controller (a wrong one lists all), FILE.py:law or a device file."
 RecordingsOption = Annotated[
@@ -62,7 +65,8 @@ def _reproductions() -> dict[str, Any]:
     found = {}
     for written in reproductions():
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(written.name, help=written.help)(_reproduce(written))
+        run = _whole_thesis if written.name == "all" else _reproduce(written)
+        single.command(written.name, help=written.help)(run)
         found[written.name] = typer.main.get_command(single)
     return found
 
@@ -90,3 +94,50 @@ def _reproduce(written: Written) -> Callable[..., None]:
         run(json_file, figure)
 
     return with_data if written.recordings else alone
+
+
+def _page_file(path: Path | None) -> Path | None:
+    if path is not None and path.suffix.lower() not in (".html", ".md"):
+        raise UserError(f"{path}: not a page's name.", "End it in .html or .md.")
+    return writable(path)
+
+
+def _whole_thesis(
+    chapters: Annotated[
+        list[int] | None,
+        typer.Option("--chapter", min=3, max=8, help="Only this one; may be given again."),
+    ] = None,
+    given: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--given",
+            metavar="FILE",
+            help="JSON of esea-host study virtual, or of assess evaluate; again for more.",
+        ),
+    ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            "--page", metavar="FILE", callback=_page_file, help="Also write the page: .html or .md."
+        ),
+    ] = None,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    from esea_gen.report.thesis import thesis_page
+    from esea_gen.studies.thesis.study import CHAPTERS, recompute
+
+    with progress_line() as say:
+        result = recompute(say, chapters=chapters or CHAPTERS, given=given or ())
+    show(result, json_file)
+    if page is not None:
+        command = " ".join(
+            ["esea-gen reproduce all", *(f"--chapter {c}" for c in chapters or ())]
+            + [f"--given {p.name}" for p in given or ()]
+        )
+        html = page.suffix.lower() == ".html"
+        write_whole(page, thesis_page(result, command) if html else result.markdown())
+        out.print(f"page: {page}")
+    picture(figure, result.figure)
+    if not result.explained:
+        raise typer.Exit(1)

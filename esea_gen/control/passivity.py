@@ -27,6 +27,7 @@ from esea_gen.language.ports import (
     around,
     clip,
     flag_word,
+    in_range,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -209,6 +210,8 @@ class _Passivity:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
         going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
+        ranges = [in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients()]
+        sound = label("tunables_valid", ca.logic_and(*ranges), "no flipped bit: else all latches")
         on = label("on", ca.logic_and(seen, u.mode > 0.5), "a law acts")
         kp = label("stiffness_Nm_rad", ca.if_else(u.mode > 1.5, u.Kp_Nm_rad, 0.0))
         kd = label("wanted_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
@@ -237,8 +240,9 @@ class _Passivity:
             ca.fabs(u.omega_motor_rad_s) > self.omega_most,
         ]
         outputs = told | {
-            # What was given is forgotten with the memory: the limits latch.
-            "request_ok": ca.logic_and(u.request_ok == 1, guard.state_ok),
+            # What was given is forgotten with the memory, and a bound outside its range bounds
+            # nothing: the limits latch.
+            "request_ok": ca.logic_and(u.request_ok == 1, ca.logic_and(guard.state_ok, sound)),
             "u_command_Nm": passed,
             "given_J": held["given_J"],
             "held_J": gated.held_J,
@@ -412,7 +416,9 @@ class _Passivity:
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
             Port("mode_ahead", 0.0, 2.0, "mode; 2 while the set torque follows the limb's motion"),
-            Port("request_ok", 0.0, 1.0, "that of the input, and 0 with a corrupt state"),
+            Port(
+                "request_ok", 0.0, 1.0, "that of the input, and 0 with a corrupt state or tunable"
+            ),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),

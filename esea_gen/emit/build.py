@@ -150,18 +150,40 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
             files = Renderer(device.system, FORMATS[real], digest, command, device.title).folder()
         except UnsupportedOperationError as error:
             raise UserError(f"{device.origin}: {error.what}", error.fix) from None
-        bundles.append(Bundle(real, files | _manifest(device, digest, real, command, files)))
+        bundles.append(Bundle(real, files | manifest(device, digest, real, command, files)))
     return bundles
 
 
-def _manifest(
+def manifest(
     device: Device,
     digest: str,
     kind: str,
     command: str,
-    files: dict[str, str],
+    files: Mapping[str, str],
     more_versions: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
+    """The file that says what a folder of output is and what it holds.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    digest : str
+        Content hash that the files carry.
+    kind : str
+        What the folder is: a number format, ``dialect``, or a form of export.
+    command : str
+        The command that writes it.
+    files : mapping of str to str
+        Relative path to text.
+    more_versions : mapping, optional
+        Of what else the bytes depend on.
+
+    Returns
+    -------
+    dict of str to str
+        Its name and text.
+    """
     content: dict[str, Any] = {
         "device": device.name,
         "kind": kind,

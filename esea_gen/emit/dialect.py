@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.device import Device
-from esea_gen.emit.build import MANIFEST, Bundle, _manifest, build_command, device_hash
+from esea_gen.emit.build import MANIFEST, Bundle, build_command, device_hash, manifest
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.messages import (
     FIRST_ID,
@@ -119,7 +119,7 @@ def render_dialect(device: Device) -> Bundle:
     command = build_command(device)
     files = dialect_files(Renderer(device.system, FORMATS["f32"], digest, command, device.title))
     versions = {"pymavlink": metadata.version("pymavlink")}
-    return Bundle(FOLDER, files | _manifest(device, digest, FOLDER, command, files, versions))
+    return Bundle(FOLDER, files | manifest(device, digest, FOLDER, command, files, versions))
 
 
 @cache

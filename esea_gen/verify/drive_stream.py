@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +28,17 @@ def scalars(externals: Iterable[External]) -> list[tuple[str, External, int]]:
     ]
 
 
-def drive_stream(device: Device, deflection_rad: Array) -> dict[str, Array]:
+Told = Callable[[int, str, Mapping[str, Any]], None]
+"""Takes a run of a task: the tick, the task's name, its outputs."""
+
+
+def drive_stream(
+    device: Device, deflection_rad: Array, told: Told | None = None
+) -> dict[str, Array]:
     """Every external input of a drive, a row a tick.
 
     deflection_rad: as it is from ``LET_GO_S`` on, whatever the drive does.
+    told: called with every run of the System on the way.
 
     The joint moves slowly to and fro, with torque wanted; the drive answers to the commands of the
     symbolic System, for motor and motion may not contradict each other.  What a person or a fault
@@ -70,13 +78,18 @@ def drive_stream(device: Device, deflection_rad: Array) -> dict[str, Array]:
         for task in system.tasks:
             if k < task.phase or (k - task.phase) % task.every:
                 continue
-            out = simulator.step(task.name, **_given(stream, system.task_inputs(task), k))
+            out = simulator.step(task.name, **task_inputs_at(stream, system.task_inputs(task), k))
+            if told is not None:
+                told(k, task.name, out)
             if command in out and not held:
                 drive.move(float(out[command]), float(out[torque]))
     return stream
 
 
-def _given(stream: dict[str, Array], inputs: Iterable[External], k: int) -> dict[str, Array]:
+def task_inputs_at(
+    stream: Mapping[str, Array], inputs: Iterable[External], k: int
+) -> dict[str, Array]:
+    """What a task is given at a tick."""
     return {
         x.name: stream[x.name][k]
         if x.port.size == 1

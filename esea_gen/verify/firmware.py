@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from esea_gen.cache import cache_folder
 from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 from esea_gen.hostlib import find_compiler
 from esea_gen.targets import (
     APP_FLAGS,
@@ -140,10 +144,10 @@ def build_firmware(
         folder = Path(scratch)
         texts = {f"{real}/{n}": t for n, t in files.items()}
         texts |= {f"dialect/{n}": t for n, t in render_dialect(device).files.items()}
-        for part in ("app", "drivers", "port", f"boards/{board}"):
+        for part in ("app", "drivers", "port", chosen.folder):
             shutil.copytree(firmware_folder() / part, folder / part)
         if drivers is not None:
-            texts[f"boards/{board}/drivers.c"] = drivers
+            texts[f"{chosen.folder}/drivers.c"] = drivers
         for name, text in texts.items():
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -152,7 +156,7 @@ def build_firmware(
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
         objects += _compile_app(folder, chosen, _defined(device, FORMATS[real].link_header(prefix)))
-        script = f"boards/{board}/link.ld"
+        script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
         built = folder / f"{prefix}_{board}.elf"
@@ -197,16 +201,39 @@ def build_firmware(
 def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list[Path]:
     # Objects of the control code; with call graphs, and nothing in them but its own arithmetic.
     toolchain = board.processor.toolchain
-    common = [find_compiler(*toolchain.gcc), *board.compile_flags, *SECTION_FLAGS, "-c"]
-    made = []
-    for name in sources:
-        item = name.removesuffix(".c") + ".o"
-        measured = (*CONTROL_FLAGS, "-fcallgraph-info=su")
-        _run([*common, *measured, name, "-o", item], folder, f"control file {name}")
-        made.append(folder / item)
+    flags = (*board.compile_flags, *SECTION_FLAGS, *CONTROL_FLAGS, "-fcallgraph-info=su")
+    made = _objects(folder, toolchain, flags, sources)
     found = double_arithmetic(made, toolchain) if board.machine else []
     if found:
         raise RuntimeError(f"the control code is not {board.real} only: " + ", ".join(found))
+    return made
+
+
+def _objects(
+    folder: Path, toolchain: Toolchain, flags: Sequence[str], sources: Sequence[str]
+) -> list[Path]:
+    # Each is compiled once for a given content of it and of all headers, and kept beside its calls.
+    gcc = find_compiler(*toolchain.gcc)
+    common = hashlib.sha256("\0".join([_version(gcc), *flags]).encode())
+    for header in sorted(folder.rglob("*.h")):
+        common.update(f"\0{header.relative_to(folder)}\0".encode() + header.read_bytes())
+    made = []
+    for name in sources:
+        key = common.copy()
+        key.update(f"\0{name}\0".encode() + (folder / name).read_bytes())
+        kept = cache_folder() / "objects" / key.hexdigest()[:32]
+        item = (folder / name).with_suffix(".o")
+        made.append(item)
+        if kept.with_suffix(".o").is_file():
+            for suffix in (".ci", ".o"):
+                if kept.with_suffix(suffix).is_file():
+                    shutil.copyfile(kept.with_suffix(suffix), item.with_suffix(suffix))
+            continue
+        _run([gcc, *flags, "-c", name, "-o", item], folder, name)
+        for suffix in (".ci", ".o"):  # the object last: where it stands, all does
+            if item.with_suffix(suffix).is_file():
+                with suppress(UserError):  # a full disk costs time, no image
+                    write_whole(kept.with_suffix(suffix), item.with_suffix(suffix).read_bytes())
     return made
 
 
@@ -221,20 +248,16 @@ def _defined(device: Device, link_header: str) -> list[str]:
 
 def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Path]:
     # Objects of the hand-written code.
-    common = [find_compiler(*board.processor.toolchain.gcc), *board.compile_flags, *SECTION_FLAGS]
     includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport"]
     includes += ["-Iapp", "-Idrivers"]
-    bare = (folder / f"boards/{board.name}/link.ld").is_file()
-    flags = [*APP_FLAGS, *board.app_flags, *includes, *defined]
-    flags += ["-fcallgraph-info=su"] if bare else []
-    parts = ("app", "drivers", f"boards/{board.name}", *(["port"] if bare else []))
-    made = []
-    for source in (p for part in parts for p in sorted((folder / part).glob("*.c"))):
-        name = source.relative_to(folder).as_posix()
-        item = name.removesuffix(".c") + ".o"
-        _run([*common, "-c", *flags, name, "-o", item], folder, name)
-        made.append(folder / item)
-    return made
+    bare = (folder / board.folder / "link.ld").is_file()
+    named = f'-DESEA_BOARD_NAME="{board.name}"'
+    flags = [*board.compile_flags, *SECTION_FLAGS, *APP_FLAGS, *board.app_flags, *includes]
+    flags += [*defined, named, *(["-fcallgraph-info=su"] if bare else [])]
+    parts = ("app", "drivers", board.folder, *(["port"] if bare else []))
+    sources = (p for part in parts for p in sorted((folder / part).glob("*.c")))
+    names = [p.relative_to(folder).as_posix() for p in sources]
+    return _objects(folder, board.processor.toolchain, flags, names)
 
 
 def _hash_in(header: str) -> str:

@@ -14,6 +14,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import External
-from esea_gen.verify.drive_stream import drive_stream, scalars
+from esea_gen.verify.drive_stream import Told, drive_stream, scalars, task_inputs_at
 
 MARK = "# esea-gen trace"
 EVERY = 20  # steps a row
@@ -88,8 +89,10 @@ def _number(value: float, whole: bool) -> str:
     return str(int(value)) if whole else f"{value + 0.0:.{DIGITS}g}"  # + 0.0: no negative zero
 
 
-def trace_stream(device: Device) -> dict[str, Array]:
+def trace_stream(device: Device, told: Told | None = None) -> dict[str, Array]:
     """The fixed stream of a device: the parts of ``PARTS``, one after the other.
+
+    told: called with every run of the System, as the stream is made or on it.
 
     Every external input is driven, each with another phase.  Samples stand on a lattice of a power
     of two, so that a last digit of a sine does not move them.
@@ -105,7 +108,7 @@ def trace_stream(device: Device) -> dict[str, Array]:
             _piece(part, np.arange(n) / n, reach, high, top_Hz, 0)
             for part, n in zip(PARTS, counts.values(), strict=True)
         ]
-        return drive_stream(device, np.concatenate(pieces))
+        return drive_stream(device, np.concatenate(pieces), told)
     stream = {}
     for n, (name, external, _) in enumerate(scalars(system.inputs)):
         high = min(external.port.high, -external.port.low)
@@ -118,7 +121,19 @@ def trace_stream(device: Device) -> dict[str, Array]:
             pieces.append(_piece(part, s, reach, high, top_Hz, n))
         grid = 2.0 ** (math.frexp(high)[1] - LATTICE_BITS)
         stream[name] = np.round(np.concatenate(pieces) / grid) * grid
+    if told is not None:
+        _run(device, stream, told)
     return stream
+
+
+def _run(device: Device, stream: dict[str, Array], told: Told) -> None:
+    system, simulator = device.system, device.system.simulator()
+    for k in range(len(next(iter(stream.values())))):
+        simulator.release(k)
+        for task in system.tasks:
+            if k >= task.phase and (k - task.phase) % task.every == 0:
+                given = task_inputs_at(stream, system.task_inputs(task), k)
+                told(k, task.name, simulator.step(task.name, **given))
 
 
 def _piece(part: TracePart, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:
@@ -151,46 +166,30 @@ def run_trace(device: Device) -> Trace:
     return: every task at its ticks; between runs an output keeps its value.
     """
     system = device.system
-    simulator = system.simulator()
-    stream = trace_stream(device)
-    count = len(next(iter(stream.values())))
     columns = scalars(system.outputs)
     flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}
-    values = {n: 0.0 for n, _, _ in columns}
-    seen = dict.fromkeys(flags, 0)
-    steps: list[int] = []
-    kept: dict[str, list[float]] = {n: [] for n, _, _ in columns}
-    tasks = [
-        (t, [(x.name, x.port.size) for x in system.task_inputs(t)], system.task_outputs(t))
-        for t in system.tasks
-    ]
-    for k in range(count):
-        simulator.release(k)
-        for task, inputs, outputs in tasks:
-            if k < task.phase or (k - task.phase) % task.every:
-                continue
-            given = {
-                n: stream[n][k] if z == 1 else np.array([stream[f"{n}[{i}]"][k] for i in range(z)])
-                for n, z in inputs
-            }
-            result = simulator.step(task.name, **given)
-            for name, external, i in scalars(outputs):
-                value = np.atleast_1d(result[external.name])[i]
-                values[name] = value
-                if name in seen:
-                    seen[name] |= int(value)
-        if k % EVERY == EVERY - 1:
-            steps.append(k)
-            for name, store in kept.items():
-                store.append(seen[name] if name in seen else values[name])
-            seen = dict.fromkeys(flags, 0)
-    rows = np.array(steps)
+    outputs = {t.name: scalars(system.task_outputs(t)) for t in system.tasks}
+    runs: list[tuple[int, dict[str, float]]] = []
+
+    def told(k: int, task: str, made: Mapping[str, Any]) -> None:
+        runs.append((k, {n: np.atleast_1d(made[x.name])[i] for n, x, i in outputs[task]}))
+
+    stream = trace_stream(device, told)
+    rows: Any = np.arange(EVERY - 1, len(next(iter(stream.values()))), EVERY)
+    kept = {n: np.zeros(len(rows), int if n in flags else float) for n, _, _ in columns}
+    for k, made in runs:
+        row = k // EVERY
+        for name, value in made.items():
+            if name in flags:  # all that was told since the row before
+                kept[name][row : row + 1] |= int(value)
+            else:
+                kept[name][row:] = value
     return Trace(
         device.name,
         system.base_period_s,
         rows,
         {n: a[rows] for n, a in stream.items()},
-        {n: np.array(v, dtype=float) for n, v in kept.items()},
+        {n: v.astype(float) for n, v in kept.items()},
         flags,
         {n: _full_scale(device, x) for n, x, _ in columns if not x.port.flags},
     )

@@ -252,6 +252,9 @@ void esea_app_tick(esea_app_t *app)
     const uint32_t passed = pass_time(app);
 
     if (!app->clock.runs) {
+        /* The state may have passed from the motor on to a clock that rests between two ticks. */
+        if (app->port->motor != NULL)
+            app->port->motor(0.0f, false);
         if (app->port->feed != NULL && !esea_state_drives(app->state))
             app->port->feed();
         return;

@@ -16,7 +16,7 @@ from esea_gen.studies.torque_check.load import KnownLoad
 from esea_gen.studies.torque_check.procedure import REPEATS
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption
-from esea_host.cli.view import missing_screen
+from esea_host.cli.view import need_a_screen
 from esea_host.commissioning import (
     STEPS,
     CommissioningBench,
@@ -67,7 +67,8 @@ def commission(
         record = CommissioningRecord(
             folder or Path("commissioning") / bench.board.name, bench.board.name
         )
-        if not terminal and missing_screen() is None:
+        if not terminal:
+            need_a_screen("--terminal")
             from esea_host.windows.commission import run_commissioning
 
             run_commissioning(bench, chosen, options, record)

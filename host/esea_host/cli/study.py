@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,13 +23,21 @@ study_app = typer.Typer(
 )
 app.add_typer(study_app, name="study")
 
+
+class ExportForm(StrEnum):
+    """For whom data is written."""
+
+    rows = "rows"
+    parquet = "parquet"
+    bids = "bids"
+
+
 TaskOption = Annotated[
     list[Path] | None, typer.Option("--task", metavar="FILE.py", help="File with a task of yours.")
 ]
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")]
 CodeArgument = Annotated[str, typer.Argument(metavar="CODE", help="Participant code, such as P01.")]
 SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which session.")]
-SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
 
 
 @study_app.command("check")
@@ -69,67 +78,10 @@ def enrol(
     ] = False,
 ) -> None:
     """Take a participant in, by code."""
-    study = _opened(folder)
+    study = opened(folder)
     study.enrol(code, consent)
     group = study.group_shown(code, "operator")
     out.print(f"{code} enrolled; group: {group or 'none'}")
-
-
-@study_app.command("run")
-def run(
-    folder: FolderArgument, code: CodeArgument, session: SessionOption = 1, seed: SeedOption = 1
-) -> None:
-    """Run a session with each task's own simulated participant, without a window."""
-    study = _opened(folder)
-    if study.log_of(code, session - 1).exists():
-        raise UserError(
-            f"{code} has begun session {session} already.",
-            f"Go on with: esea-host study resume {folder} {code} --session {session}.",
-        )
-    _run(folder, code, session, seed)
-
-
-@study_app.command("resume")
-def resume(
-    folder: FolderArgument, code: CodeArgument, session: SessionOption = 1, seed: SeedOption = 1
-) -> None:
-    """Show what an interrupted session holds, and go on with it in the planned order."""
-    from esea_host.study.session import read_session
-
-    study = _opened(folder)
-    path = study.log_of(code, session - 1)
-    if not path.exists():
-        raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
-    state = read_session(path)
-    done = len(state.plan.trials) - len(state.remaining)
-    out.print(f"{path}: {done} of {len(state.plan.trials)} trials are done.")
-    if state.torn:
-        out.print(f"A last event was cut off ({state.torn} bytes); it is set aside, not lost.")
-    if state.running is not None:
-        out.print(f"Trial {state.running} was running; it counts as aborted and is repeated.")
-    order = ", ".join(str(t.number) for t in state.remaining[:12])
-    out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
-    if state.remaining:
-        _run(folder, code, session, seed)
-
-
-def _run(folder: Path, code: str, number: int, seed: int) -> None:
-    from esea_host.study.acting import SimulatedSource
-
-    study = _opened(folder)
-    session = study.session(code, number - 1, SimulatedSource(seed))
-    try:
-        reason = session.run()
-        study.finish(code, number - 1, session)
-    finally:
-        session.close()
-    state = session.state
-    done = len(state.plan.trials) - len(state.remaining)
-    out.print(f"Simulated participant: {done} of {len(state.plan.trials)} trials done.")
-    if reason:
-        raise UserError(
-            f"The session ended early: {reason.rstrip('.')}.", "It can be gone on with: resume."
-        )
 
 
 TrialArgument = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")]
@@ -165,7 +117,7 @@ def repeat(
 def _begun(folder: Path, code: str, number: int) -> StudySession:
     from esea_host.study.acting import SimulatedSource
 
-    study = _opened(folder)
+    study = opened(folder)
     if not study.log_of(code, number - 1).exists():
         raise UserError(f"{code} has not begun session {number}.", "Name one that was begun.")
     return study.session(code, number - 1, SimulatedSource(0))
@@ -176,7 +128,7 @@ def replay_command(folder: FolderArgument, code: CodeArgument, session: SessionO
     """Make every scene of a session again from its log, and say whether they are the same."""
     from esea_host.study.session import replay
 
-    study = _opened(folder)
+    study = opened(folder)
     path = study.log_of(code, session - 1)
     if not path.exists():
         raise UserError(f"{code} has not begun session {session}.", "Name one that was begun.")
@@ -192,7 +144,7 @@ def replay_command(folder: FolderArgument, code: CodeArgument, session: SessionO
 @study_app.command("audit")
 def audit(folder: FolderArgument) -> None:
     """Check every log's chain; name each line that was changed; list what was done."""
-    study = _opened(folder)
+    study = opened(folder)
     for kind, data in study.audited_anyway():
         out.print(kind + "".join(f" {k}={v}" for k, v in data.items()))
     problems = study.problems()
@@ -210,7 +162,7 @@ def delete(
     """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
     if not reason:
         raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
-    out.print(f"{code}: {_opened(folder).delete(code, reason)} files deleted")
+    out.print(f"{code}: {opened(folder).delete(code, reason)} files deleted")
 
 
 @study_app.command("export")
@@ -218,12 +170,24 @@ def export(
     folder: FolderArgument,
     to: Annotated[Path, typer.Argument(metavar="OUT", help="A new folder.")],
     seed: Annotated[int, typer.Option("--seed", help="Of the order of the new codes.")] = 0,
+    as_: Annotated[
+        ExportForm, typer.Option("--as", help="rows: CSV and JSON; bids: samples and events too.")
+    ] = ExportForm.rows,
 ) -> None:
     """Write scrubbed data for others: new codes, no notes, no times of day."""
-    out.print(f"{to}: {_opened(folder).export(to, seed)} rows")
+    from esea_host.study.exchange import to_bids, to_parquet
+    from esea_host.study.folder import StudyFolder
+
+    study = opened(folder)
+    if as_ is ExportForm.bids:
+        out.print(f"{to}: {to_bids(study, to, seed)} runs")
+    else:
+        write = to_parquet if as_ is ExportForm.parquet else StudyFolder.export
+        out.print(f"{to}: {write(study, to, seed)} rows")
 
 
-def _opened(folder: Path) -> StudyFolder:
+def opened(folder: Path) -> StudyFolder:
+    """A study's folder, with every shipped task known."""
     from esea_host.study.folder import StudyFolder
 
     know_shipped_tasks()

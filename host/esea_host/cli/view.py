@@ -54,8 +54,7 @@ def _watch(
     screenshot: Path | None,
     operated: bool,
 ) -> None:
-    if (why_not := missing_screen()) is not None:
-        raise why_not
+    need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.operator import DemoOperator
     from esea_host.windows.running import run_live
@@ -82,15 +81,15 @@ def _push(board: ConnectedDevice, push_rad: float) -> None:
         transport.push(push_rad)
 
 
-def missing_screen() -> UserError | None:
-    """Why no window can be opened here; Qt ends the whole program where it finds no screen."""
+def need_a_screen(otherwise: str) -> None:
+    """What to use where there is none, or no Qt."""
+    # Qt ends the whole program where it finds none.
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
-        return UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
+        raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
-        return UserError(
+        raise UserError(
             "There is no screen here.",
-            "Use esea-host monitor, or esea-host demo --headless.",
+            f"Use {otherwise}.",
         )
-    return None

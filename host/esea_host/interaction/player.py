@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from esea_host.interaction.rig import HANDLE_KGM2, ElementRig
 from esea_host.interaction.tasks import (
@@ -39,21 +39,43 @@ class RigPlayer(MovingHand):
         Where the hand is held, deg; goes on from trial to trial.
     situation : Situation
         What is asked.
+    paused : callable
+        Whether the task is held.
+
+    Attributes
+    ----------
+    read, held : list
+        What the encoder read, each millisecond, and whether the task was held then.
     """
 
     def __init__(
-        self, who: VirtualParticipant, rig: ElementRig, aims: list[float], situation: Situation
+        self,
+        who: VirtualParticipant,
+        rig: ElementRig,
+        aims: list[float],
+        situation: Situation,
+        paused: Callable[[], bool] = lambda: False,
     ) -> None:
         super().__init__(who, aims, HANDLE_KGM2)
         self.rig, self.asked = rig, situation.parameters
         self.read: list[float] = []
+        self.held: list[bool] = []
+        self._paused = paused
         self._lost_since_s: float | None = None
 
     def move(self, muscles: Sequence[Sequence[float]], requests: Mapping[str, float]) -> Inputs:
         """A frame of the rig; the encoder's milliseconds are kept."""
-        self.read += self.rig.advance(muscles[0])
+        new = self.rig.advance(muscles[0])
+        self.read += new
+        self.held += [self._paused()] * len(new)
         long = self._lost_since_s is not None and self.time_s - self._lost_since_s > LOST_S
         return {"theta_rad": self.read[-1], "recentre": float(long)}
+
+    def pointed_deg(self, scene: Scene, across: float, up: float) -> tuple[float, ...]:
+        """Across is the angle; in the game, where the angle is a speed, up is."""
+        if isinstance(self.asked, TrackingParameters):
+            return (min(max(across, -1.0), 1.0) * screen_deg(self.asked.target),)
+        return (min(max(up, -1.0), 1.0) * MOST_DEG,)
 
     def look(self, scene: Scene) -> None:
         """What the screen tells of the own hand, and whether the paddle is there at all."""

@@ -16,7 +16,8 @@
     element = "spring"
     task = "tracking"
 
-A recording has the columns ``time_s`` and ``theta_rad`` or ``theta_deg`` at a steady rate.
+A recording has the columns ``time_s`` and ``theta_rad`` or ``theta_deg`` at a steady rate; where it
+has ``paused``, what counts is what came after the last pause.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from esea_host.smoothness.checks import checked_rate, rows
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"
+SIMULATED = "# simulated\n"
 # Kept before the analysed part, for the filter to settle.
 SETTLE_S = 3.0
 
@@ -116,6 +118,32 @@ def read_manifest(folder: Path) -> Manifest:
     return manifest
 
 
+def recording_name(trial: int | str) -> str:
+    """File of a trial's recording, beside the session's log."""
+    return f"encoder-{trial}.csv"
+
+
+def write_recording(
+    path: Path,
+    time_s: npt.ArrayLike,
+    theta_rad: npt.ArrayLike,
+    paused: npt.ArrayLike,
+    simulated: bool,
+) -> None:
+    """A recording as it is read here; ``paused`` is there where something was."""
+    rows = list(zip(np.ravel(time_s), np.ravel(theta_rad), np.ravel(paused), strict=True))
+    held = any(p for _, _, p in rows)
+    head = (SIMULATED if simulated else "") + "time_s,theta_rad" + ",paused" * held + "\n"
+    lines = (f"{t:.3f},{x:.9g}" + f",{int(p)}" * held + "\n" for t, x, p in rows)
+    path.write_text(head + "".join(lines), encoding="utf-8")
+
+
+def is_simulated(path: Path) -> bool:
+    """Whether a recording says so of itself."""
+    with path.open(encoding="utf-8") as file:
+        return file.readline() == SIMULATED
+
+
 def read_angle(path: Path) -> tuple[Array, Array]:
     """Times and angle in degrees of a recording."""
     import pandas as pd
@@ -130,6 +158,8 @@ def read_angle(path: Path) -> tuple[Array, Array]:
             f"{path.name}: columns {', '.join(map(str, table.columns))}.",
             "It needs time_s and theta_rad or theta_deg.",
         )
+    if "paused" in table and table["paused"].any():
+        table = table.iloc[int(np.flatnonzero(table["paused"])[-1]) + 1 :]
     try:
         time, theta = table["time_s"].to_numpy(np.float64), table[angle].to_numpy(np.float64)
     except ValueError as error:

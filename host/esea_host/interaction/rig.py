@@ -42,6 +42,13 @@ def counts_per_rad(element: str) -> float:
     return float(2**bits / (2 * math.pi))
 
 
+@cache
+def law_ends(element: str) -> tuple[float, float]:
+    """How far the element's law goes, rad, and its full scale, Nm."""
+    device = element_device(element)
+    return float(device.sensor.inputs[0].high), float(device.file.domain.tau_full_scale_Nm.value)
+
+
 class ElementRig:
     """A wrist on the rig.
 
@@ -62,7 +69,7 @@ class ElementRig:
         library.function(f"{prefix}_init")(self._state)
         self._in, self._out = ffi.new(f"{prefix}_sense_in_t *"), ffi.new(f"{prefix}_sense_out_t *")
         self._h, self._counts = library.system.base_period_s, counts_per_rad(element)
-        self._most_rad = element_device(element).sensor.inputs[0].high
+        self._most_rad, _ = law_ends(element)
         self.element = element
         self.theta_rad = self.omega_rad_s = self.tau_Nm = 0.0
 

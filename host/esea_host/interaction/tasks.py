@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -60,6 +60,10 @@ def familiar_rad(time_s: float) -> float:
 
 
 class _InteractionTask(StudyTask):
+    version = "2"
+    inputs = ("theta_rad",)
+    switches: ClassVar[tuple[str, ...]] = ("pause",)
+
     def longest_s(self, parameters: Any) -> float:
         return float(parameters.seconds)
 
@@ -140,11 +144,14 @@ class TargetTracking(_InteractionTask):
             Shape("disc", "target", state.target_rad / full, 0.0, 0.05),
             Shape("disc", "cursor", theta / full, 0.0, 0.03),
         )
+        # To a tenth: a number that flickers is not read.
+        error_deg = round(math.degrees(state.rms_error_rad), 1)
+        texts = (Text("follow"), Text("error", {"error_deg": error_deg}), *_waiting(paused))
         outcome = None
         if _over(state.elapsed_s, p.seconds):
             row = {"element": p.element, "target": p.target, "seconds": state.elapsed_s}
             outcome = TrialOutcome(row | {"rms_error_deg": math.degrees(state.rms_error_rad)})
-        return TaskStep(state, Scene(shapes, (Text("follow"),), 1.0), {}, events, outcome)
+        return TaskStep(state, Scene(shapes, texts, 1.0), {}, events, outcome)
 
 
 # -- pong -----------------------------------------------------------------------------------------
@@ -231,6 +238,7 @@ class Pong(_InteractionTask):
 
     name = "interaction.pong"
     title = "Stop the ball with the paddle"
+    switches = ("pause", "recentre")
     Parameters = PongParameters
     columns = (
         ELEMENT,
@@ -277,7 +285,9 @@ class Pong(_InteractionTask):
         y, half = state.paddle_y, state.parameters.half_paddle
         ball = Shape("disc", "target", state.ball_x, state.ball_y, state.parameters.half_ball)
         bar = Shape("line", "cursor", PADDLE_X, y - half, 0.02, PADDLE_X, y + half)
-        return Scene((bar, ball), (Text("pong"),), 1.0)
+        texts = [Text("pong"), Text("score", {"saved": state.saved, "missed": state.missed})]
+        texts += [Text("lost")] if state.lost else []
+        return Scene((bar, ball), (*texts, *_waiting(state.paused)), 1.0)
 
 
 def _served(state: PongState) -> PongState:
@@ -337,6 +347,10 @@ def _elapsed(last_s: float, time_s: float) -> float:
 def _over(elapsed_s: float, seconds: float) -> bool:
     # Sums of steps: a rounding short of the end is the end.
     return elapsed_s >= seconds - 1e-6
+
+
+def _waiting(paused: bool) -> tuple[Text, ...]:
+    return (Text("paused"),) if paused else ()
 
 
 def _paused(before: bool, now: bool) -> tuple[TaskEvent, ...]:

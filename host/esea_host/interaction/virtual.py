@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from esea_host.interaction.design import ELEMENTS
+import numpy as np
+
+from esea_host.interaction.design import ELEMENTS, SPRING
 from esea_host.interaction.player import RigPlayer
-from esea_host.interaction.recordings import MANIFEST
-from esea_host.interaction.rig import ElementRig, element_library
-from esea_host.people.hand import MovingHand
+from esea_host.interaction.recordings import MANIFEST, is_simulated, recording_name, write_recording
+from esea_host.interaction.rig import ElementRig, element_library, law_ends
+from esea_host.people.hand import MovingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.source import PersonSource, VirtualPeople
 from esea_host.study.folder import StudyFolder
@@ -20,6 +23,7 @@ from esea_host.study.plan import group_of
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
 from esea_host.study.task import Situation, StudyTask
+from esea_host.study.watching import Gauge
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 PREFIX = "interaction."
@@ -36,10 +40,14 @@ class RigSource(PersonSource):
         The person.
     folder : Path
         Where the recordings of the session go.
+    pointer : callable, optional
+        Somebody real who points moves this person's hand.
     """
 
-    def __init__(self, who: VirtualParticipant, folder: Path) -> None:
-        super().__init__(who)
+    def __init__(
+        self, who: VirtualParticipant, folder: Path, pointer: Pointer | None = None
+    ) -> None:
+        super().__init__(who, pointer)
         self.folder = folder
         self.aims = [0.0]
         self._player: RigPlayer | None = None
@@ -48,24 +56,30 @@ class RigSource(PersonSource):
         """Nothing can be wrong with what is simulated."""
         return {"simulated": True}
 
+    def gauges(self) -> tuple[Gauge, ...]:
+        """Torque of the element beside its full scale, and its angle as far as its law goes."""
+        rig = self._player.rig if self._player is not None else None
+        most_rad, most_Nm = law_ends(rig.element if rig is not None else SPRING)
+        theta_deg = math.degrees(rig.theta_rad) if rig is not None else 0.0
+        most_deg = math.degrees(most_rad)
+        return (
+            Gauge("torque", rig.tau_Nm if rig is not None else 0.0, -most_Nm, most_Nm, "Nm"),
+            Gauge("angle", theta_deg, -most_deg, most_deg, "deg"),
+        )
+
     def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
         """The person, told what to do, on the rig with the element of this trial."""
         self.aims[0] = 0.0  # between trials the hand is let go
         rig = ElementRig(situation.parameters.element, self.who.limbs[0])
-        self._player = RigPlayer(self.who, rig, self.aims, situation)
+        self._player = RigPlayer(self.who, rig, self.aims, situation, lambda: self.paused)
         return self._player
 
     def over(self, number: int, state: str) -> None:
         """Keep the recording of a trial that was completed."""
         if state == COMPLETED and self._player is not None:
-            rows = (f"{k / 1000:.3f},{x:.9g}\n" for k, x in enumerate(self._player.read, 1))
-            text = "# simulated\ntime_s,theta_rad\n" + "".join(rows)
-            (self.folder / recording_name(number)).write_text(text, encoding="utf-8")
-
-
-def recording_name(trial: int) -> str:
-    """File of a trial's recording, beside the session's log."""
-    return f"encoder-{trial}.csv"
+            read, held = self._player.read, self._player.held
+            time_s = np.arange(1, len(read) + 1) / 1000
+            write_recording(self.folder / recording_name(number), time_s, read, held, True)
 
 
 @dataclass(frozen=True)
@@ -128,17 +142,20 @@ def run_crossover(
 
 
 def write_manifest(folder: Path, last_s: float) -> None:
-    """Name the recordings of a study for the analysis; familiarisation is left out."""
+    """Name the recordings that a study has, for the analysis; familiarisation is left out."""
     study = StudyFolder.open(folder, durable=False)
-    lines = ["# SIMULATED: no person took part.", "simulated = true", f"last_s = {last_s:g}", ""]
+    lines = []
+    simulated = False
     for code, index in study.participants().items():
         for row in study.rows(code):
-            if row["familiarisation"]:
-                continue
             block = row["session"] + 1
+            file = f"{code}/session-{block}/{recording_name(row['trial'])}"
+            if row["familiarisation"] or not (folder / file).exists():
+                continue
+            simulated |= is_simulated(folder / file)
             lines += [
                 "[[recording]]",
-                f'file = "{code}/session-{block}/{recording_name(row["trial"])}"',
+                f'file = "{file}"',
                 f'participant = "{code}"',
                 f'group = "{group_of(study.protocol, index)}"',
                 f"block = {block}",
@@ -146,4 +163,6 @@ def write_manifest(folder: Path, last_s: float) -> None:
                 f'task = "{row["task"].removeprefix(PREFIX)}"',
                 "",
             ]
-    (folder / MANIFEST).write_text("\n".join(lines), encoding="utf-8")
+    # One that is simulated makes the study so.
+    head = [f"simulated = {str(simulated).lower()}", f"last_s = {last_s:g}", ""]
+    (folder / MANIFEST).write_text("\n".join([*head, *lines]), encoding="utf-8")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from esea_host.people.person import VirtualParticipant, minimum_jerk
@@ -15,6 +15,10 @@ from esea_host.study.task import Actor, Inputs
 FRAME_S = 0.01
 # Nobody corrects less.
 LEAST_DEG = 0.4
+# From somebody's pointing, -1 to 1 across and up, where 1 is the edge of the scene.
+Pointer = Callable[[], tuple[float, float]]
+# A hand follows a pointer no faster than that; assumed.
+POINTED_DEG_S = 400.0
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,7 @@ class MovingHand(Actor):
         self.running: list[Submovement] = []
         self.next_s = [0.0] * len(aims)
         self.seen: deque[tuple[float, Scene, tuple[float, ...]]] = deque()
+        self.pointer: Pointer | None = None
         self._first: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     @abstractmethod
@@ -71,7 +76,10 @@ class MovingHand(Actor):
         self.time_s = round(self.time_s + FRAME_S, 6)
         self.look(scene)
         before = list(self.aims)
-        self._aim()
+        if self.pointer is not None:
+            self._follow_pointer(scene, *self.pointer())
+        else:
+            self._aim()
         m = self.who.model
         muscles = []
         for k, limb in enumerate(self.who.limbs[: len(before)]):
@@ -80,6 +88,23 @@ class MovingHand(Actor):
             ends = (math.radians(before[k]), math.radians(self.aims[k]))
             muscles.append((m.stiffness_Nm_rad, damping, *ends, m.effort_Nm))
         return self.time_s, self.move(muscles, requests)
+
+    def pointed_deg(self, scene: Scene, across: float, up: float) -> tuple[float, ...]:
+        """Where the hand is to be when somebody points there; a scene in degrees is taken as it is.
+
+        Parameters
+        ----------
+        scene : Scene
+            That is pointed into.
+        across, up : float
+            1 is its edge.
+        """
+        return across * scene.half_width, up * scene.half_width
+
+    def _follow_pointer(self, scene: Scene, across: float, up: float) -> None:
+        most = POINTED_DEG_S * FRAME_S
+        for k, goal in enumerate(self.pointed_deg(scene, across, up)[: len(self.aims)]):
+            self.aims[k] += min(max(goal - self.aims[k], -most), most)
 
     def look(self, scene: Scene) -> None:
         """Take a scene in."""

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from esea_host.people.hand import MovingHand
+from esea_host.people.hand import MovingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant, person
 from esea_host.study.plan import generator
 from esea_host.study.session import InputSource
@@ -20,10 +20,12 @@ class PersonSource(InputSource):
     ----------
     who : VirtualParticipant
         Comes again another day.
+    pointer : callable, optional
+        Somebody real who points moves this person's hand; the device stays simulated.
     """
 
-    def __init__(self, who: VirtualParticipant) -> None:
-        self.who = who
+    def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
+        self.who, self.pointer = who, pointer
         self._past_s = 0.0
         self._hand: MovingHand | None = None
 
@@ -35,6 +37,7 @@ class PersonSource(InputSource):
         """The same person in every trial."""
         self._past_s = self.now_s()
         self._hand = self.hand(task, situation, number)
+        self._hand.pointer = self.pointer
         return self._hand
 
     def rest(self, seconds: float) -> None:

@@ -80,6 +80,11 @@ class StudyFolder:
         path = self.path / "audit.jsonl"
         return [(e.kind, e.data) for e in read_log(path).sound(path).entries]
 
+    @property
+    def simulated(self) -> bool:
+        """Whether it was made for simulated people."""
+        return bool(self.audited()[0][1].get("simulated", False))
+
     def problems(self) -> list[str]:
         """Every break of a chain, each with file and line; sessions shorter than was recorded."""
         found = [f"audit.jsonl: {b}" for b in read_log(self.path / "audit.jsonl").breaks]
@@ -221,6 +226,23 @@ class StudyFolder:
 
     # -- export -------------------------------------------------------------------------------
 
+    def new_folder(self, out: Path) -> None:
+        """Make a folder; nothing is written into one that has anything in it."""
+        if out.exists() and any(out.iterdir()):
+            raise UserError(f"{out} is not empty.", "Name a new folder; nothing is overwritten.")
+        out.mkdir(parents=True, exist_ok=True)
+
+    def new_codes(self, seed: int) -> dict[str, str]:
+        """Who is meant by a new code, in random order."""
+        codes = sorted({c for c, _, _ in self.sessions()})
+        order = generator(seed, 3).permutation(len(codes))
+        return {f"S{k + 1:03d}": codes[int(place)] for k, place in enumerate(order)}
+
+    def scrubbed(self, seed: int) -> list[dict[str, Any]]:
+        """Rows of all participants under their new codes."""
+        named = self.new_codes(seed).items()
+        return [{**r, "participant": new} for new, old in named for r in self.rows(old)]
+
     def export(self, out: Path, seed: int = 0) -> int:
         """Scrubbed data for others: new codes in random order, no notes, no audit, no group order.
 
@@ -236,15 +258,8 @@ class StudyFolder:
         int
             Number of rows.
         """
-        if out.exists() and any(out.iterdir()):
-            raise UserError(f"{out} is not empty.", "Name a new folder; nothing is overwritten.")
-        out.mkdir(parents=True, exist_ok=True)
-        codes = sorted({c for c, _, _ in self.sessions()})
-        order = generator(seed, 3).permutation(len(codes))
-        rows: list[dict[str, Any]] = []
-        for k, place in enumerate(order):
-            new = f"S{k + 1:03d}"
-            rows += [{**r, "participant": new} for r in self.rows(codes[int(place)])]
+        self.new_folder(out)
+        rows = self.scrubbed(seed)
         with (out / "rows.jsonl").open("w", encoding="utf-8") as file:
             file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
         names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from string import Formatter
+from typing import Any, Literal
 
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -27,6 +28,14 @@ COLOURS = {
     "node": "#56b4e9",
     "text": "#f4f4f4",
     "background": "#1d1f21",
+}
+# On white; yellow and the light blue are not seen there.
+ON_WHITE = COLOURS | {
+    "origin": "#e69f00",
+    "guide": "#777777",
+    "node": "#0e86c8",
+    "text": "#1d1f21",
+    "background": "#ffffff",
 }
 
 
@@ -84,7 +93,19 @@ def catalogue(language: str) -> Mapping[str, str]:
 
 def said(text: Text, language: str = "en") -> str:
     """The words of a text; a key that a catalogue has not is shown as it is."""
-    return catalogue(language).get(text.key, text.key).format(**text.values)
+    words = catalogue(language)
+    return _Numbers(words["decimal"]).format(words.get(text.key, text.key), **text.values)
+
+
+class _Numbers(Formatter):
+    """Numbers as the language writes them."""
+
+    def __init__(self, decimal: str) -> None:
+        self._decimal = decimal
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        words = str(super().format_field(value, format_spec))
+        return words.replace(".", self._decimal) if isinstance(value, float) else words
 
 
 def draw(scene: Scene, language: str = "en") -> Figure:

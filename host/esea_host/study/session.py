@@ -15,27 +15,31 @@ from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
 from esea_host.study.task import Actor, Situation, StudyTask, TaskBrokenError, TaskStep, task_named
+from esea_host.study.watching import (
+    Gauge,
+    SessionWatcher,
+    Show,
+    Stop,
+    TrialOnly,
+    not_stopped,
+    shown_nowhere,
+)
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
 ABORTED, FAILED = "aborted", "failed"
 # So many samples go to disk together; an event, and the end of a trial, takes them along at once.
 CHUNK = 50
 
-Stop = Callable[[], str]
-Show = Callable[[Scene], None]
-
-
-def not_stopped() -> str:
-    """Nobody asks for a stop."""
-    return ""
-
-
-def shown_nowhere(_: Scene) -> None:
-    """The drawer of a headless run."""
-
 
 class InputSource(ABC):
-    """Where a session's inputs come from: a board, or simulated people."""
+    """Where a session's inputs come from: a board, or simulated people.
+
+    ask: while something is waited for, why to stop waiting; the session sets it.
+    paused: whether the task is held, for a device's own recording.
+    """
+
+    ask: Stop = staticmethod(not_stopped)
+    paused: bool = False
 
     @abstractmethod
     def ready(self) -> Mapping[str, Any]:
@@ -59,6 +63,14 @@ class InputSource(ABC):
     @abstractmethod
     def now_s(self) -> float:
         """Time since the session's start."""
+
+    def status(self) -> str:
+        """In which state the device is, in a word."""
+        return ""
+
+    def gauges(self) -> tuple[Gauge, ...]:
+        """What an operator sees of the device, beside its limits."""
+        return ()
 
 
 @dataclass(frozen=True)
@@ -189,10 +201,16 @@ class StudySession:
             self.log.append(0.0, "session", data)
             self.state = state_of(read_log(path), path)
 
-    def _say(self, kind: str, **data: Any) -> None:
+    def say(self, kind: str, **data: Any) -> None:
+        """Write an event; it is on disk when this returns.  Only in the session's thread."""
         self.log.append(self._offset_s + self.source.now_s(), kind, data)
 
-    def run(self, show: Show = shown_nowhere, stop: Stop = not_stopped) -> str:
+    def run(
+        self,
+        show: Show = shown_nowhere,
+        stop: Stop = not_stopped,
+        watcher: SessionWatcher | None = None,
+    ) -> str:
         """Run what remains.
 
         Parameters
@@ -201,46 +219,61 @@ class StudySession:
             Draws each scene.
         stop : callable
             Asked at every step why to stop; empty while nobody wants to.
+        watcher : SessionWatcher, optional
+            Looks on and decides in the place of both.
 
         Returns
         -------
         str
             Why it ended; empty when all trials are done.
         """
+        watcher = watcher or SessionWatcher(show, stop)
+        self.source.ask = watcher.turn
         if self.state.running is not None:
             self._end(self.state.running, ABORTED, "the program was cut off", None)
         if self.log.found.entries:
-            self._say("resume", torn_bytes=self.state.torn, running=self.state.running)
+            self.say("resume", torn_bytes=self.state.torn, running=self.state.running)
         ready = dict(self.source.ready())
-        self._say("ready", **ready)
-        reason = str(ready.get("problem", "")) or self._trials(show, stop)
-        self._say("end", reason=reason, completed=len(self.state.remaining) == 0)
+        self.say("ready", **ready)
+        reason = str(ready.get("problem", "")) or self._trials(watcher)
+        self.say("end", reason=reason, completed=len(self.state.remaining) == 0)
         self._reread()
         return reason
 
     def _reread(self) -> None:
         self.state = read_session(self.log.path)
 
-    def _trials(self, show: Show, stop: Stop) -> str:
-        past = [*self.earlier, *self.state.past]
-        failed = 0
+    def _trials(self, watcher: SessionWatcher) -> str:
+        known, past, failed = None, list[Mapping[str, Any]](), 0
+        todo: list[PlannedTrial] = []
         rules = self._rules
-        for trial in self.state.remaining:
+        while True:
+            watcher.between(self)
+            if known is not self.state:  # at first, and where a trial is to be left out or repeated
+                known, todo = self.state, list(self.state.remaining)
+                past = [*self.earlier, *self.state.past]
+            if not todo:
+                return ""
+            trial = todo[0]
             if trial.rest_before_s:
-                self._say("rest", seconds=trial.rest_before_s)
+                self.say("rest", seconds=trial.rest_before_s)
+                watcher.rests(trial.rest_before_s)
                 self.source.rest(trial.rest_before_s)
+                if why := watcher.turn():
+                    return why
             # By the session's own clock: a break between start and resume counts as no time.
             if self._offset_s + self.source.now_s() > 60 * rules["longest_min"]:
                 return f"longer than {rules['longest_min']:g} min"
-            ended, row, reason = self._trial(trial, tuple(past), show, stop)
+            ended, row, reason = self._trial(trial, tuple(past), watcher)
             if ended == COMPLETED and row is not None:
                 past.append(row)
             failed = failed + 1 if ended == FAILED else 0
-            if ended == ABORTED:
+            if ended != ABORTED:
+                todo.pop(0)
+            elif not isinstance(reason, TrialOnly):
                 return reason
             if failed >= rules["failed_in_a_row"]:
                 return f"{failed} trials in a row failed, the last one: {reason}"
-        return ""
 
     _rules: Mapping[str, float] = {"longest_min": 1e9, "failed_in_a_row": 3}
 
@@ -250,20 +283,21 @@ class StudySession:
         return self
 
     def _trial(
-        self, trial: PlannedTrial, past: tuple[Mapping[str, Any], ...], show: Show, stop: Stop
+        self, trial: PlannedTrial, past: tuple[Mapping[str, Any], ...], watcher: SessionWatcher
     ) -> tuple[str, Mapping[str, Any] | None, str]:
         task = task_named(trial.task, self.log.path.name)
         situation = situation_of(trial, past)
-        self._say("trial", trial=trial.number, block=trial.block, version=task.version)
-        frames = _Frames(self._say, trial.number)
+        self.say("trial", trial=trial.number, block=trial.block, version=task.version)
+        watcher.begins(trial)
+        frames = _Frames(self.say, trial.number)
         ended, row, reason = ABORTED, None, ""
         try:
             actor = self.source.trial(task, situation, trial.number)
-            state = task.begin(situation)
+            state = _own(task, task.begin, situation)
             scene = Scene()
             requests: dict[str, float] = {}
             while True:
-                reason = stop()
+                reason = watcher.turn()
                 if reason:
                     break
                 time_s, inputs = actor.react(scene, requests)
@@ -271,10 +305,10 @@ class StudySession:
                 if lost:
                     ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
                     break
-                step = task.step(state, time_s, inputs)
+                step = _own(task, task.step, state, time_s, inputs)
                 state, scene, requests = step.state, step.scene, dict(step.requests)
                 frames.add(time_s, inputs, step)
-                show(scene)
+                watcher.steps(time_s, step)
                 if step.outcome is not None:
                     reason = step.outcome.reason
                     ended = FAILED if step.outcome.row is None else COMPLETED
@@ -286,34 +320,37 @@ class StudySession:
         frames.flush()
         self.source.over(trial.number, ended)
         self._end(trial.number, ended, reason, row)
+        watcher.ends(self, trial.number, ended, reason, row or {})
         return ended, row, reason
 
     def _end(self, number: int, state: str, reason: str, row: Mapping[str, Any] | None) -> None:
-        self._say("trial_end", trial=number, state=state, reason=reason, row=row)
+        self.say("trial_end", trial=number, state=state, reason=reason, row=row)
 
     def skip(self, number: int, reason: str) -> None:
         """Leave a trial out, with the reason."""
         if not reason:
             raise UserError(f"Trial {number} cannot be skipped without a reason.", "Give one.")
+        self._reread()
         if self.state.states.get(number) in (None, COMPLETED):
             raise UserError(
                 f"Trial {number} is done, or there is none.", "Name one that is to come."
             )
-        self._say("skip", trial=number, reason=reason)
+        self.say("skip", trial=number, reason=reason)
         self._reread()
 
     def repeat(self, number: int, reason: str) -> None:
         """Have a trial again: what it gave no longer counts, and stays on record."""
         if not reason:
             raise UserError(f"Trial {number} is not repeated without a reason.", "Give one.")
+        self._reread()
         if self.state.states.get(number) in (None, PENDING):
             raise UserError(f"Trial {number} has not been run.", "Name one that has.")
-        self._say("repeat", trial=number, reason=reason)
+        self.say("repeat", trial=number, reason=reason)
         self._reread()
 
     def note(self, text: str) -> None:
         """A note of the operator's."""
-        self._say("note", text=text)
+        self.say("note", text=text)
 
     def correct(self, trial: int, column: str, new: Any, reason: str) -> None:
         """Correct a value of a row; the old one stays in the log."""
@@ -323,7 +360,7 @@ class StudySession:
                 f"Trial {trial} has no value {column!r} to correct, or no reason was given.",
                 "Name a completed trial, one of its columns and the reason.",
             )
-        self._say("correction", trial=trial, column=column, old=old, new=new, reason=reason)
+        self.say("correction", trial=trial, column=column, old=old, new=new, reason=reason)
         self._reread()
 
     def close(self) -> None:
@@ -335,6 +372,16 @@ def situation_of(trial: PlannedTrial, past: tuple[Mapping[str, Any], ...]) -> Si
     """What a planned trial starts from."""
     task = task_named(trial.task, "plan")
     return Situation(task.Parameters(**trial.parameters), trial.condition, past, trial.seed)
+
+
+def _own(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
+    # What a task's own code raises fails the trial; the session, and the device, stay in hand.
+    try:
+        return part(*given)
+    except (TaskBrokenError, UserError):
+        raise
+    except Exception as error:
+        raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error
 
 
 def _whole_row(row: Mapping[str, Any], trial: PlannedTrial, plan: Plan) -> dict[str, Any]:
@@ -403,14 +450,16 @@ def replay(
     """
     found = read_log(path).sound(path)
     plan = plan_from(found.entries[0].data["plan"])
-    past = list(earlier)
+    past: list[
+        Mapping[str, Any]
+    ] = []  # of this session: only its own rows are repeated or corrected
     for e in found.entries:
         if e.kind == "trial":
             trial = plan.trials[e.data["trial"] - 1]
             task, state, digest = task_named(trial.task, path.name), None, hashlib.sha256()
         elif e.kind == "frames":
             if state is None:  # one that could not begin has shown nothing
-                state = task.begin(situation_of(trial, tuple(past)))
+                state = task.begin(situation_of(trial, (*earlier, *past)))
             for k, sample in enumerate(e.data["samples"], 1):
                 inputs = dict(zip(e.data["names"], sample[1:], strict=True))
                 step = task.step(state, sample[0], inputs)

@@ -104,6 +104,8 @@ class StudyTask(ABC):
         A :class:`TaskParameters` with defaults.
     columns : tuple of Column
         The data columns of its row, all of them and no others.
+    inputs, switches : tuple of str
+        What it cannot do without; what somebody may press beside, 1 while it is pressed.
     """
 
     name: ClassVar[str]
@@ -111,6 +113,8 @@ class StudyTask(ABC):
     title: ClassVar[str]
     Parameters: ClassVar[type[TaskParameters]] = TaskParameters
     columns: ClassVar[tuple[DataColumn, ...]]
+    inputs: ClassVar[tuple[str, ...]] = ()
+    switches: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def longest_s(self, parameters: Any) -> float:

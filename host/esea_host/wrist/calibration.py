@@ -81,16 +81,25 @@ def node_speeds(
 class Complaint:
     """What is not good enough in a calibration, and what to do; ``key`` of the message catalogue.
 
-    key: ``faster``, ``further`` or ``more``.
+    key: ``faster``, ``further`` or ``more``.  node_deg: where; None for the whole range.
     """
 
     key: str
     what: str
     fix: str
+    node_deg: float | None = None
+
+    @property
+    def words(self) -> str:
+        """For the operator."""
+        return f"{self.what[0].upper()}{self.what[1:]}. {self.fix}"
 
 
 def quality(
-    low_deg: float, high_deg: float, traces: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
+    low_deg: float,
+    high_deg: float,
+    traces: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]],
+    least_passes: int = LEAST_PASSES,
 ) -> list[Complaint]:
     """What is wrong with movements so far: too slow, not far enough, too few passes.
 
@@ -100,6 +109,8 @@ def quality(
         Range of motion that was measured.
     traces : sequence of (time_s, theta_deg)
         The movements.
+    least_passes : int
+        Fewer while movements are still to come.
 
     Returns
     -------
@@ -121,13 +132,14 @@ def quality(
             )
     for node in node_places(low_deg, high_deg):
         passes = [v for t, th in traces for v in crossings(t, th, node).speeds_deg_s]
-        if len(passes) < LEAST_PASSES:
+        if len(passes) < least_passes:
             found.append(
                 Complaint(
                     "more",
-                    f"node {node:.0f} deg was crossed {len(passes)} times, {LEAST_PASSES} are "
+                    f"node {node:.0f} deg was crossed {len(passes)} times, {least_passes} are "
                     "wanted",
                     "Ask for more movements through that place.",
+                    node,
                 )
             )
         elif np.mean(passes) < LEAST_SPEED_DEG_S:
@@ -137,6 +149,7 @@ def quality(
                     f"at node {node:.0f} deg the mean speed is {np.mean(passes):.1f} deg/s, "
                     f"{LEAST_SPEED_DEG_S:.0f} are wanted",
                     "Ask for faster movements.",
+                    node,
                 )
             )
     return found

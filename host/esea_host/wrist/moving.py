@@ -147,7 +147,7 @@ class Track(_WristTask):
             cursors=(*state.cursors, x if p.axis == "FE" else y),
             targets=(*state.targets, target),
         )
-        shapes = (dot("target", *place(p.axis, target), 2.0), dot("cursor", x, y))
+        shapes = (dot("target", *place(p.axis, target), 4.0), dot("cursor", x, y, 2.5))
         outcome = None
         if shown >= times[-1]:
             outcome = TrialOutcome(
@@ -170,7 +170,7 @@ class Track(_WristTask):
         held = since is not None and time_s - since >= 0.5
         begun = time_s if held or time_s >= p.start_s else None
         events = (TaskEvent("started", {"ready": held}),) if begun is not None else ()
-        shapes = (dot("target", *place(p.axis, start), 2.0), dot("cursor", *here))
+        shapes = (dot("target", *place(p.axis, start), 4.0), dot("cursor", *here, 2.5))
         state = replace(state, ready_since_s=since, begun_s=begun)
         return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), events)
 

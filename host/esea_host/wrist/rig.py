@@ -90,6 +90,7 @@ class Rig:
         if library.function(f"{prefix}_prepare")(params, self._coeffs):
             raise AssertionError("the impairment refuses its tunables")
         library.function(f"{prefix}_init")(self._coeffs, self._state)
+        self.most_Nm = float(params.impairment_fe.tau_max_Nm)
         self._in = ffi.new(f"{prefix}_sense_in_t *")
         self._out = ffi.new(f"{prefix}_sense_out_t *")
         self._h = library.system.base_period_s

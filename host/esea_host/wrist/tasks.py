@@ -25,7 +25,7 @@ from esea_host.study.task import (
     TrialOutcome,
     register,
 )
-from esea_host.wrist.calibration import quality
+from esea_host.wrist.calibration import LEAST_PASSES, Complaint, quality
 from esea_host.wrist.past import AXES, Calibrated, calibrated
 from esea_host.wrist.simple_person import Follower
 
@@ -64,6 +64,9 @@ def place(axis: str, value: float) -> tuple[float, float]:
 
 
 class _WristTask(StudyTask):
+    version = "2"
+    inputs = ("fe_deg", "ru_deg")
+
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         return Follower(rng)
 
@@ -110,14 +113,17 @@ class Neutral(_WristTask):
         kept = (*(x for x in state.kept if x[0] > time_s - 1.0), (time_s, *angles(inputs)))
         outcome = None
         p, values = state.parameters, np.array(kept)[:, 1:]
+        fe, ru = (float(x) for x in np.mean(values, axis=0))
         still = float(np.max(np.ptp(values, axis=0))) <= p.still_deg
         if time_s >= p.seconds and still:
-            fe, ru = np.mean(values, axis=0)
-            found = {"neutral_fe_deg": float(fe), "neutral_ru_deg": float(ru)}
+            found = {"neutral_fe_deg": fe, "neutral_ru_deg": ru}
             outcome = TrialOutcome({"impairment": p.impairment, **found})
         elif time_s >= self.longest_s(p):
             outcome = TrialOutcome(None, f"the hand never rested within {p.still_deg:g} deg")
-        scene = Scene((dot("cursor", *angles(inputs)),), (Text("neutral"),))
+        # The room that the hand is to stay in, round where it was in the last second.
+        room = Shape("ring", "guide", fe, ru, 1.0 + p.still_deg)
+        texts = (Text("neutral"), *(() if still else (Text("still"),)))
+        scene = Scene((room, dot("cursor", *angles(inputs))), texts)
         asked = requests(state.parameters)
         return TaskStep(replace(state, kept=kept), scene, asked, (), outcome)
 
@@ -141,7 +147,12 @@ class Reaching:
     end_deg: float = 0.0
 
 
-DIRECTIONS = {("FE", 1): "up", ("FE", -1): "down", ("RU", 1): "thumb", ("RU", -1): "little finger"}
+DIRECTIONS = {
+    ("FE", 1): "range_up",
+    ("FE", -1): "range_down",
+    ("RU", 1): "range_thumb",
+    ("RU", -1): "range_little",
+}
 
 
 @register
@@ -176,16 +187,27 @@ class Range(_WristTask):
             outcome = TrialOutcome(row)
         far = place(p.axis, 100.0 * p.way)
         shapes = (
-            Shape("line", "guide", 0.0, 0.0, 1.0, *far),
+            Shape("line", "guide", 0.0, 0.0, 0.4, *place(p.axis, 60.0 * p.way)),
             dot("target", *far),
-            dot("cursor", *place(p.axis, theta)),
+            Shape("ring", "node", *place(p.axis, p.way * end), 4.0),
+            dot("cursor", *place(p.axis, theta), 2.5),
         )
-        text = Text("range_forward", {"direction": DIRECTIONS[p.axis, p.way]})
-        scene = Scene(shapes, (text,), 90.0)
+        texts = [Text(DIRECTIONS[p.axis, p.way]), Text("reached", {"end_deg": round(end)})]
+        # Who stands still before the time is up may have more to give.
+        texts += [Text("further")] if end - p.way * theta > 5.0 and outcome is None else []
+        scene = Scene(shapes, tuple(texts), 90.0)
         return TaskStep(replace(state, end_deg=end), scene, requests(p), (), outcome)
 
 
 # -- velocity --------------------------------------------------------------------------------------
+
+
+PATIENCE_S = 8.0
+NOT_REACHED = Complaint(
+    "further",
+    f"no end of the range was reached for {PATIENCE_S:g} s",
+    "Ask for larger movements, or measure the range again.",
+)
 
 
 class VelocityParameters(OnAxis):
@@ -206,7 +228,8 @@ class Sweeping:
     way: int = -1
     times: tuple[float, ...] = ()
     thetas: tuple[float, ...] = ()
-    words: tuple[str, ...] = ()
+    end_s: float = 0.0
+    wanting: tuple[Complaint, ...] = ()
 
 
 @register
@@ -242,25 +265,34 @@ class VelocitySweep(_WristTask):
         room = p.near_end * (high - low)
         there = theta <= low + room if state.way < 0 else theta >= high - room
         events: tuple[TaskEvent, ...] = ()
-        if there:
-            events = (TaskEvent("end_reached", {"theta_deg": theta}),)
         state = replace(
             state,
             done=state.done + there,
             way=-state.way if there else state.way,
+            end_s=time_s if there else state.end_s,
             times=(*state.times, time_s) if state.done >= 0 else (),
             thetas=(*state.thetas, theta) if state.done >= 0 else (),
         )
         if there and state.done > 0:
-            # Once a movement: the live word for the person.
-            found = quality(low, high, [(state.times, state.thetas)])
-            state = replace(state, words=tuple(dict.fromkeys(c.key for c in found)))
+            # Once a movement: what it was like, on disk, on both screens.
+            passes = min(state.done, LEAST_PASSES)
+            found = quality(low, high, [(state.times, state.thetas)], passes)
+            state = replace(state, wanting=tuple(found))
+        if there:
+            advice = [c.words for c in state.wanting]
+            about = {"theta_deg": theta, "done": max(state.done, 0), "advice": advice}
+            events = (TaskEvent("end_reached", about),)
+        elif time_s - state.end_s > PATIENCE_S and NOT_REACHED not in state.wanting:
+            state = replace(state, wanting=(*state.wanting, NOT_REACHED))
+            events = (TaskEvent("end_not_reached", {"advice": [NOT_REACHED.words]}),)
         over = state.done >= p.movements or time_s >= p.longest_s
         outcome = self._outcome(state, low, high) if over else None
         return TaskStep(state, self._scene(state, theta), requests(p), events, outcome)
 
     def _outcome(self, state: Sweeping, low: float, high: float) -> TrialOutcome:
-        complaints = quality(low, high, [(state.times, state.thetas)]) if state.times else []
+        complaints = [NOT_REACHED]  # not even once: there is nothing to judge
+        if state.times:
+            complaints = quality(low, high, [(state.times, state.thetas)])
         return TrialOutcome(
             {
                 "impairment": state.parameters.impairment,
@@ -268,16 +300,23 @@ class VelocitySweep(_WristTask):
                 "movements": max(state.done, 0),
                 "time_s": list(state.times),
                 "theta_deg": list(state.thetas),
-                "complaints": [f"{c.what}. {c.fix}" for c in complaints],
+                "complaints": [c.words for c in complaints],
             }
         )
 
     def _scene(self, state: Sweeping, theta: float) -> Scene:
         axis = state.parameters.axis
         low, high = state.past.range_of(axis)
-        nodes = [dot("node", *place(axis, n), 1.5) for n in state.past.nodes(axis)]
-        goal = dot("target", *place(axis, low if state.way < 0 else high), 2.0)
+        # A full disc is a node that was crossed often and fast enough so far.
+        short = (
+            {c.node_deg for c in state.wanting} if state.done > 0 else set(state.past.nodes(axis))
+        )
+        nodes = [
+            Shape("ring" if n in short else "disc", "node", *place(axis, n), 2.0)
+            for n in state.past.nodes(axis)
+        ]
+        goal = dot("target", *place(axis, low if state.way < 0 else high), 4.0)
         left = state.parameters.movements - max(state.done, 0)
-        words = [Text(w) for w in state.words if w in ("faster", "further")]
-        cursor = dot("cursor", *place(axis, theta))
-        return Scene((*nodes, goal, cursor), (Text("sweep", {"left": left}), *words), 90.0)
+        words = [Text(w) for w in dict.fromkeys(c.key for c in state.wanting)]
+        cursor = dot("cursor", *place(axis, theta), 2.5)
+        return Scene((goal, *nodes, cursor), (Text("sweep", {"left": left}), *words), 90.0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from esea_host.people.hand import MovingHand, shape
+from esea_host.people.hand import MovingHand, Pointer, shape
 from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.source import PersonSource, VirtualPeople
 from esea_host.study.folder import StudyFolder
@@ -14,8 +14,9 @@ from esea_host.study.many import run_everybody
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.scene import Scene
 from esea_host.study.task import Inputs, Row, Situation, StudyTask
+from esea_host.study.watching import Gauge
 from esea_host.wrist.actor import WristActor
-from esea_host.wrist.rig import Rig, rig_library
+from esea_host.wrist.rig import NAMES, Rig, rig_library
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 
@@ -23,8 +24,8 @@ PROTOCOL = Path(__file__).parent / "protocol.toml"
 class VirtualPerson(PersonSource):
     """A person in the virtual wrist device, for a session."""
 
-    def __init__(self, who: VirtualParticipant) -> None:
-        super().__init__(who)
+    def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
+        super().__init__(who, pointer)
         self.rig = Rig(who.limbs)
         self.aims = [0.0, 0.0]
 
@@ -33,6 +34,14 @@ class VirtualPerson(PersonSource):
         still = [(0.0, 0.0, 0.0, 0.0, 0.0)] * 2
         self.rig.advance(still, False)
         return {"simulated": True, "tau_Nm": [a.tau_Nm for a in self.rig.axes]}
+
+    def gauges(self) -> tuple[Gauge, ...]:
+        """Torque on the wrist beside the largest that the impairment may ask for."""
+        most = self.rig.most_Nm
+        return tuple(
+            Gauge(f"torque {name.upper()}", axis.tau_Nm, -most, most, "Nm")
+            for name, axis in zip(NAMES, self.rig.axes, strict=True)
+        )
 
     def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
         """The person, told what to do."""

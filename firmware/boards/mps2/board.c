@@ -1,7 +1,7 @@
-/* ARM MPS2 with the AN385 image: Cortex-M3 without an FPU, 25 MHz.  Runs the q31 folder.
+/* ARM MPS2 at 25 MHz, with the AN385 image (Cortex-M3 without an FPU) or the AN500 image (Cortex-M7).
  *
- * Verified in QEMU's machine mps2-an385.  Registers as in ARM's application note AN385 and the
- * Cortex-M System Design Kit's manual (DDI 0479); not tried on a real board.
+ * Verified in QEMU's machines mps2-an385 and mps2-an500.  Registers as in ARM's application notes
+ * AN385 and AN500 and the Cortex-M System Design Kit's manual (DDI 0479); not tried on a real board.
  *
  * License: MIT. */
 #include "cortex_m.h"
@@ -29,7 +29,7 @@
 
 void esea_uart0_receive_handler(void);
 
-const char esea_board_name[] = "mps2-an385";
+const char esea_board_name[] = ESEA_BOARD_NAME;
 const uint32_t esea_board_clock_MHz = 25u;
 
 void esea_uart0_receive_handler(void)

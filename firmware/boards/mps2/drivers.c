@@ -1,4 +1,4 @@
-/* Drivers of the MPS2 with AN385: none.  So every measurement is NaN, which the control code refuses, and the motor's
+/* Drivers of the MPS2: none.  So every measurement is NaN, which the control code refuses, and the motor's
  * command goes nowhere.
  *
  * License: MIT. */

@@ -1,0 +1,158 @@
+"""The generated C in other tools' forms: ``export fmu``, ``cmake``, ``arduino``, ``zephyr``, ..."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import esea_gen
+from esea_gen.cli.app import app, out
+from esea_gen.cli.names import PEOPLE, PLANTS, complete_block, completing
+from esea_gen.cli.options import ControllerOption, DeviceArgument, writable
+from esea_gen.cli.output import progress_line
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
+
+export = typer.Typer(help="The generated C in the forms that other tools take in.")
+
+
+app.add_typer(export, name="export", no_args_is_help=True)
+
+
+FormatOption = Annotated[
+    str, typer.Option("--real", metavar="f64|f32", help="Number format of the C.")
+]
+AnyFormatOption = Annotated[
+    str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the C.")
+]
+FolderOption = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default: named by it.")
+]
+
+
+@export.command("fmu")
+def export_fmu(
+    device: DeviceArgument,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", callback=writable, help="Output file; default: NAME.fmu."
+        ),
+    ] = None,
+    block: Annotated[
+        str | None,
+        typer.Option(
+            "--block",
+            metavar="NAME",
+            help="One Block instead of the whole controller.",
+            autocompletion=complete_block,
+        ),
+    ] = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            "--plant",
+            metavar="|".join(PLANTS),
+            help="The virtual exoskeleton (simulated) instead of the controller.",
+            autocompletion=completing(lambda: PLANTS),
+        ),
+    ] = None,
+    person: Annotated[
+        str | None,
+        typer.Option(
+            "--person",
+            metavar="|".join(PEOPLE),
+            help="Who is in the virtual exoskeleton; default: who suits the plant.",
+            autocompletion=completing(lambda: PEOPLE),
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of plant and person.")] = 0,
+    fmi: Annotated[str, typer.Option("--fmi", metavar="2|3", help="FMI 2.0 or FMI 3.0.")] = "3",
+    real: FormatOption = "f32",
+    controller: ControllerOption = None,
+) -> None:
+    """Write a Functional Mock-up Unit for co-simulation: sources, description, Linux binary.
+
+    The whole controller of the device, or one Block of it, or the virtual exoskeleton.
+    """
+    from esea_gen.export.fmu import make_fmu
+    from esea_gen.export.model import block_model, controller_model, twin_model
+
+    if fmi not in ("2", "3"):
+        raise UserError(f"--fmi {fmi}: there is no such version here.", "Give 2 or 3.")
+    if block is not None and plant is not None:
+        raise UserError("--block and --plant ask for two FMUs.", "Give one of them.")
+    loaded = esea_gen.load_device(device, controller)
+    with progress_line() as say:
+        say(f"{loaded.name}: rendering and compiling")
+        if plant is not None:
+            from esea_gen.twin.run import plant_variant
+
+            if loaded.drive is None:
+                raise UserError(
+                    f"{loaded.name} has no drive, so there is no virtual exoskeleton of it.",
+                    "Take a device with one, such as elbow_drive.",
+                )
+            suits = {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
+            variant = plant_variant(loaded, plant, person or suits, seed)
+            tick_s = loaded.system.base_period_s
+            model = twin_model(variant, tick_s, loaded.title, loaded.digest)
+        elif block is not None:
+            model = block_model(loaded, block, real)
+        else:
+            model = controller_model(loaded, real)
+        made = make_fmu(model, "2" if fmi == "2" else "3")
+    path = target or Path(f"{model.identifier}.fmu")
+    write_whole(path, made.packed())
+    inputs, tunables, outputs = (len(model.of(r)) for r in ("input", "tunable", "output"))
+    out.print(f"{path}: {model.title}; FMI {fmi}.0, {model.renderer.fmt.name}")
+    out.print(f"{inputs} inputs, {tunables} tunables, {outputs} outputs; tick {model.tick_s:g} s")
+    out.print(f"content {model.digest}")
+    out.print(f"Next: esea-gen export check {path}")
+
+
+@export.command("check")
+def export_check(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="An FMU of esea-gen's.")],
+) -> None:
+    """Tell whether an FMU is whole, as it was exported, and of one content."""
+    from esea_gen.export.fmu import check_fmu
+
+    found = check_fmu(path)
+    out.print(
+        f"{path}: whole; FMI {found['fmi']}.0, {found['number_format']}, {found['identifier']}"
+    )
+    out.print(f"content {found['content_hash']}")
+
+
+def _library(kind: str, text: str) -> None:
+    # One command a form: they differ in what is written, not in how they are asked.
+    def run(
+        device: DeviceArgument,
+        folder: FolderOption = None,
+        real: AnyFormatOption = "f32",
+        controller: ControllerOption = None,
+    ) -> None:
+        from esea_gen.export.library import FORMS, write_library
+
+        loaded = esea_gen.load_device(device, controller)
+        form: Any = FORMS[kind]
+        with progress_line() as say:
+            say(f"{loaded.name}: rendering")
+            written = write_library(loaded, form, real, folder)
+        out.print(f"{written.folder}: {len(written.files)} files, content {written.digest}")
+        for line in written.next_steps:
+            out.print(line)
+
+    run.__doc__ = text
+    command: Callable[..., None] = run
+    export.command(kind)(command)
+
+
+_library("cmake", "Write a CMake package: builds with one line, found by find_package.")
+_library("arduino", "Write a library for Arduino and PlatformIO, with an example sketch.")
+_library("zephyr", "Write a Zephyr module: a library behind a Kconfig switch.")
+_library("simulink", "Write a C Caller's header and source for Simulink.")

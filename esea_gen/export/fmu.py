@@ -1,0 +1,205 @@
+"""Functional Mock-up Units: a model's C, its binary and its description in one file.
+
+FMI 2.0 and FMI 3.0, co-simulation.  The same model gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import io
+import json
+import re
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from esea_gen.emit.render import template_folder, versions
+from esea_gen.errors import UserError
+from esea_gen.export.model import ExportedModel
+from esea_gen.export.units import DEGREES, PER_RADIAN, exponents
+from esea_gen.hostlib.compiler import compile_sources
+
+Version = Literal["2", "3"]
+MANIFEST = "extra/org.esea-gen/manifest.json"
+DESCRIPTION = "modelDescription.xml"
+PLATFORM = {"2": "linux64", "3": "x86_64-linux"}
+# Only what FMI names is seen from outside; no table of symbols, which would name scratch files.
+_FLAGS = ("-fvisibility=hidden", "-s")
+# In a library of its own every function has its plain name.
+_PLAIN = "-DFMI3_OVERRIDE_FUNCTION_PREFIX"
+_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold: no date in the bytes
+
+
+def _headers(fmi: Version) -> dict[str, str]:
+    folder = template_folder() / "export" / "fmi"
+    return {p.name: p.read_text(encoding="utf-8") for p in sorted(folder.glob(f"fmi{fmi}*.h"))}
+
+
+def _stubs(written: str) -> list[tuple[str, str, str]]:
+    # Functions that FMI 3.0 wants exported and that its own text does not define: name, arguments,
+    # and the statement that uses the arguments.
+    text = _headers("3")["fmi3FunctionTypes.h"]
+    found = []
+    for name, given in re.findall(r"typedef fmi3Status fmi3(\w+?)TYPE\s*\((.*?)\);", text, re.S):
+        if f"fmi3{name}(" in written:
+            continue
+        arguments = " ".join(given.split())
+        names = [re.sub(r"\[\]$", "", a.split()[-1]).lstrip("*") for a in arguments.split(",")]
+        unused = ", ".join(f"(void){n}" for n in names if n != "instance")
+        found.append((name, arguments, unused))
+    return found
+
+
+def sources(model: ExportedModel, fmi: Version) -> dict[str, str]:
+    """C and headers of the FMU's folder ``sources``, but for the token that is made of them."""
+    files = model.renderer.files()
+    chosen = {name: files[name] for name in model.files}
+    folder = template_folder() / "export" / "fmu"
+    chosen["instance.h"] = (folder / "instance.h").read_text(encoding="utf-8")
+    render = model.renderer.render
+    name = f"fmi{fmi}.c"
+    written = render(f"export/fmu/{name}.j2", model=model, stubs=[])
+    # FMI 3.0's getters and setters come from a loop: the text is asked, not the template.
+    stubs = _stubs(written) if fmi == "3" else []
+    chosen[name] = render(f"export/fmu/{name}.j2", model=model, stubs=stubs)
+    shown = _description(model, fmi, "")
+    digest = hashlib.sha256("\0".join([*sorted(chosen.values()), shown]).encode())
+    chosen["model.h"] = model_header(model, digest.hexdigest()[:32], model.command)
+    if fmi == "3":
+        chosen["buildDescription.xml"] = render(
+            "export/fmu/buildDescription.xml.j2", model=model, c_files=_compiled(model, fmi)
+        )
+    return chosen
+
+
+def model_header(model: ExportedModel, token: str, command: str) -> str:
+    """What calls the model by numbers in an array, as C text.
+
+    command: that writes it.
+    """
+    _filters(model)
+    given = {"model": model, "token": token, "command": command}
+    return model.renderer.render("export/fmu/model.h.j2", **given)
+
+
+def _filters(model: ExportedModel) -> None:
+    model.renderer.env.filters |= {
+        "xml": html.escape,
+        "double": lambda x: repr(float(x)),
+    }
+
+
+def _token(files: Mapping[str, str]) -> str:
+    found = re.search(r'MODEL_TOKEN "(\w+)"', files["model.h"])
+    assert found is not None
+    return found.group(1)
+
+
+def _compiled(model: ExportedModel, fmi: Version) -> list[str]:
+    return [f"fmi{fmi}.c", *sorted(n for n in model.files if n.endswith(".c"))]
+
+
+def _description(model: ExportedModel, fmi: Version, token: str) -> str:
+    named = dict.fromkeys(["s", *(v.unit for v in model.variables if v.unit != "1")])
+    units = {name: exponents(name) for name in named}
+    _filters(model)
+    return model.renderer.env.get_template(f"export/fmu/description{fmi}.xml.j2").render(
+        model=model,
+        token=token,
+        units=units,
+        degrees=DEGREES,
+        per_radian=PER_RADIAN,
+        c_files=_compiled(model, fmi),
+        version=versions()["esea-gen"],
+    )
+
+
+@dataclass(frozen=True)
+class Fmu:
+    """A Functional Mock-up Unit in memory.
+
+    files: content by path inside the archive.
+    """
+
+    model: ExportedModel
+    fmi: Version
+    files: dict[str, bytes]
+
+    def packed(self) -> bytes:
+        """The archive: the same bytes for the same content."""
+        stream = io.BytesIO()
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(self.files, key=lambda n: (n != DESCRIPTION, n)):
+                entry = zipfile.ZipInfo(name, _TIME)
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                entry.external_attr = (0o755 if name.endswith(".so") else 0o644) << 16
+                archive.writestr(entry, self.files[name])
+        return stream.getvalue()
+
+
+def make_fmu(model: ExportedModel, fmi: Version = "3") -> Fmu:
+    """Render, compile and describe a model as an FMU for co-simulation.
+
+    raises: UserError without a C compiler.
+    """
+    texts = sources(model, fmi)
+    token = _token(texts)
+    binary = compile_sources(
+        texts | _headers(fmi),
+        (*_FLAGS, _PLAIN),
+        ("-lm",) if model.renderer.fmt.needs_libm else (),
+    ).read_bytes()
+    page = model.renderer.render("export/fmu/index.html.j2", model=model, fmi=fmi)
+    files = {f"sources/{name}": text.encode() for name, text in texts.items()}
+    files |= {
+        DESCRIPTION: _description(model, fmi, token).encode(),
+        f"binaries/{PLATFORM[fmi]}/{model.identifier}.so": binary,
+        "documentation/index.html": page.encode(),
+    }
+    manifest = {
+        "identifier": model.identifier,
+        "content_hash": model.digest,
+        "number_format": model.renderer.fmt.name,
+        "fmi": fmi,
+        "token": token,
+        "versions": versions(),
+        "files": {n: hashlib.sha256(files[n]).hexdigest() for n in sorted(files)},
+    }
+    files[MANIFEST] = (json.dumps(manifest, indent=2) + "\n").encode()
+    return Fmu(model, fmi, files)
+
+
+def check_fmu(path: Path) -> dict[str, Any]:
+    """The manifest of an FMU on disk, if the file is whole and of one content.
+
+    raises: UserError for what is no archive, damaged, changed, or put together from two exports.
+    """
+    fix = "Export it again: esea-gen export fmu."
+    try:
+        with zipfile.ZipFile(path) as archive:
+            files = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
+    except FileNotFoundError:
+        raise UserError(f"{path}: there is no such file.", "Name an .fmu file.") from None
+    except (OSError, zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, RuntimeError) as error:
+        raise UserError(f"{path}: damaged, or no FMU ({error}).", fix) from None
+    except Exception as error:  # zlib's own, of a damaged stream
+        raise UserError(f"{path}: damaged ({error}).", fix) from None
+    try:
+        manifest: dict[str, Any] = json.loads(files.pop(MANIFEST))
+        listed, token = manifest["files"], str(manifest["token"])
+    except (KeyError, ValueError, TypeError):
+        raise UserError(f"{path}: not written by esea-gen (no {MANIFEST}).", fix) from None
+    for name in sorted(set(listed) | set(files)):
+        if name not in files:
+            raise UserError(f"{path}: {name} is missing.", fix)
+        if name not in listed:
+            raise UserError(f"{path}: {name} was added after the export.", fix)
+        if hashlib.sha256(files[name]).hexdigest() != listed[name]:
+            raise UserError(f"{path}: {name} was changed after the export.", fix)
+    for name, content in files.items():
+        if (name == DESCRIPTION or name.endswith(".so")) and token.encode() not in content:
+            raise UserError(f"{path}: {name} is of another content than the rest.", fix)
+    return manifest

@@ -1,0 +1,179 @@
+"""The generated C as a library: for CMake, for Arduino and PlatformIO, for Zephyr, for Simulink."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from esea_gen.device import Device
+from esea_gen.emit.build import Bundle, build_command, format_hash, manifest, write_bundles
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.emit.walker import UnsupportedOperationError
+from esea_gen.errors import UserError
+from esea_gen.export.fmu import model_header
+from esea_gen.export.model import controller_model
+
+Text = Callable[[str], str]
+
+
+@dataclass(frozen=True)
+class LibraryForm:
+    """How a library is laid out.
+
+    templates: by what they become; ``{p}`` stands for the C's prefix.
+    headers, sources, example: folders of these; none without an example.
+    top: text at the top of every C file.
+    steps: what to do next, a line each.
+    arrays: whether it is called by arrays of numbers, as a simulator calls it.
+    """
+
+    name: str
+    templates: Mapping[str, str]
+    steps: tuple[str, ...]
+    headers: str = "include/"
+    sources: str = "src/"
+    example: str = ""
+    top: str = ""
+    arrays: bool = False
+
+
+FORMS = {
+    f.name: f
+    for f in (
+        LibraryForm(
+            "cmake",
+            {"CMakeLists.txt": "CMakeLists.txt", "cmake/{p}Config.cmake.in": "config.cmake.in"},
+            (
+                "Build, try, install: cmake -B build && cmake --build build && "
+                "ctest --test-dir build && cmake --install build --prefix DIR",
+                "Use: find_package({p} CONFIG REQUIRED), target_link_libraries(app PRIVATE "
+                "esea::{name})",
+            ),
+            example="example/",
+        ),
+        LibraryForm(
+            "arduino",
+            {
+                "library.properties": "library.properties",
+                "library.json": "library.json",
+                "keywords.txt": "keywords.txt",
+                "examples/ticks/ticks.ino": "sketch.ino",
+            },
+            (
+                "Arduino: put the folder into libraries/; File > Examples > {p} > ticks",
+                "PlatformIO: put it into lib/, or name it in lib_deps as file://...",
+            ),
+            headers="src/",
+            top="contract.txt",
+        ),
+        LibraryForm(
+            "zephyr",
+            {
+                "zephyr/module.yml": "module.yml",
+                "zephyr/Kconfig": "Kconfig",
+                "zephyr/CMakeLists.txt": "CMakeLists.txt",
+                "samples/check/CMakeLists.txt": "sample.cmake",
+                "samples/check/prj.conf": "prj.conf",
+                "samples/check/sample.yaml": "sample.yaml",
+            },
+            (
+                "Try: west build -b native_sim samples/check && west build -t run",
+                "Use: name the folder in ZEPHYR_EXTRA_MODULES, set CONFIG_{P}=y, include {p}.h",
+            ),
+            example="samples/check/src/",
+        ),
+        LibraryForm(
+            "simulink",
+            {"{p}_caller.h": "caller.h", "{p}_caller.c": "caller.c"},
+            (
+                "What to enter in the model's custom code settings stands in {p}_caller.h",
+                "Several of them, or FMI's own import block: esea-gen export fmu",
+            ),
+            headers="",
+            sources="",
+            arrays=True,
+        ),
+    )
+}
+
+
+@dataclass(frozen=True)
+class WrittenLibrary:
+    """A library as it was written."""
+
+    folder: Path
+    files: dict[str, str] = field(repr=False)
+    digest: str
+    next_steps: tuple[str, ...]
+
+
+def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple[str, Bundle]:
+    """Content hash and files of a library, in memory.
+
+    raises: UserError for a number format that is unknown, or that the form does not take.
+    """
+    allowed = [n for n, f in FORMATS.items() if f.floating or not form.arrays]
+    if real not in allowed:
+        raise UserError(
+            f"No number format '{real}' for {form.name}.", f"Choose from {', '.join(allowed)}."
+        )
+    digest = format_hash(device, real)
+    extra: dict[str, object] = {}
+    try:
+        # The C is what `build` writes, to the byte.
+        build = f"{build_command(device)} --real {real}"
+        renderer = Renderer(device.system, FORMATS[real], digest, build, device.title)
+        made = {n: t for n, t in renderer.folder().items() if "/" not in n}
+    except UnsupportedOperationError as error:
+        raise UserError(f"{device.origin}: {error.what}", error.fix) from None
+    example = made.pop("main.c")
+    command = f"{_command(device, form)} --real {real}"
+    if form.arrays:
+        extra["model"] = model = controller_model(device, real)
+        renderer = model.renderer
+        made["model.h"] = model_header(model, digest, command)
+    extra["command"], extra["c_files"] = command, sorted(n for n in made if n.endswith(".c"))
+
+    def rendered(name: str) -> str:
+        return renderer.render(f"export/{form.name}/{name}.j2", **extra)
+
+    top = rendered(form.top) if form.top else ""
+    files = {}
+    for name, text in made.items():
+        folder = form.headers if name.endswith(".h") else form.sources
+        files[folder + name] = text if name.endswith(".h") else top + text
+    if form.example:
+        files[f"{form.example}main.c"] = example
+    for target, template in form.templates.items():
+        files[target.format(p=renderer.prefix)] = rendered(template)
+    steps = "\n".join(f"- {s}" for s in _steps(form, renderer.prefix, device.name))
+    files["README.md"] = (
+        f"# {renderer.prefix}\n\n{device.title}. Number format {real}, content {digest}, "
+        f"MIT licence.\nWritten by `{command}`; do not edit.\n\n{steps}\n"
+    )
+    kind = f"export {form.name}"
+    return digest, Bundle(renderer.prefix, files | manifest(device, digest, kind, command, files))
+
+
+def _command(device: Device, form: LibraryForm) -> str:
+    return build_command(device).replace("esea-gen build", f"esea-gen export {form.name}")
+
+
+def _steps(form: LibraryForm, prefix: str, name: str) -> tuple[str, ...]:
+    return tuple(s.format(p=prefix, P=prefix.upper(), name=name) for s in form.steps)
+
+
+def write_library(
+    device: Device, form: LibraryForm, real: str = "f32", folder: Path | None = None
+) -> WrittenLibrary:
+    """Write a library into a folder of its own, whole or not at all.
+
+    folder: named by the library where none is given; one that holds other files is refused.
+    """
+    digest, bundle = library_files(device, form, real)
+    target = folder or Path(f"{bundle.folder}_{form.name}")
+    whole = target.absolute()
+    write_bundles([Bundle(whole.name, bundle.files)], whole.parent)
+    return WrittenLibrary(target, bundle.files, digest, _steps(form, bundle.folder, device.name))

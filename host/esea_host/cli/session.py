@@ -1,0 +1,288 @@
+"""``study run`` and ``study resume``: a session, in its windows or without."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import date
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from esea_gen.errors import UserError
+from esea_host.cli.app import out
+from esea_host.cli.study import CodeArgument, FolderArgument, SessionOption, opened, study_app
+from esea_host.cli.view import need_a_screen
+
+if TYPE_CHECKING:
+    from esea_host.connection import ConnectedDevice
+    from esea_host.people.hand import Pointer
+    from esea_host.study.folder import StudyFolder
+    from esea_host.study.session import InputSource, SessionState
+
+SIMULATED, VIRTUAL, POINTER = "simulated", "virtual", "pointer"
+
+
+class PatchMode(StrEnum):
+    """When the square for a photodiode changes."""
+
+    off = "off"
+    frame = "frame"
+    onset = "onset"
+
+
+DeviceOption = Annotated[
+    str,
+    typer.Option(
+        "--device",
+        help="simulated: each task's own person; virtual: a person in the virtual device; pointer: "
+        "you, moving that person's hand with the mouse; or a board: sim:elbow_drive, serial:...",
+    ),
+]
+ArmOption = Annotated[
+    bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
+]
+HeadlessOption = Annotated[bool, typer.Option("--headless", help="Without windows.")]
+SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
+SpeedOption = Annotated[
+    float, typer.Option("--speed", min=0.1, help="In windows: simulated time against the clock's.")
+]
+LanguageOption = Annotated[
+    str, typer.Option("--language", help="Of what the participant reads: en, de.")
+]
+PatchOption = Annotated[
+    PatchMode,
+    typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
+]
+DarkOption = Annotated[
+    bool | None,
+    typer.Option("--dark/--light", help="Default: dark; the operator's as the desktop has it."),
+]
+CloseOption = Annotated[bool, typer.Option("--close", help="Close the windows at the end.")]
+HoldOption = Annotated[
+    bool, typer.Option("--hold", help="Wait for you after a calibration that was not good enough.")
+]
+EarlyOption = Annotated[
+    str, typer.Option("--early", help="Why the session comes before its washout is over.")
+]
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What was asked for on the command line."""
+
+    device: str
+    arm: bool
+    headless: bool
+    seed: int
+    speed: float
+    language: str
+    patch: PatchMode
+    dark: bool | None
+    close: bool
+    hold: bool
+    early: str
+
+
+@study_app.command("run")
+def run(
+    folder: FolderArgument,
+    code: CodeArgument,
+    session: SessionOption = 1,
+    device: DeviceOption = SIMULATED,
+    arm: ArmOption = False,
+    headless: HeadlessOption = False,
+    seed: SeedOption = 1,
+    speed: SpeedOption = 1.0,
+    language: LanguageOption = "en",
+    patch: PatchOption = PatchMode.off,
+    dark: DarkOption = None,
+    close: CloseOption = False,
+    hold: HoldOption = False,
+    early: EarlyOption = "",
+) -> None:
+    """Run a session: the participant's window and the operator's; Space or Escape stops."""
+    study = opened(folder)
+    if study.log_of(code, session - 1).exists():
+        raise UserError(
+            f"{code} has begun session {session} already.",
+            f"Go on with: esea-host study resume {folder} {code} --session {session}.",
+        )
+    asked = _Asked(device, arm, headless, seed, speed, language, patch, dark, close, hold, early)
+    _run(study, code, session, asked)
+
+
+@study_app.command("resume")
+def resume(
+    folder: FolderArgument,
+    code: CodeArgument,
+    session: SessionOption = 1,
+    device: DeviceOption = SIMULATED,
+    arm: ArmOption = False,
+    headless: HeadlessOption = False,
+    seed: SeedOption = 1,
+    speed: SpeedOption = 1.0,
+    language: LanguageOption = "en",
+    patch: PatchOption = PatchMode.off,
+    dark: DarkOption = None,
+    close: CloseOption = False,
+    hold: HoldOption = False,
+    early: EarlyOption = "",
+) -> None:
+    """Show what an interrupted session holds, and go on with it in the planned order."""
+    from esea_host.study.session import read_session
+
+    study = opened(folder)
+    path = study.log_of(code, session - 1)
+    if not path.exists():
+        raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
+    state = read_session(path)
+    done = len(state.plan.trials) - len(state.remaining)
+    out.print(f"{path}: {done} of {len(state.plan.trials)} trials are done.")
+    if state.torn:
+        out.print(f"A last event was cut off ({state.torn} bytes); it is set aside, not lost.")
+    if state.running is not None:
+        out.print(f"Trial {state.running} was running; it counts as aborted and is repeated.")
+    order = ", ".join(str(t.number) for t in state.remaining[:12])
+    out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
+    if state.remaining:
+        asked = _Asked(
+            device, arm, headless, seed, speed, language, patch, dark, close, hold, early
+        )
+        _run(study, code, session, asked)
+
+
+def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
+    from esea_host.study.scene import catalogue
+
+    catalogue(asked.language)
+    if asked.headless and asked.device == POINTER:
+        raise UserError("Without a window nobody can point.", "Leave --headless out.")
+    if not asked.headless:
+        need_a_screen("esea-host study run --headless")
+    pointed = [(0.0, 0.0)]
+    try:
+        with ExitStack() as held:
+            source, board = _source(held, study, code, number, asked, lambda: pointed[0])
+            if asked.headless:
+                state, reason = _headless(study, code, number - 1, source, asked.early)
+            else:
+                given = study, code, number - 1, source, board, asked, pointed
+                state, reason = _in_windows(*given)
+    except OSError as error:
+        raise UserError(
+            f"{study.log_of(code, number - 1)}: cannot be written ({error.strerror or error}).",
+            "What was written before is whole; make room, then go on with study resume.",
+        ) from None
+    if asked.device != SIMULATED and study.protocol.file.groups:
+        _name_recordings(study)
+    done = len(state.plan.trials) - len(state.remaining)
+    whose = "Simulated participant: " if asked.device in (SIMULATED, VIRTUAL) else ""
+    out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
+    if reason:
+        raise UserError(
+            f"The session ended early: {reason.rstrip('.')}.", "It can be gone on with: resume."
+        )
+
+
+def _headless(
+    study: StudyFolder, code: str, number: int, source: InputSource, early: str
+) -> tuple[SessionState, str]:
+    session = study.session(code, number, source, _today(study), early)
+    try:
+        reason = session.run()
+        study.finish(code, number, session)
+    finally:
+        session.close()
+    return session.state, reason
+
+
+def _today(study: StudyFolder) -> int | None:
+    # Simulated people need no washout.
+    return None if study.simulated else date.today().toordinal()
+
+
+def _in_windows(
+    study: StudyFolder,
+    code: str,
+    number: int,
+    source: InputSource,
+    board: ConnectedDevice | None,
+    asked: _Asked,
+    pointed: list[tuple[float, float]],
+) -> tuple[SessionState, str]:
+    from esea_host.study.conductor import Conductor
+    from esea_host.study.session import read_session
+    from esea_host.windows.study.running import run_windows
+
+    # A board has its own clock: it is waited for anyhow.
+    speed = asked.speed if board is None else math.inf
+    given = study, code, number, source, speed, asked.hold, _today(study), asked.early
+    conductor = Conductor(*given)
+
+    def point(place: tuple[float, float]) -> None:
+        pointed[0] = place
+
+    run_windows(conductor, board, asked.language, asked.dark, asked.patch.value, asked.close, point)
+    if conductor.error is not None:
+        raise conductor.error
+    return read_session(study.log_of(code, number)), conductor.reason
+
+
+def _name_recordings(study: StudyFolder) -> None:
+    # What the rig or the board has recorded, for analyse interaction.
+    from esea_host.interaction.from_board import cut_trials
+    from esea_host.interaction.recordings import recording_name
+    from esea_host.interaction.virtual import LAST_S, write_manifest
+
+    cut_trials(study)
+    if any(study.path.glob(f"*/session-*/{recording_name('*')}")):
+        write_manifest(study.path, LAST_S)
+
+
+def _source(
+    held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
+) -> tuple[InputSource, ConnectedDevice | None]:
+    from esea_host.study.acting import SimulatedSource
+
+    if asked.device == SIMULATED:
+        return SimulatedSource(asked.seed), None
+    folder = study.log_of(code, number - 1).parent
+    if asked.device in (VIRTUAL, POINTER):
+        by_hand = pointer if asked.device == POINTER else None
+        return _virtual(study, code, folder, asked.seed, by_hand), None
+    from esea_host.connection import open_device
+    from esea_host.study.board import BoardSource
+
+    board = held.enter_context(open_device(asked.device))
+    source = BoardSource(board, folder, asked.arm)
+    held.callback(source.close)
+    return source, board
+
+
+def _virtual(
+    study: StudyFolder, code: str, folder: Path, seed: int, pointer: Pointer | None
+) -> InputSource:
+    from esea_host.interaction.virtual import RigSource
+    from esea_host.people.person import PersonModel, person
+    from esea_host.study.plan import generator
+    from esea_host.wrist.virtual import VirtualPerson
+
+    tasks = {b.task for s in study.protocol.file.session for b in s.block}
+    # As study virtual has them; what they learnt in an earlier session is not known here.
+    who = person(generator(seed, 4, study.participants().get(code, 0)), PersonModel())
+    made: dict[str, Callable[[], InputSource]] = {
+        "wrist.": lambda: VirtualPerson(who, pointer),
+        "interaction.": lambda: RigSource(who, folder, pointer),
+    }
+    for prefix, make in made.items():
+        if all(t.startswith(prefix) for t in tasks):
+            return make()
+    raise UserError(
+        f"There is no virtual device for {', '.join(sorted(tasks))}.",
+        f"There is one for tasks that begin with {' or '.join(made)}; else --device simulated.",
+    )

@@ -1,0 +1,328 @@
+"""A session in a thread of its own, for windows that show it and people who decide.
+
+All that is asked for is done in the session's thread, so that one hand writes the log.  Windows
+read attributes that are replaced whole; none of them can hold the session up.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+from esea_gen.errors import UserError
+from esea_host.study.folder import StudyFolder
+from esea_host.study.operated import PIECE_S, OperatedSource
+from esea_host.study.plan import PlannedTrial
+from esea_host.study.scene import Scene, Text
+from esea_host.study.session import ABORTED, PENDING, RUNNING, InputSource, StudySession
+from esea_host.study.task import TaskStep, task_named
+from esea_host.study.watching import SessionWatcher, TrialOnly
+
+STARTING, RESTING, PAUSED, HELD, OVER = "starting", "resting", "paused", "held", "over"
+MOST_HAPPENED = 200
+RECENTRE, PAUSE = "recentre", "pause"
+
+
+@dataclass(frozen=True)
+class ShownScene:
+    """A scene on its way to a screen.
+
+    number: counted from 1.  onsets: how often something has appeared so far.  made_s: by the
+    host's monotonic clock.
+    """
+
+    scene: Scene
+    number: int = 0
+    onsets: int = 0
+    made_s: float = 0.0
+
+
+class FrameCounter(Protocol):
+    """A screen that knows when it has painted."""
+
+    def drop(self) -> None:
+        """Forget what was painted outside of trials."""
+
+    def take(self, whole: bool) -> Mapping[str, Any]:
+        """Numbers of the last trial, or of the whole session."""
+
+
+def appears(before: Scene, now: Scene) -> bool:
+    """Whether something is there that was not: a shape of a role, or a text."""
+
+    def roles(scene: Scene) -> set[str]:
+        return {s.role for s in scene.shapes} | {f"text {t.key}" for t in scene.texts}
+
+    return bool(roles(now) - roles(before))
+
+
+class Conductor(SessionWatcher):
+    """Runs a participant's session, and tells of it.
+
+    Parameters
+    ----------
+    study : StudyFolder
+        The study.
+    code : str
+        Participant.
+    number : int
+        Which session, from 0.
+    source : InputSource
+        Where inputs come from.
+    speed : float
+        Of a simulated source's time against the clock's; infinite for one that has its own clock,
+        or where nobody waits.
+    hold : bool
+        Whether the session waits after a trial that was not good enough.
+    day, early : int, str
+        As of :meth:`StudyFolder.session`.
+
+    Attributes
+    ----------
+    phase : str
+        starting, running, resting, paused, held, over.
+    display : FrameCounter, optional
+        What a screen has to tell of its frames; into the log after every trial, and at the end.
+    """
+
+    def __init__(
+        self,
+        study: StudyFolder,
+        code: str,
+        number: int,
+        source: InputSource,
+        speed: float = 1.0,
+        hold: bool = False,
+        day: int | None = None,
+        early: str = "",
+    ) -> None:
+        super().__init__()
+        self.study, self.code, self.number, self.hold = study, code, number, hold
+        self.source = OperatedSource(source, speed, self._pressed)
+        self._session = study.session(code, number, self.source, day, early)
+        self.plan = self._session.state.plan
+        self.states: Mapping[int, str] = dict(self._session.state.states)
+        self.reasons: Mapping[int, str] = dict(self._session.state.reasons)
+        self.phase, self.trial, self.trial_s = STARTING, None, 0.0
+        self.shown, self.rest_until_s = ShownScene(Scene()), 0.0
+        self.advice: tuple[str, ...] = ()
+        self.said, self.reason = "", ""
+        self.error: Exception | None = None
+        self.happened: deque[tuple[float, str]] = deque(maxlen=MOST_HAPPENED)
+        self.display: FrameCounter | None = None
+        self.paused = False
+        self._pause_told = False
+        self._recentre = False
+        self._stopped, self._again = "", TrialOnly()
+        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._notes: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="esea-session", daemon=True)
+
+    trial: PlannedTrial | None
+
+    # -- asked from outside ------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin, or go on where the log ends."""
+        self._thread.start()
+
+    def join(self, timeout_s: float | None = None) -> None:
+        """Wait for the end."""
+        self._thread.join(timeout_s)
+
+    @property
+    def over(self) -> bool:
+        """Whether the session has ended, for whatever reason."""
+        return self.phase == OVER
+
+    def stop(self, reason: str) -> None:
+        """End the running trial and the session; returns at once."""
+        self._stopped = self._stopped or reason
+
+    def pause(self, on: bool) -> None:
+        """Hold a task that can be held, else the session after this trial; or go on."""
+        self.paused = on
+        if not on and self.phase == HELD:
+            self.phase = PAUSED
+
+    def recentre(self) -> None:
+        """Bring back what has left the screen, in a task that knows how."""
+        self._recentre = True
+
+    def note(self, text: str) -> None:
+        """A note into the log."""
+        self._notes.put(text)
+
+    def skip(self, number: int, reason: str) -> None:
+        """Leave a trial out; one that runs is aborted first."""
+        if self._needs_reason(f"Trial {number} is not skipped", reason):
+            self._abort({number}, reason)
+            self._jobs.put(partial(self._session.skip, number, reason))
+
+    def repeat(self, number: int, reason: str) -> None:
+        """Have a trial again; one that runs is aborted first, and begins anew."""
+        if self._needs_reason(f"Trial {number} is not repeated", reason):
+            self._repeat({number}, reason)
+
+    def repeat_block(self, block: str, reason: str) -> None:
+        """Have all trials of a block again that have been run."""
+        if self._needs_reason(f"{block!r} is not repeated", reason):
+            self._repeat({t.number for t in self.plan.trials if t.block == block}, reason)
+
+    def _needs_reason(self, what: str, reason: str) -> bool:
+        self.said = "" if reason else f"{what} without a reason: write one first."
+        return bool(reason)
+
+    def _repeat(self, numbers: set[int], reason: str) -> None:
+        running = self._abort(numbers, reason)
+        again = [n for n in sorted(numbers) if n != running and self.states[n] != PENDING]
+        if not again and running is None:
+            self.said = "Nothing of that has been run yet."
+        for number in again:
+            self._jobs.put(partial(self._session.repeat, number, reason))
+
+    def _abort(self, numbers: set[int], reason: str) -> int | None:
+        running = next((n for n, s in self.states.items() if s == RUNNING), None)
+        if running not in numbers:
+            return None
+        self._again = TrialOnly(reason)
+        return running
+
+    # -- what the participant sees -----------------------------------------------------------------
+
+    def screen(self) -> ShownScene:
+        """What is to be drawn now."""
+        words = {STARTING: "wait", PAUSED: "paused", HELD: "paused"}
+        if self.phase == OVER:
+            words[OVER] = "stopped" if self.reason or self.error else "thanks"
+        if self.phase == RESTING and self.paused and self.rest_left_s == 0:
+            text = Text("paused")
+        elif self.phase == RESTING:
+            text = Text("rest", {"seconds": self.rest_left_s})
+        elif self.phase in words:
+            text = Text(words[self.phase])
+        else:
+            return self.shown
+        return ShownScene(Scene((), (text,)), self.shown.number, self.shown.onsets)
+
+    @property
+    def rest_left_s(self) -> float:
+        """Of a rest."""
+        speed = self.source.speed if self.source.speed < float("inf") else 1.0
+        return max(0.0, (self.rest_until_s - time.monotonic()) * speed)
+
+    @property
+    def coming(self) -> PlannedTrial | None:
+        """The next trial after the one that runs."""
+        left = (t for t in self.plan.trials if self.states[t.number] in (PENDING, "aborted"))
+        return next((t for t in left if t is not self.trial), None)
+
+    def longest_s(self, trial: PlannedTrial) -> float:
+        """How long a trial can take."""
+        task = task_named(trial.task, "plan")
+        return task.longest_s(task.Parameters(**trial.parameters))
+
+    # -- in the session's thread -------------------------------------------------------------------
+
+    def _run(self) -> None:
+        session = self._session
+        try:
+            self.reason = session.run(watcher=self)
+            self._write_notes(session)
+            if self.display is not None:
+                session.say("display", trial=None, **self.display.take(True))
+            self.study.finish(self.code, self.number, session)
+        except Exception as error:
+            # A full disk, for one; whoever holds the conductor sees it.
+            self.error = error
+        finally:
+            session.close()
+            self.phase = OVER
+
+    def _pressed(self) -> Mapping[str, float]:
+        found = {PAUSE: 1.0} if self.paused else {}
+        if self._recentre:
+            self._recentre = False
+            found[RECENTRE] = 1.0
+        return found
+
+    def turn(self) -> str:
+        """As asked for."""
+        self._write_notes(self._session)
+        return self._stopped or self._again
+
+    def _write_notes(self, session: StudySession) -> None:
+        while not self._notes.empty():
+            session.note(text := self._notes.get())
+            self._tell(f"note: {text}")
+
+    def _tell(self, text: str) -> None:
+        self.happened.append((self.source.now_s(), text))
+
+    def between(self, session: StudySession) -> None:
+        """Skip, repeat, wait."""
+        while True:
+            self._again = TrialOnly()
+            while not self._jobs.empty():
+                try:
+                    self._jobs.get()()
+                    self.states = dict(session.state.states)
+                    self.reasons = dict(session.state.reasons)
+                except UserError as error:
+                    self.said = str(error)
+            waits = (self.paused or self.phase == HELD) and not self.turn()
+            if waits != self._pause_told:
+                self._pause_told = waits
+                session.say("pause" if waits else "go_on", held=self.phase == HELD)
+            if not waits:
+                return
+            self.phase = HELD if self.phase == HELD else PAUSED
+            time.sleep(PIECE_S)
+
+    def rests(self, seconds: float) -> None:
+        """A rest begins."""
+        self.rest_until_s = time.monotonic() + seconds / min(self.source.speed, 1e9)
+        self.phase = RESTING
+        self._tell(f"rest of {seconds:g} s")
+
+    def begins(self, trial: PlannedTrial) -> None:
+        """A trial begins."""
+        self.trial, self.trial_s, self.advice = trial, 0.0, ()
+        self.states = {**self.states, trial.number: RUNNING}
+        self.shown = ShownScene(Scene(), self.shown.number, self.shown.onsets)
+        self.phase = RUNNING
+        if self.display is not None:
+            self.display.drop()
+        self._tell(f"trial {trial.number}: {trial.block}")
+
+    def steps(self, time_s: float, step: TaskStep) -> None:
+        """Pass the scene on; what a task advises is for the operator."""
+        before = self.shown
+        self.trial_s = time_s
+        onsets = before.onsets + appears(before.scene, step.scene)
+        self.shown = ShownScene(step.scene, before.number + 1, onsets, time.monotonic())
+        for event in step.events:
+            if "advice" in event.data:
+                self.advice = tuple(event.data["advice"])
+            self._tell(event.name.replace("_", " "))
+
+    def ends(
+        self, session: StudySession, number: int, state: str, reason: str, row: Mapping[str, Any]
+    ) -> None:
+        """Tell how; wait where it was not good enough."""
+        self.states = {**self.states, number: state}
+        self.reasons = {**self.reasons, number: str(reason)}
+        if self.display is not None:
+            session.say("display", trial=number, **self.display.take(False))
+        if self._again and state != ABORTED:  # it was over before the word was heard
+            self._jobs.put(partial(session.repeat, number, str(self._again)))
+        self.advice = tuple(row.get("complaints", ()))
+        self._tell(f"trial {number} {state}{f': {reason}' if reason else ''}")
+        if self.hold and self.advice:
+            self.phase = HELD

@@ -1,0 +1,81 @@
+"""When frames were painted: intervals, frames dropped, and how late an onset came.  No window."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+def summary(
+    intervals_s: Sequence[float], delays_s: Sequence[float], refresh_Hz: float
+) -> dict[str, Any]:
+    """Intervals between frames in numbers.
+
+    Parameters
+    ----------
+    intervals_s : sequence of float
+        From one painted frame to the next.
+    delays_s : sequence of float
+        From the step that made something appear to its painting.
+    refresh_Hz : float
+        Of the screen.
+
+    Returns
+    -------
+    dict
+        ``dropped``: refreshes without a new frame, by intervals rounded to whole ones; None where
+        there was nothing.
+    """
+    found: dict[str, Any] = {"refresh_Hz": refresh_Hz, "intervals": len(intervals_s)}
+    refreshes = np.round(np.asarray(intervals_s, np.float64) * refresh_Hz)
+    found["dropped"] = int(np.sum(np.maximum(refreshes - 1, 0)))
+    for name, values in (("interval", intervals_s), ("onset_delay", delays_s)):
+        for share in (50, 95, 99, 100):
+            ms = float(np.percentile(values, share)) * 1e3 if len(values) else None
+            found[f"{name}_p{share}_ms"] = ms if ms is None else round(ms, 3)
+    return found | {"onsets": len(delays_s)}
+
+
+class FrameTimes:
+    """Gathers painted frames in the window's thread; another takes the numbers.
+
+    What is measured is when Qt has painted, by the host's clock.  When light leaves the screen only
+    a photodiode on the patch can tell.
+
+    facts: what else is known of the screen, for the whole session.
+    """
+
+    def __init__(self, refresh_Hz: float) -> None:
+        self.refresh_Hz = refresh_Hz
+        self.facts: dict[str, Any] = {}
+        self._last_s: float | None = None
+        self._onsets = 0
+        self._trial: tuple[list[float], list[float]] = ([], [])
+        self._all: tuple[list[float], list[float]] = ([], [])
+
+    def painted(self, at_s: float, onsets: int, made_s: float) -> bool:
+        """A frame was painted; whether something appeared with it."""
+        intervals, delays = self._trial
+        if self._last_s is not None:
+            intervals.append(at_s - self._last_s)
+        self._last_s = at_s
+        new = onsets > self._onsets
+        if new and made_s > 0:
+            delays.append(at_s - made_s)
+        self._onsets = onsets
+        return new
+
+    def take(self, whole: bool) -> dict[str, Any]:
+        """Numbers since the last taking, or (whole) of every trial taken so far."""
+        if whole:
+            return summary(*self._all, self.refresh_Hz) | self.facts
+        taken, self._trial = self._trial, ([], [])
+        for kept, new in zip(self._all, taken, strict=True):
+            kept.extend(new)
+        return summary(*taken, self.refresh_Hz)
+
+    def drop(self) -> None:
+        """Forget what was painted between trials."""
+        self._trial, self._last_s = ([], []), None

@@ -1,0 +1,99 @@
+"""What the participant sees: the scene, and nothing else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Literal
+
+from PySide6.QtCore import QRectF, Qt, QTimer
+from PySide6.QtGui import QCloseEvent, QColor, QGuiApplication, QMouseEvent, QPainter
+
+from esea_host.study.conductor import Conductor
+from esea_host.windows.study.frames import FrameTimes
+from esea_host.windows.study.scene_view import PATCH, SceneView, square_in
+
+Patch = Literal["off", "frame", "onset"]
+
+
+class ParticipantWindow(SceneView):
+    """Full screen on a second monitor where there is one.
+
+    Parameters
+    ----------
+    conductor : Conductor
+        Whose session it shows.
+    language : str
+        Of the texts.
+    dark : bool
+        Ground of the scene.
+    patch : str
+        A square in the corner for a photodiode: ``off``, ``frame``: it changes with every frame,
+        ``onset``: whenever something appears.
+    """
+
+    def __init__(
+        self, conductor: Conductor, language: str = "en", dark: bool = True, patch: Patch = "off"
+    ) -> None:
+        super().__init__(language, dark)
+        self.conductor, self.patch = conductor, patch
+        self.lit = False
+        self.point: Callable[[tuple[float, float]], None] = lambda _: None
+        screen = QGuiApplication.primaryScreen()
+        refresh_Hz = screen.refreshRate() if screen is not None else 60.0
+        self.frames = FrameTimes(refresh_Hz if refresh_Hz > 1 else 60.0)
+        conductor.display = self.frames
+        self._now = conductor.screen()
+        self.setWindowTitle("esea-host")
+        self.setMouseTracking(True)
+        self.resize(900, 900)
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self.turn)
+        self._timer.start(max(1, int(1000 / self.frames.refresh_Hz)))
+
+    def place(self) -> None:
+        """Where it belongs, and on the screen."""
+        primary = QGuiApplication.primaryScreen()
+        others = [s for s in QGuiApplication.screens() if s is not primary]
+        if others:
+            self.frames.refresh_Hz = others[0].refreshRate() or self.frames.refresh_Hz
+            self._timer.setInterval(max(1, int(1000 / self.frames.refresh_Hz)))
+            self.setGeometry(others[0].geometry())
+            self.showFullScreen()
+            self.setCursor(Qt.CursorShape.BlankCursor)
+        else:
+            self.show()
+        size_px = [self.width(), self.height()]
+        self.frames.facts = {"patch": self.patch, "language": self.language, "size_px": size_px}
+
+    def toggle_full_screen(self) -> None:
+        """Full screen, or a window."""
+        self.setWindowState(self.windowState() ^ Qt.WindowState.WindowFullScreen)
+
+    def turn(self) -> None:
+        """The scene of now, painted with the next frame."""
+        self._now = self.conductor.screen()
+        self.show_scene(self._now.scene)
+
+    def painted(self, painter: QPainter) -> None:
+        """The patch; then the time of this frame is known."""
+        new = self.frames.painted(time.monotonic(), self._now.onsets, self._now.made_s)
+        if self.patch == "off":
+            return
+        self.lit = self.lit != (new or self.patch == "frame")
+        side = PATCH * min(self.width(), self.height())
+        corner = QRectF(0, self.height() - side, side, side)
+        painter.fillRect(corner, QColor("white" if self.lit else "black"))
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Where somebody points: 1 is the edge of the scene."""
+        middle, half = square_in(self.width(), self.height())
+        at = event.position()
+        self.point(((at.x() - middle.x()) / half, (middle.y() - at.y()) / half))
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """A participant's window that has gone ends the session."""
+        self._timer.stop()
+        self.conductor.stop("the participant's window was closed")
+        super().closeEvent(event)
