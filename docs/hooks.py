@@ -71,7 +71,32 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
             "plotting",
         ),
     ),
+    "host": (
+        "Host: boards and recordings",
+        (
+            *(f"esea_host.connection.{m}" for m in ("device", "asynchronous", "samples", "named")),
+            *(f"esea_host.recording.{m}" for m in ("log", "clock", "writer", "export")),
+        ),
+    ),
+    "metrics": (
+        "Smoothness and statistics",
+        (
+            *(f"esea_host.smoothness.{m}" for m in ("spectral", "jerk", "peaks", "vibration")),
+            *(f"esea_host.smoothness.{m}" for m in ("chain", "sensitivity", "result", "checks")),
+            *(f"esea_host.statistics.{m}" for m in ("signed_rank", "paired_t", "crossover")),
+            *(f"esea_host.statistics.{m}" for m in ("mixed", "bayes", "power", "agreement")),
+            *(f"esea_host.statistics.{m}" for m in ("multiplicity", "checks")),
+        ),
+    ),
 }
+
+
+def loaded(name: str) -> Any:
+    """A module by its name in a page: those of the generator without the package's."""
+    whole = name if name.startswith("esea_host.") else f"esea_gen.{name}"
+    return importlib.import_module(whole)
+
+
 SECTIONS = (
     "Parameters",
     "Attributes",
@@ -132,12 +157,19 @@ def modules() -> Iterator[Any]:
     yield esea_gen
     for _, names in API_PAGES.values():
         for name in names:
-            yield importlib.import_module(f"esea_gen.{name}")
+            yield loaded(name)
 
 
 def items(module: Any) -> Iterator[Item]:
-    """Public classes, functions and methods that a module defines, in the order of its text."""
+    """Public classes, functions and methods that a module defines, in the order of its text.
+
+    Of the host's rooms those that the room itself names as its own.
+    """
+    room, _, _ = module.__name__.rpartition(".")
+    shown = importlib.import_module(room).__all__ if room.startswith("esea_host") else None
     for name, value in vars(module).items():
+        if shown is not None and name not in shown:
+            continue
         if name.startswith("_") or getattr(value, "__module__", None) != module.__name__:
             continue
         dotted = f"{module.__name__}.{name}"
@@ -288,7 +320,7 @@ def api_page(key: str) -> str:
     title, names = API_PAGES[key]
     lines = [f"# {title}", "", "From the docstrings of the package.", ""]
     for name in names:
-        module = importlib.import_module(f"esea_gen.{name}")
+        module = loaded(name)
         found = list(items(module))
         if not found:
             continue

@@ -420,7 +420,7 @@ def test_every_command_and_option_is_on_the_site(site):
 
 def test_everything_public_is_on_the_site(site):
     pages = "".join(p.read_text(encoding="utf-8") for p in (site / "api").glob("*.html"))
-    named = set(re.findall(r'id="(esea_gen[^"]+)"', pages))
+    named = set(re.findall(r'id="(esea_(?:gen|host)[^"]+)"', pages))
     wanted = {item.name for module in hooks.modules() for item in hooks.items(module)}
     assert wanted - named == set()
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -19,11 +21,14 @@ from esea_host.connection.receiver import Batch
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.simulated import LockstepDevice
-from esea_host.simulated.server import serve_hosts
+from esea_host.simulated.server import Hands, serve_hosts
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.history import RowRing, curve, spans
 from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state_text
 from esea_host.windows.operator import DemoOperator
+from esea_host.windows.trigger import SINGLE, Trigger, crossings
+
+from .conftest import require_tool
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 LAYOUT = StreamLayout("sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm")))
@@ -398,3 +403,154 @@ def test_qt_does_not_use_up_the_references_to(one):
     import esea_host.windows.live  # noqa: F401
 
     assert sys.getrefcount(one) > 1 << 44  # some hundreds a picture: a hundred years and more
+
+
+# -- trigger, spectrum -----------------------------------------------------------------------------
+
+
+def sines(seconds: float, hz: float, amplitude: float, offset: float = 0.0):
+    """A stretch of 1 kHz with a sine in it."""
+    ring = RowRing(LAYOUT, round(seconds * 1000) + 1)
+    ring.extend(batch(0, round(seconds * 1000)))
+    part = ring.last()
+    return part, offset + amplitude * np.sin(2 * np.pi * hz * part.time_s)
+
+
+def test_a_trigger_finds_its_edge_between_samples_and_not_across_a_gap():
+    part, values = sines(2.0, 3.0, 1.0)
+    # asin(0.5) = pi / 6: a twelfth of the period after each rise through zero, 5 / 12 falling.
+    rising = crossings(part, values, 0.5, True)
+    assert rising == pytest.approx((np.arange(6) + 1 / 12) / 3, abs=1e-5)
+    assert crossings(part, values, 0.5, False) == pytest.approx(
+        (np.arange(6) + 5 / 12) / 3, abs=1e-5
+    )
+    assert len(crossings(part, values, 1.5, True)) == 0
+    part.after_gap[28] = True  # the first crossing is at 27.8 ms
+    assert len(crossings(part, values, 0.5, True)) == 5
+    values[360:364] = np.nan
+    assert len(crossings(part, values, 0.5, True)) == 4
+
+
+def test_a_single_trigger_holds_and_a_normal_one_waits_for_whole_pictures():
+    part, values = sines(2.0, 3.0, 1.0)
+    single = Trigger(SINGLE, 0.5)
+    single.arm(0.4)
+    early = part.between(0.0, 0.9)
+    # The picture of 0.5 s about 1 / 3 s + 1 / 36 s began before it was armed; the next is at 0.694.
+    assert math.isnan(single.look(early, values[: len(early.rows)], 0.5))
+    assert single.look(part, values, 0.5) == pytest.approx(2 / 3 + 1 / 36, abs=1e-4)
+    assert single.done
+    assert single.shown_s(0.5) == pytest.approx((0.5944, 1.0944), abs=1e-3)
+    part2, values2 = sines(6.0, 3.0, 1.0)
+    assert single.look(part2, values2, 0.5) == pytest.approx(2 / 3 + 1 / 36, abs=1e-4)
+    normal = Trigger("normal", 0.5)
+    assert normal.look(part, values, 0.5) == pytest.approx(4 / 3 + 1 / 36, abs=1e-4)
+    assert normal.look(part2, values2, 0.5) == pytest.approx(16 / 3 + 1 / 36, abs=1e-4)
+    assert not normal.done
+
+
+def test_a_sine_is_a_peak_of_its_amplitude():
+    from esea_host.windows.spectrum import amplitudes
+
+    part, values = sines(6.0, 12.5, 0.4, offset=3.0)
+    f_Hz, size = amplitudes(part, values + 0.01 * np.cos(2 * np.pi * 100.0 * part.time_s))
+    assert f_Hz[np.argmax(size)] == pytest.approx(12.5, abs=0.2)
+    assert size.max() == pytest.approx(0.4, rel=0.02)
+    assert size[np.argmin(abs(f_Hz - 100.0))] == pytest.approx(0.01, rel=0.02)
+    part.after_gap[5980] = True  # too little is left behind it
+    assert len(amplitudes(part, values)[0]) == 0
+
+
+def test_trigger_and_spectrum_by_key(seen, qtbot, tmp_path):
+    window, _ = seen
+    window.zoom(-1)
+    assert window.window_s == 1.0
+    window.toggle_trigger()
+    assert window.trigger.on
+    bar = window.trigger_bar
+    bar.source.setCurrentIndex([s.column for s in bar._signals].index("tau_Nm"))
+    bar.level.setValue(0.5)
+    assert bar.level.suffix() == " Nm"
+    bar.trigger.arm(-math.inf)
+    window.draw()
+    left_s, right_s = window.bands.item.viewRange()[0]
+    at_s = window.trigger.last_s
+    assert (left_s, right_s) == pytest.approx((at_s - 0.2, at_s + 0.8), abs=1e-6)
+    # What stands there is what the recorded signal does: below before it, above after it.
+    ring = window.feed.rings["sense_out"].last()
+    i = int(np.searchsorted(ring.time_s, at_s))
+    assert ring.rows["tau_Nm"][i - 1] < 0.5 <= ring.rows["tau_Nm"][i]
+    assert "trigger at" in window.state.text()
+    window.toggle_spectrum()
+    window.draw()
+    qtbot.wait(20)
+    f_Hz, size = window.spectrum._curves[0].getOriginalDataset()
+    assert len(f_Hz) == len(size) > 100
+    window.grab().save(str(Path(os.environ.get("ESEA_PICTURES") or tmp_path) / "host-trigger.png"))
+    window.toggle_trigger()
+    assert not window.trigger.on
+
+
+def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, qtbot, tmp_path):
+    from PySide6.QtCore import QPoint, Qt
+
+    from esea_host.windows.arm import add_arm
+    from esea_host.windows.live import LiveWindow
+
+    ours, theirs = os.pipe()
+    hands = Hands(ours)
+    feed = LiveFeed(lockstep, None, most_rows=2000, threaded=False)
+    window = LiveWindow(feed)
+    qtbot.addWidget(window)
+    window.resize(1280, 760)
+    arm = add_arm(window, feed, lambda rad: os.write(theirs, f"push {rad:.4f}\n".encode()) and None)
+    window.show()
+    lockstep.advance(1.0)
+    feed.gather()
+    before_rad = arm.angle_rad
+    elbow, hand = (p.toPoint() for p in (arm._elbow(), arm._at(0.0)))
+    qtbot.mousePress(arm, Qt.MouseButton.LeftButton, pos=hand)
+    qtbot.mouseMove(arm, elbow + QPoint(round(0.5 * (hand - elbow).y()), (hand - elbow).y()))
+    assert arm.push_rad == pytest.approx(math.atan(0.5), abs=0.02)
+    hands.reach(simulated_elbow)
+    lockstep.advance(1.0)
+    feed.gather()
+    window.draw()
+    window.grab().save(str(Path(os.environ.get("ESEA_PICTURES") or tmp_path) / "host-arm.png"))
+    # The virtual person's spring is softer than the drive's friction is nothing: most of the way.
+    assert arm.angle_rad - before_rad > 0.1
+    qtbot.mouseRelease(arm, Qt.MouseButton.LeftButton, pos=hand)
+    assert arm.push_rad == 0.0
+    os.write(theirs, b"push 7\npush x\npu")  # too far, no number, half a line
+    hands.reach(simulated_elbow)
+    assert simulated_elbow.push_rad == 0.0
+    feed.close()
+    simulated_elbow.push_rad = 0.0
+    os.close(theirs)
+
+
+def test_the_live_view_on_an_x_server(tmp_path):
+    """The platform that people have, beside the one that the other tests take."""
+    xvfb = require_tool("Xvfb")
+    shot = tmp_path / "x.png"
+    with tempfile.TemporaryFile() as said:
+        # It chooses a display that is free, and says which once it listens.
+        server = subprocess.Popen([xvfb, "-displayfd", "1", "-screen", "0", "1400x1000x24"],
+                                  stdout=subprocess.PIPE, stderr=said)  # fmt: skip
+        try:
+            assert server.stdout is not None
+            display = server.stdout.readline().decode().strip()
+            assert display.isdigit()
+            env = {k: v for k, v in os.environ.items() if k != "QT_QPA_PLATFORM"}
+            env |= {"DISPLAY": f":{display}", "QT_QPA_PLATFORM": "xcb"}
+            words = ["view", "sim:elbow_drive", "--seconds", "2", "--screenshot", str(shot)]
+            command = [sys.executable, "-m", "esea_host.cli", *words]
+            done = subprocess.run(
+                command, check=False, env=env, capture_output=True, text=True, timeout=180
+            )
+        finally:
+            server.terminate()
+            server.communicate(timeout=10)
+    assert done.returncode == 0, done.stderr
+    assert shot.read_bytes().startswith(b"\x89PNG")
+    assert shot.stat().st_size > 20_000  # curves, not an empty window

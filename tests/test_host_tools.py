@@ -208,10 +208,19 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
 
 def test_the_bench_measures_what_it_says(simulated_elbow):
     """Its shape, and what must be 0; figures are for docs/host.md."""
-    found = bench.measure(0.05, 1, 0.01, sample_s=2.0, drive=simulated_elbow)
+    found = bench.measure(0.05, 1, 0.01, 2.0, simulated_elbow, plotted_s=0.0)
     assert found["simulated"]
     assert found["fuzzed"]["wrong_rows_taken"] == 0
     assert found["fuzzed"]["missing_rows_not_in_a_gap"] == 0
     assert found["fuzzed"]["rows_missing"] > 0
     assert found["long_run"]["gaps"] == found["long_run"]["expected_minus_recorded"] == 0
     assert found["decoding"]["times_real_time"] > 1
+    assert found["decoding"]["faster_than_parse_buffer"] > 3  # 9; a busy machine may be unfair
+
+
+@pytest.mark.slow
+def test_the_bench_sees_samples_become_pictures():
+    found = bench.plot_latency(3.0)
+    assert found["rows"] > 500
+    assert found["gaps"] == 0
+    assert 0 < found["p50_ms"] < found["p99_ms"] < 5000

@@ -80,21 +80,8 @@ class SteppedPlant:
         """
         library, prefix = self.library, self.library.prefix
         ffi = library.ffi
-        values = {**self.variant.values, **person.values(), "clamped": float(clamped)}
-        params = ffi.new(f"{prefix}_params_t *")
         self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
-        library.function(f"{prefix}_default_params")(params)
-        owners = {t.name: i for i, t in self.system.tunables}
-        for key, value in values.items():
-            setattr(getattr(params, owners[key]), key, value)
-        refused = int(library.function(f"{prefix}_prepare")(params, self._coeffs))
-        if refused:
-            instance, tunable = self.system.tunables[refused - 1]
-            raise UserError(
-                f"{instance}.{tunable.name} = {values[tunable.name]:g} is outside {tunable.low:g} "
-                f"to {tunable.high:g}.",
-                f"Give a value inside ({tunable.meaning}).",
-            )
+        self.change(clamped=clamped, person=person)
         self._state = ffi.new(f"{prefix}_state_t *")
         library.function(f"{prefix}_init")(self._coeffs, self._state)
         first, shown = start_state(self.system.blocks["plant"], start_rad, {})
@@ -109,6 +96,27 @@ class SteppedPlant:
         self._encode = library.function(f"{prefix}_encode_step")
         self._under_way: deque[float] = deque([0.0] * self.delay_steps)
         return self._read()
+
+    def change(self, *, clamped: bool, person: Person = EMPTY, **more: float) -> None:
+        """Somebody comes, goes, clamps the output or lets it go; everything stays where it is.
+
+        more: tunables of the plant that differ from the variant's from now on.
+        """
+        library, prefix = self.library, self.library.prefix
+        values = {**self.variant.values, **person.values(), "clamped": float(clamped)} | more
+        params = library.ffi.new(f"{prefix}_params_t *")
+        library.function(f"{prefix}_default_params")(params)
+        owners = {t.name: i for i, t in self.system.tunables}
+        for key, value in values.items():
+            setattr(getattr(params, owners[key]), key, value)
+        refused = int(library.function(f"{prefix}_prepare")(params, self._coeffs))
+        if refused:
+            instance, tunable = self.system.tunables[refused - 1]
+            raise UserError(
+                f"{instance}.{tunable.name} = {values[tunable.name]:g} is outside {tunable.low:g} "
+                f"to {tunable.high:g}.",
+                f"Give a value inside ({tunable.meaning}).",
+            )
 
     def step(self, u_Nm: float) -> tuple[int, int, int]:
         """Hold a command for a tick; the counts at its end."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import resource
 import tempfile
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_host.bench.plotting import plot_latency
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.receiver import KEY, Receiver
 from esea_host.recording.log import open_log
@@ -24,10 +26,12 @@ from esea_host.recording.writer import Recorder
 from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.simulated.noise import NoisyTransport
+from esea_link.transport import RECEIVE_CHUNK_BYTES
 
 PIECE_BYTES = 4096
 SAMPLE_S = 20.0
 FUZZED_BYTES = 10_000_000
+PLOTTED_S = 20.0
 STREAM = "sense_out"
 
 
@@ -78,16 +82,21 @@ def record_bytes(drive: SimulatedBoard, seconds: float) -> tuple[bytes, Lockstep
     return bytes(out), device
 
 
-def decoding(data: bytes, dialect: Any, seconds: float) -> dict[str, float]:
-    """Processor time of decoding, ours and pymavlink's own, of the same bytes."""
+def decoding(
+    data: bytes, dialect: Any, seconds: float, piece_bytes: int = PIECE_BYTES
+) -> dict[str, float]:
+    """Processor time of decoding, ours and pymavlink's own, of the same bytes.
+
+    piece_bytes: handed over at a time; a transport hands over at most ``RECEIVE_CHUNK_BYTES``.
+    """
 
     def ours() -> None:
-        decoder, link = TelemetryDecoder(dialect), _Bytes(data)
+        decoder, link = TelemetryDecoder(dialect), _Bytes(data, piece_bytes)
         while piece := link.read(0.0):
             decoder.feed(piece)
 
     def theirs() -> None:
-        parser, link = dialect.MAVLink(None), _Bytes(data)
+        parser, link = dialect.MAVLink(None), _Bytes(data, piece_bytes)
         while piece := link.read(0.0):
             parser.parse_buffer(piece)
 
@@ -96,9 +105,10 @@ def decoding(data: bytes, dialect: Any, seconds: float) -> dict[str, float]:
         for byte in data:
             parser.parse_char(bytes((byte,)))
 
-    ours_s, theirs_s = _timed(ours), _timed(theirs)
+    ours_s, theirs_s = _timed(ours, 5), _timed(theirs)
     plain_s = _timed(plain, 1)
     return {
+        "piece_bytes": piece_bytes,
         "ours_s": ours_s,
         "pymavlink_parse_buffer_s": theirs_s,
         "pymavlink_parse_char_s": plain_s,
@@ -116,7 +126,7 @@ def fuzzed(data: bytes, dialect: Any, total_bytes: int, seed: int = 16) -> dict[
     wrong = taken = missing = unmarked = 0
     accidents: dict[str, int] = {}
     health: dict[str, int] = {}
-    rounds = max(1, round(total_bytes / len(data)))
+    rounds = max(1, math.ceil(total_bytes / len(data)))
     for i in range(rounds):
         noise = NoisyTransport(_Bytes(b""), seed + i, 2000.0)
         batches = _rows(_Bytes(noise.damage(data)), dialect, health)
@@ -263,6 +273,7 @@ def measure(
     hours: float = 1.0,
     sample_s: float = SAMPLE_S,
     drive: SimulatedBoard | None = None,
+    plotted_s: float = PLOTTED_S,
 ) -> dict[str, Any]:
     """All figures.
 
@@ -270,6 +281,7 @@ def measure(
     hours: of the recording that is opened.
     sample_s: of the bytes that are decoded and damaged.
     drive: powered on; default: a new one.
+    plotted_s: of the live view; 0: without it.
     """
     board = drive or SimulatedBoard("elbow_drive")
     board.restart()
@@ -280,10 +292,12 @@ def measure(
             "simulated": True,
             "bytes_per_s": len(data) / sample_s,
             "decoding": decoding(data, dialect, sample_s),
+            "decoding_large_pieces": decoding(data, dialect, sample_s, RECEIVE_CHUNK_BYTES),
             "fuzzed": fuzzed(data, dialect, fuzzed_bytes),
             "long_run": long_run(board, minutes, Path(folder)),
             "hour": hour_open(board, Path(folder), hours),
             "latency_to_reader": latency(board, min(3.0, sample_s)),
+            "latency_to_plot": plot_latency(plotted_s) if plotted_s else {},
             "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
         }
     if drive is None:
@@ -298,8 +312,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=1.0, help="simulated; of the long run")
     parser.add_argument("--fuzzed-bytes", type=int, default=FUZZED_BYTES)
     parser.add_argument("--hours", type=float, default=1.0, help="of the recording that is opened")
+    parser.add_argument("--plotted", type=float, default=PLOTTED_S, help="seconds of live view")
     given = parser.parse_args()
-    text = json.dumps(measure(given.minutes, given.fuzzed_bytes, given.hours), indent=1)
+    found = measure(given.minutes, given.fuzzed_bytes, given.hours, plotted_s=given.plotted)
+    text = json.dumps(found, indent=1)
     print(text)
     if given.json is not None:
         given.json.write_text(text + "\n", encoding="utf-8")

@@ -3,6 +3,8 @@
 from esea_host.cli import (
     analyse,
     assess,
+    bridge,
+    commission,
     demo,
     interaction,
     live,
@@ -19,6 +21,8 @@ __all__ = [
     "analyse",
     "app",
     "assess",
+    "bridge",
+    "commission",
     "demo",
     "interaction",
     "live",

@@ -16,7 +16,7 @@ from esea_gen.errors import UserError
 from esea_gen.files import write_json
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption, SecondsOption, StreamOption
-from esea_host.connection import ConnectedDevice, Subscription, open_device
+from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
 
 SCREEN_S = 0.2
 
@@ -108,10 +108,21 @@ def record(
     device: DeviceOption = None,
     seconds: SecondsOption = None,
     compress: Annotated[bool, typer.Option("--compress", help="With zstandard.")] = False,
+    signal: Annotated[
+        list[str] | None,
+        typer.Option("--signal", help="Only these values, such as tau_Nm; again for more."),
+    ] = None,
+    rate: Annotated[
+        float, typer.Option("--rate", min=0.0, help="Of --signal, a second; 0: every run.")
+    ] = 0.0,
     note: Annotated[str, typer.Option("--note", help="Written into it at the start.")] = "",
 ) -> None:
     """Record a board; gaps are counted, shown and kept."""
+    if rate and not signal:
+        raise UserError("--rate is of --signal.", "Name signals, such as --signal tau_Nm.")
     with open_device(address, device) as board:
+        if signal:
+            stream = [*(stream or ()), *listen_named(board, signal, rate)]
         with board.record(path, stream, compress) as recording:
             if note:
                 recording.note(note)

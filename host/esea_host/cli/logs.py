@@ -11,6 +11,7 @@ from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import LogArgument
 from esea_host.recording import open_log
+from esea_host.recording.clock import clock_fit
 
 FORMATS = ("csv", "parquet", "bids")
 SpeedOption = Annotated[float, typer.Option("--speed", min=0.0, help="1: as it was; 0: at once.")]
@@ -29,6 +30,9 @@ def show(path: LogArgument) -> None:
             table = log[name]
             length = f"{table.time_s[-1] - table.time_s[0]:.3f} s" if len(table) else "empty"
             out.print(f"  {name}: {len(table)} runs, {length}, {len(table.names)} columns")
+        fit = clock_fit(log)
+        if fit is not None:
+            out.print(f"  clocks: {fit}")
         for gap in log.gaps:
             out.print(f"  gap: {gap}")
         for note in log.events("note"):

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,8 @@ import typer
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption
-from esea_host.connection import open_device
+from esea_host.connection import ConnectedDevice, open_device
+from esea_host.connection.address import SimulatedProcess
 
 
 @app.command()
@@ -54,21 +56,29 @@ def _watch(
 ) -> None:
     need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
-    from esea_host.windows.live import run_live
     from esea_host.windows.operator import DemoOperator
+    from esea_host.windows.running import run_live
 
     with ExitStack() as held:
         board = held.enter_context(open_device(address, device))
         recording = held.enter_context(board.record(record)) if record else None
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
+        push = None
         if operated:
             held.callback(DemoOperator(board).close)
-        run_live(feed, dark, seconds, screenshot)
+            push = partial(_push, board)
+        run_live(feed, dark, seconds, screenshot, push)
     if recording is not None:
         out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
         if recording.error is not None:
             raise recording.error
+
+
+def _push(board: ConnectedDevice, push_rad: float) -> None:
+    transport = board.receiver.transport
+    if isinstance(transport, SimulatedProcess):
+        transport.push(push_rad)
 
 
 def need_a_screen(otherwise: str) -> None:

@@ -2,6 +2,7 @@
 
 from esea_host.connection.asynchronous import AsyncDevice, connect
 from esea_host.connection.device import ConnectedDevice, open_device
+from esea_host.connection.named import listen_named
 from esea_host.connection.receiver import Batch, Receiver, Subscription
 from esea_host.connection.samples import RunSample
 
@@ -13,5 +14,6 @@ __all__ = [
     "RunSample",
     "Subscription",
     "connect",
+    "listen_named",
     "open_device",
 ]

@@ -73,9 +73,18 @@ class SimulatedProcess(SocketTransport):
     def __init__(self, place: str) -> None:
         device, _, options = place.partition("?")
         words = [f"--{k}={v}" for k, _, v in (o.partition("=") for o in options.split("&") if o)]
-        command = [sys.executable, "-m", "esea_host.simulated", device, "--tcp=0", "--once", *words]
+        command = [
+            sys.executable,
+            "-m",
+            "esea_host.simulated",
+            device,
+            "--tcp=0",
+            "--once",
+            "--hands",
+            *words,
+        ]
         self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE
         )
         try:
             port = self._port()
@@ -106,6 +115,16 @@ class SimulatedProcess(SocketTransport):
             _, error = self._process.communicate()
             raise LinkError("the simulated board did not start", said=error.decode().strip())
         return int(port)
+
+    def push(self, push_rad: float) -> None:
+        """Push the virtual arm; see :class:`esea_host.simulated.SimulatedBoard`."""
+        line = self._process.stdin
+        assert line is not None
+        try:
+            line.write(f"push {push_rad:.4f}\n".encode())
+            line.flush()
+        except OSError:
+            raise LinkError("the simulated board has ended") from None
 
     def _stop(self) -> None:
         self._process.terminate()

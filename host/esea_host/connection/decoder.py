@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pymavlink.generator import mavcrc
@@ -18,8 +18,8 @@ from esea_host.recording.layout import Array, StreamLayout, fits, layout_of
 from esea_link.frames import CHECKSUM_BYTES, HEADER_BYTES, SIGNATURE_BYTES, SIGNED, START
 
 _FAST: Any = getattr(mavcrc, "mcrf4xx", None)  # in C, where pymavlink found it
-# Start, length, flags (those that matter and those that do not), sequence, sender, message.
-_HEAD = struct.Struct("<BBBBBHHB")
+# Length, flags that matter, sequence, sender, message.
+_HEAD, _TOLD = struct.Struct("<xBBxBHHB"), struct.Struct("<H")
 TICK = "sequence"
 # So many frames that came again or late are told from a board that started again.
 WINDOW, LATE_ROW = 128, 32
@@ -45,19 +45,23 @@ class LinkHealth:
     repeated_frames: int = 0
 
 
-@dataclass(frozen=True)
-class Decoded:
+class Decoded(NamedTuple):
     """Rows of a stream, as they came.
 
-    lost, bad: what :class:`LinkHealth` had counted when each came.
-    late: those that came again, or after a later one.
+    changes: from which row on, what :class:`LinkHealth` had counted as lost and as bad by then.
+    late_rows: those that came again, or after a later one.
     """
 
     layout: StreamLayout
     rows: Array
-    lost: Array
-    bad: Array
-    late: Array
+    changes: list[tuple[int, int, int]]
+    late_rows: list[int]
+
+    def counted(self) -> tuple[Array, Array]:
+        """Counted as lost, and as bad, when each row came; each of shape (n,)."""
+        first, lost, bad = np.array(self.changes, np.int64).T
+        counts = np.diff(first, append=len(self.rows))
+        return np.repeat(lost, counts), np.repeat(bad, counts)
 
 
 class _Kept:
@@ -65,29 +69,32 @@ class _Kept:
 
     def __init__(self) -> None:
         self.payloads: list[bytes] = []
-        self.changes: list[tuple[int, int, int]] = []
+        self.changes = [(0, 0, 0)]
         self.late: list[int] = []
-        self._lost = self._bad = -1
+        self.told = 0  # sum of what was counted at the last change
 
-    def add(self, payload: bytes, health: LinkHealth, late: bool) -> None:
-        if health.lost_frames != self._lost or health.bad_frames != self._bad or not self.payloads:
-            self._lost, self._bad = health.lost_frames, health.bad_frames
-            self.changes.append((len(self.payloads), self._lost, self._bad))
-        if late:
-            self.late.append(len(self.payloads))
-        self.payloads.append(payload)
+    def mark(self, health: LinkHealth) -> None:
+        """What the next payload comes with."""
+        self.told = health.lost_frames + health.bad_frames
+        before = self.changes if self.payloads else []
+        now = len(self.payloads), health.lost_frames, health.bad_frames
+        self.changes = [*before, now]
 
     def decoded(self, layout: StreamLayout) -> Decoded:
-        rows = np.frombuffer(b"".join(self.payloads), layout.dtype)
-        first, lost, bad = np.array(self.changes, np.int64).T
-        counts = np.diff(first, append=len(rows))
-        late = np.zeros(len(rows), bool)
-        late[self.late] = True
-        self.payloads, self.changes, self.late = [], [], []
-        return Decoded(layout, rows, np.repeat(lost, counts), np.repeat(bad, counts), late)
+        payloads, changes, late = self.taken()
+        return Decoded(layout, np.frombuffer(b"".join(payloads), layout.dtype), changes, late)
+
+    def taken(self) -> tuple[list[bytes], list[tuple[int, int, int]], list[int]]:
+        """What came, and begin anew."""
+        made = self.payloads.copy(), self.changes, self.late
+        if len(self.changes) > 1:
+            self.changes = [(0, *self.changes[-1][1:])]
+        self.late = []
+        self.payloads.clear()
+        return made
 
 
-_NOBODY = b"", -1, _Kept()
+_NOBODY: tuple[bytes, int, _Kept, list[bytes] | None] = b"", -1, _Kept(), None
 
 
 class TelemetryDecoder:
@@ -111,70 +118,109 @@ class TelemetryDecoder:
         self._buffer = b""
         self._counted = 0
         self._next: dict[int, int] = {}
-        # Per message id: its extra checksum byte, the size of its whole payload, and what came.
-        self._known: dict[int, tuple[bytes, int, _Kept]] = {}
+        # Per message id: its extra checksum byte, the size of its whole payload, what came, and,
+        # where it tells of a run, the payloads in there.
+        self._known: dict[int, tuple[bytes, int, _Kept, list[bytes] | None]] = {}
         self.layouts: dict[int, StreamLayout] = {}
         for number, message in dialect.mavlink_map.items():
             size = message.unpacker.size
-            self._known[number] = bytes([message.crc_extra]), size, _Kept()
+            extra, kept = bytes([message.crc_extra]), _Kept()
+            payloads = kept.payloads if is_run(message) else None
+            self._known[number] = extra, size, kept, payloads
             if is_run(message):
                 name = message.msgname
                 said = dict((units or {}).get(name, {})), dict((texts or {}).get(name, {}))
                 self.layouts[number] = layout_of(message, stream_name(name), *said)
+        self._rows = [(n, self._known[n][2]) for n in self.layouts]
+        self._kept_back: _Kept | None = None
         self._late: dict[int, tuple[int, int]] = {}
 
     def feed(self, data: bytes) -> tuple[list[Decoded], bytes]:
         """What these bytes complete: rows, and all other frames one after another."""
-        known, layouts, following = self._known, self.layouts, self._next
-        buffer, at = self._buffer + data, 0
-        size, find, head = len(buffer), buffer.find, _HEAD.unpack_from
+        known, following, checksum = self._known.get, self._next, _checksum
+        buffer, at = self._buffer + data if self._buffer else data, 0
+        size, head, told = len(buffer), _HEAD.unpack_from, _TOLD.unpack_from
+        most = size - HEADER_BYTES
         others: list[bytes] = []
         health, frames = self.health, 0
+        counted, inside = health.lost_frames + health.bad_frames, self._counted
+        expected = following.get
         while True:
-            if size - at < HEADER_BYTES or buffer[at] != START:
-                start = find(START, at)
-                at = self._skip(at, size if start < 0 else start)
-                if size - at < HEADER_BYTES:
-                    # Unknown flags make it no frame, however little has come.
-                    if size - at >= 3 and buffer[at + 2] & ~SIGNED:
-                        at = self._refuse(at, 3)
-                        continue
+            if at > most or buffer[at] != START:
+                at, whole = self._to_start(buffer, at)
+                counted, inside = health.lost_frames + health.bad_frames, self._counted
+                if not whole:
                     break
-            _, length, flags, _, sequence, sender, low, high = head(buffer, at)
-            if flags & ~SIGNED:
-                at = self._refuse(at, 3)
-                continue
-            number = high << 16 | low
-            extra, full, kept = known.get(number, _NOBODY)
-            end = at + HEADER_BYTES + length
-            if length > full:
-                at = self._refuse(at, end + CHECKSUM_BYTES - at, unknown=full < 0)
-                continue
-            last = end + CHECKSUM_BYTES + (SIGNATURE_BYTES if flags else 0)
+            length, flags, sequence, sender, low, high = head(buffer, at)
+            extra, full, kept, payloads = known(high << 16 | low, _NOBODY)
+            body = at + HEADER_BYTES
+            end = body + length
+            last = end + CHECKSUM_BYTES
+            if length > full or flags:
+                if length > full or flags & ~SIGNED:
+                    unknown, size_told = full < 0 and flags <= SIGNED, flags <= SIGNED
+                    at = self._refuse(at, last - at if size_told else 3, unknown)
+                    counted, inside = health.lost_frames + health.bad_frames, self._counted
+                    continue
+                last += SIGNATURE_BYTES
             if size < last:
                 break
-            told = buffer[end] | buffer[end + 1] << 8
-            if _checksum(buffer[at + 1 : end] + extra) != told:
+            if checksum(buffer[at + 1 : end] + extra) != told(buffer, end)[0]:
                 at = self._refuse(at, last - at)
+                counted, inside = health.lost_frames + health.bad_frames, self._counted
                 continue
             frames += 1
             late = False
-            if following.get(sender) == sequence:
+            if expected(sender) == sequence:
                 following[sender] = (sequence + 1) & 0xFF
             else:
                 late = self._count(sequence, sender)
-            if number in layouts:
-                payload = buffer[at + HEADER_BYTES : end]
+                counted = health.lost_frames + health.bad_frames
+            if payloads is not None:
+                if kept.told != counted:
+                    kept.mark(health)
+                if late:
+                    kept.late.append(len(payloads))
+                payload = buffer[body:end]
                 # Zeros at a payload's end are not sent.
-                kept.add(payload if length == full else payload.ljust(full, b"\0"), health, late)
+                payloads.append(payload if length == full else payload.ljust(full, b"\0"))
             else:
                 others.append(buffer[at:last])
-            if self._counted:
-                self._counted = max(0, self._counted - (last - at))
+            if inside:
+                inside = self._counted = max(0, inside - (last - at))
             at = last
         health.frames += frames
         self._buffer = buffer[at:]
         return self._arrays(), b"".join(others)
+
+    def _to_start(self, buffer: bytes, at: int) -> tuple[int, bool]:
+        # Where the next frame may begin, and whether its whole header is there.
+        size = len(buffer)
+        while True:
+            start = buffer.find(START, at)
+            at = self._skip(at, size if start < 0 else start)
+            if size - at >= HEADER_BYTES:
+                return at, True
+            # Unknown flags make it no frame, however little has come.
+            if size - at < 3 or not buffer[at + 2] & ~SIGNED:
+                return at, False
+            at = self._refuse(at, 3)
+
+    def keep_back(self, number: int) -> None:
+        """From now on a message's payloads are for :meth:`kept_back`, and not among the others."""
+        extra, size, kept, _ = self._known[number]
+        self._known[number] = extra, size, kept, kept.payloads
+        self._kept_back = kept
+
+    def kept_back(self) -> list[tuple[bytes, int, int]]:
+        """Whole payloads since the last time, and what was counted as lost and bad by then."""
+        kept = self._kept_back
+        if kept is None or not kept.payloads:
+            return []
+        payloads, changes, _ = kept.taken()
+        ends = [row for row, _, _ in changes[1:]] + [len(payloads)]
+        parts = zip(changes, ends, strict=True)
+        return [(p, lost, bad) for (a, lost, bad), b in parts for p in payloads[a:b]]
 
     def forget(self) -> None:
         """The link was opened anew: half a frame, and what was expected next, mean nothing."""
@@ -199,11 +245,7 @@ class TelemetryDecoder:
         return False
 
     def _arrays(self) -> list[Decoded]:
-        return [
-            kept.decoded(self.layouts[number])
-            for number, (_, _, kept) in self._known.items()
-            if kept.payloads
-        ]
+        return [kept.decoded(self.layouts[number]) for number, kept in self._rows if kept.payloads]
 
     def _refuse(self, at: int, length: int, unknown: bool = False) -> int:
         # Start bytes inside of what was counted are no further frames.

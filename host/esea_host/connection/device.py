@@ -213,8 +213,7 @@ class ConnectedDevice:
         if name in self.streams:
             return name
         # A task's output before what it was given.
-        layouts = sorted(self._layouts, key=lambda x: x.name.endswith("_in"))
-        for layout in layouts:
+        for layout in sorted(self._layouts, key=lambda x: x.name.endswith("_in")):
             if name in [c.name for c in layout.columns]:
                 return layout.name
         raise UserError(
@@ -239,7 +238,8 @@ class ConnectedDevice:
         list of str
             The streams that are told now.
         """
-        chosen = list(streams) if streams is not None else self.streams
+        named = {s.layout.name for s in self.receiver.named.values()}  # they are told already
+        chosen = [s for s in (self.streams if streams is None else streams) if s not in named]
         names = {layout.name: n for n, layout in self.receiver.decoder.layouts.items()}
         for stream in chosen:
             if stream not in names:
@@ -455,7 +455,7 @@ class ConnectedDevice:
             A context manager; it has counters and takes notes.
         """
         recorder = Recorder(Path(path), self.identity.attachments(), compress)
-        given = recorder, self.receiver, streams, self.health, self.forget
+        given = recorder, self.receiver, streams, self.health, self._forget
         recording = LiveRecording(*given, threaded=self._threaded)
         self._recordings.append(recording)
         if self.address is None or self.address.kind != "file":
@@ -463,8 +463,7 @@ class ConnectedDevice:
             self.listen(streams)
         return recording
 
-    def forget(self, recording: LiveRecording) -> None:
-        """A recording has ended."""
+    def _forget(self, recording: LiveRecording) -> None:
         self._recordings = [r for r in self._recordings if r is not recording]
 
 

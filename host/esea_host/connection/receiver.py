@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from esea_host.connection.decoder import TICK, Decoded, LinkHealth, TelemetryDecoder
+from esea_host.connection.named import NamedStream, data_key, data_rows
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamLayout
 from esea_link.transport import LinkError, Transport
@@ -158,6 +159,7 @@ class Receiver:
         self._stopped = threading.Event()
         self._clock = _StreamClocks(tick_ns)
         self._told_s = 0.0
+        self.named: dict[tuple[int, int], NamedStream] = {}
 
     @property
     def health(self) -> LinkHealth:
@@ -224,6 +226,8 @@ class Receiver:
         """Hand out what these bytes complete."""
         decoded, others = self.decoder.feed(data)
         now = time.time_ns()
+        if self.named:
+            decoded += self._of_named()
         for found in decoded:
             batch = self._clock.batch(found, now, self.health)
             if batch is not None:
@@ -234,6 +238,27 @@ class Receiver:
             with self._changed:
                 self._others += others
                 self._changed.notify_all()
+
+    def add_named(self, stream: NamedStream, number: int) -> None:
+        """Make rows of a stream that the board was asked for by names.
+
+        number: of the messages that carry it.
+        """
+        self.decoder.keep_back(number)
+        self.named = {**self.named, stream.key: stream}
+
+    def _of_named(self) -> list[Decoded]:
+        found: dict[tuple[int, int], tuple[list[Array], list[tuple[int, int, int]]]] = {}
+        for payload, lost, bad in self.decoder.kept_back():
+            stream = self.named.get(data_key(payload))
+            if stream is not None:
+                rows, counted = found.setdefault(stream.key, ([], []))
+                counted.append((sum(map(len, rows)), lost, bad))
+                rows.append(data_rows(stream, payload))
+        return [
+            Decoded(self.named[key].layout, np.concatenate(rows), counted, [])
+            for key, (rows, counted) in found.items()
+        ]
 
     def _run(self) -> None:
         while not self._stopped.is_set():
@@ -306,7 +331,7 @@ class _StreamClocks:
         every = self._every.get(name) or _period(steps if last is not None else steps[1:])
         if every:
             self._every[name] = every
-        if last is not None and every and not found.late.any() and (steps == every).all():
+        if last is not None and every and not found.late_rows and (steps == every).all():
             board = self._board_ns(name, ticks)
             self._remember(name, found)
             return Batch(found.layout, found.rows, board, arrived_ns)
@@ -319,7 +344,7 @@ class _StreamClocks:
 
     def _remember(self, name: str, found: Decoded) -> None:
         self._last[name] = int(found.rows[TICK][-1])
-        self._lost[name] = int(found.lost[-1]), int(found.bad[-1])
+        self._lost[name] = found.changes[-1][1:]
         self._broken.discard(name)
 
     def _parts(self, found: Decoded, arrived_ns: int) -> Batch:
@@ -340,15 +365,16 @@ class _StreamClocks:
         kept: list[int] = []
         times: list[int] = []
         gaps: list[Gap] = []
+        late, (losts, bads) = set(found.late_rows), (c.tolist() for c in found.counted())
         for i, tick in enumerate(found.rows[TICK].tolist()):
             last = self._last.get(name)
             if last is not None and tick <= last:
-                if bool(found.late[i]) or tick == last:
+                if i in late or tick == last:
                     health.repeated_frames += 1
                     continue
                 self._start_again(name)
                 last = None
-            lost, bad = int(found.lost[i]), int(found.bad[i])
+            lost, bad = losts[i], bads[i]
             every = self._every.get(name, 0)
             if last is not None and every and tick - last != every:
                 before = self._lost.get(name, (0, 0))

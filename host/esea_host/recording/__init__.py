@@ -1,11 +1,13 @@
 """Recordings: written while it happens, readable when cut off, refused where they have holes."""
 
+from esea_host.recording.clock import ClockFit, clock_fit
 from esea_host.recording.gaps import Gap, GapError
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.writer import Recorder
 
 __all__ = [
+    "ClockFit",
     "Gap",
     "GapError",
     "Log",
@@ -13,5 +15,6 @@ __all__ = [
     "StreamColumn",
     "StreamLayout",
     "Table",
+    "clock_fit",
     "open_log",
 ]

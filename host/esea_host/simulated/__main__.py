@@ -1,6 +1,7 @@
 """``python -m esea_host.simulated DEVICE``: the server alone, as ``sim:DEVICE`` starts it."""
 
 import argparse
+import sys
 
 from esea_host.simulated.server import serve
 
@@ -9,6 +10,7 @@ parser.add_argument("device")
 parser.add_argument("--tcp", type=int, default=None)
 parser.add_argument("--pty", action="store_true")
 parser.add_argument("--once", action="store_true")
+parser.add_argument("--hands", action="store_true")
 parser.add_argument("--person", default="uncertain")
 parser.add_argument("--plant", default="real")
 parser.add_argument("--seed", type=int, default=0)
@@ -22,4 +24,5 @@ serve(
     seed=given.seed,
     speed=given.speed,
     once=given.once,
+    hands=sys.stdin.fileno() if given.hands else None,
 )

@@ -6,6 +6,7 @@ Everything that it gives is simulated.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from esea_gen.verify.sim import SimBoard
 NOBODY, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
 NOISE_TICKS = 1000
+PUSH_TICKS = 200
 MOVES_RAD, MOVES_HZ = 0.6, 0.4  # flexion and back, as in the published trials' slow movement
 
 
@@ -38,6 +40,8 @@ class SimulatedBoard:
         ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
     seed : int
         Of the plant, of the person, and of the person's noise.
+
+    ``push_rad`` is how far somebody pushes the virtual arm away from what the person intends.
     """
 
     def __init__(
@@ -63,11 +67,33 @@ class SimulatedBoard:
         self.clamped = person == CLAMPED
         self.plant = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
         self._person, self._seed = _person(person, seed), seed
+        self._hand: Callable[[], Mapping[str, float]] | None = None
+        self._first = self.plant, self.clamped, self._person
+        self.push_rad = 0.0
         self._values = self.board._ffi.new("float[]", len(self.board._inputs))
         self._places = [self.board._inputs.index(f"count_{s}") for s in ("motor", "load", "gear")]
         self._start()
 
+    def set_up(
+        self,
+        *,
+        clamped: bool = False,
+        person: Person = EMPTY,
+        hand: Callable[[], Mapping[str, float]] | None = None,
+        values: Mapping[str, float] | None = None,
+    ) -> None:
+        """What somebody does at the machine meanwhile; everything goes on from where it is.
+
+        hand: what the person intends, asked once a tick; default: as the board's state says.
+        values: of the plant, that differ from its own, such as a drive that is locked.
+        """
+        self.clamped, self._person, self._hand = clamped, person, hand
+        self.plant.change(clamped=clamped, person=person, **(values or {}))
+
     def _start(self) -> None:
+        self.plant, self.clamped, self._person = self._first
+        self._pushed_rad = 0.0
+        self._hand = None
         self._noise = np.random.default_rng([self._seed, 3])
         self._white = self._noise.standard_normal(NOISE_TICKS)
         self._show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
@@ -92,7 +118,9 @@ class SimulatedBoard:
         self._show(self.plant.step(float(lib.sim_motor_Nm())))
         self.ticks += 1
 
-    def _intended(self) -> dict[str, float]:
+    def _intended(self) -> Mapping[str, float]:
+        if self._hand is not None:
+            return self._hand()
         at = self.ticks % NOISE_TICKS
         if at == 0:
             self._white = self._noise.standard_normal(NOISE_TICKS)
@@ -100,9 +128,12 @@ class SimulatedBoard:
         self._moved_ticks += moves
         w = 2 * math.pi * MOVES_HZ
         phase, half = w * self._moved_ticks * 1e-3, MOVES_RAD / 2
+        # A mouse jumps, and is still for a while; an arm follows.
+        pushed = (self.push_rad - self._pushed_rad) / PUSH_TICKS
+        self._pushed_rad += pushed
         return {
-            "theta_p_rad": half * (1 - math.cos(phase)),
-            "omega_p_rad_s": half * w * math.sin(phase) if moves else 0.0,
+            "theta_p_rad": half * (1 - math.cos(phase)) + self._pushed_rad,
+            "omega_p_rad_s": (half * w * math.sin(phase) if moves else 0.0) + 1e3 * pushed,
             "alpha_p_rad_s2": half * w * w * math.cos(phase) if moves else 0.0,
             "noise": float(self._white[at]),
         }

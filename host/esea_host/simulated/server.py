@@ -15,6 +15,7 @@ from esea_host.simulated.drive import SimulatedBoard
 MOST_BACKLOG_BYTES = 1 << 18
 MOST_TICKS = 50  # between two looks at the line
 IDLE_S = 0.0005
+MOST_PUSH_RAD = 1.0
 
 
 class _Line(Protocol):
@@ -82,12 +83,14 @@ def serve(
     speed: float = 1.0,
     once: bool = False,
     say: Callable[[str], None] | None = None,
+    hands: int | None = None,
 ) -> None:
     """Serve a simulated board until somebody ends it.
 
     port: of TCP on this computer, 0 for any; None: a pseudo terminal.
     speed: of the board's time against the clock's; 0: as fast as the host reads.
     once: end when the first host has gone.
+    hands: where lines ``push RAD`` come from, a file's number: somebody pushes the virtual arm.
     """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
@@ -97,16 +100,52 @@ def serve(
         if port is None:
             terminal = _Terminal()
             tell(f"simulated {device} at pty:{terminal.name}")
-            _play(drive, terminal, speed)
+            _play(drive, terminal, speed, Hands(hands))
             return
         with socket.create_server(("127.0.0.1", port)) as listener:
             tell(f"simulated {device} at tcp:127.0.0.1:{listener.getsockname()[1]}")
-            serve_hosts(drive, listener, speed, once)
+            serve_hosts(drive, listener, speed, once, Hands(hands))
     finally:
         drive.close()
 
 
-def serve_hosts(drive: SimulatedBoard, listener: socket.socket, speed: float, once: bool) -> None:
+class Hands:
+    """Somebody who pushes the virtual arm: lines of text from a file that is read without waiting.
+
+    source: the file's number; None: nobody.
+    """
+
+    def __init__(self, source: int | None) -> None:
+        self._source, self._rest = source, b""
+        if source is not None:
+            os.set_blocking(source, False)
+
+    def reach(self, drive: SimulatedBoard) -> None:
+        """Do what was said last."""
+        if self._source is None:
+            return
+        try:
+            self._rest += os.read(self._source, 4096)
+        except BlockingIOError:
+            return
+        *lines, self._rest = self._rest.split(b"\n")
+        for line in lines:
+            word, _, number = line.decode("ascii", "replace").partition(" ")
+            try:
+                push_rad = float(number)
+            except ValueError:
+                continue
+            if word == "push" and abs(push_rad) <= MOST_PUSH_RAD:
+                drive.push_rad = push_rad
+
+
+def serve_hosts(
+    drive: SimulatedBoard,
+    listener: socket.socket,
+    speed: float,
+    once: bool,
+    hands: Hands | None = None,
+) -> None:
     """One host after another; between two the board runs on, in real time, and hears nobody."""
     while True:
         try:
@@ -122,14 +161,14 @@ def serve_hosts(drive: SimulatedBoard, listener: socket.socket, speed: float, on
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         line = _Socket(link)
         try:
-            _play(drive, line, speed)
+            _play(drive, line, speed, hands)
         finally:
             line.close()
         if once:
             return
 
 
-def _play(drive: SimulatedBoard, line: _Line, speed: float) -> None:
+def _play(drive: SimulatedBoard, line: _Line, speed: float, hands: Hands | None) -> None:
     # Until the host has gone.
     backlog = bytearray()
     started_s, first = time.monotonic(), drive.ticks
@@ -139,6 +178,8 @@ def _play(drive: SimulatedBoard, line: _Line, speed: float) -> None:
             return
         if data:
             drive.write(data)
+        if hands is not None:
+            hands.reach(drive)
         due = MOST_TICKS
         if speed:
             due = int((time.monotonic() - started_s) * 1000 * speed) - (drive.ticks - first)
@@ -156,4 +197,4 @@ def _play(drive: SimulatedBoard, line: _Line, speed: float) -> None:
             time.sleep(IDLE_S)
 
 
-__all__ = ["serve", "serve_hosts"]
+__all__ = ["Hands", "serve", "serve_hosts"]

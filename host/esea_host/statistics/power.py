@@ -55,7 +55,18 @@ class PowerStatement:
         return as_dict(self)
 
     def sentence(self, unit: str = "") -> str:
-        """One sentence for a report."""
+        """One sentence for a report.
+
+        Parameters
+        ----------
+        unit : str
+            Of the difference.
+
+        Returns
+        -------
+        str
+            In plain words.
+        """
         if math.isinf(self.dz):
             return (
                 f"{self.n} people cannot show any difference at alpha = {self.alpha:.3g}: their "

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import signal
+import math
 import time
 from functools import partial
-from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
-from PySide6.QtGui import QAction, QCloseEvent, QGuiApplication, QKeyEvent, QKeySequence
+from PySide6.QtGui import QAction, QCloseEvent, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
     QApplication,
@@ -28,12 +28,16 @@ from PySide6.QtWidgets import (
 )
 
 from esea_host.windows.counting import take_many
+from esea_host.windows.cursors import Cursors
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.history import Stretch
-from esea_host.windows.meanings import limit_flags, mode_text, state_text
+from esea_host.windows.meanings import limit_flags, link_text, mode_text, state_text
 from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import LimitBands, LoopPlot, ShownSignal, TimePlot, signal_of
+from esea_host.windows.spectrum import SpectrumPlot
 from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
+from esea_host.windows.trigger import NORMAL, OFF, Trigger
+from esea_host.windows.trigger_bar import TriggerBar
 
 take_many()
 FRAME_MS = 50
@@ -53,15 +57,6 @@ PANELS = (
     (("Joint", "deg"), ("sense_out", "theta_load_rad", "rad", "angle")),
     (("Motor", "Nm"), ("sense_out", "u_Nm", "Nm", "command")),
 )
-# What the health of a link counts, as it is shown.
-COUNTED = {
-    "gaps": "gaps",
-    "lost_frames": "frames lost",
-    "bad_frames": "damaged",
-    "reconnects": "reconnects",
-    "dropped_rows": "rows not recorded",
-    "not_shown": "rows not shown",
-}
 
 
 class LiveWindow(QMainWindow):
@@ -75,7 +70,7 @@ class LiveWindow(QMainWindow):
         self._columns = {(n, c.name): c for n, r in feed.rings.items() for c in r.layout.columns}
         self.window_s, self._frozen = 10.0, dict[str, Stretch]()
         self._stop_asked_s = 0.0
-        self._active_cursor = 0
+        self.trigger = Trigger()
         self.drawn_frames = 0
         kind = "SIMULATED " if feed.device.simulated else ""
         self._who = f"{kind}{device.name} on {feed.device.identity.board}"
@@ -121,7 +116,7 @@ class LiveWindow(QMainWindow):
         self.note.returnPressed.connect(self._noted)
         self._build_plots()
         column = QVBoxLayout()
-        for part in (top, self._split, self.readout, self.note, self.said):
+        for part in (top, self.trigger_bar, self._split, self.readout, self.note, self.said):
             if isinstance(part, QHBoxLayout):
                 column.addLayout(part)
             else:
@@ -151,9 +146,8 @@ class LiveWindow(QMainWindow):
         for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
             # Who zooms wants to look: the picture stands still.
             plot.vb.sigRangeChangedManually.connect(partial(self.pause, True))
-        for panel in (*self.panels, self.chosen):
-            for which, line in enumerate(panel.cursors):
-                line.sigPositionChanged.connect(partial(self._cursor_moved, which))
+        plots = [*self.panels, self.chosen]
+        self.cursors = Cursors(plots, self.readout, lambda: self.bands.item.viewRange()[0])
         self._loop_area = pg.GraphicsLayoutWidget()
         columns = ("sense_out", "theta_rad"), ("sense_out", "tau_Nm")
         self.loop: LoopPlot | None = None
@@ -161,6 +155,10 @@ class LiveWindow(QMainWindow):
             deflection = signal_of("sense_out", "theta_rad", "rad", "deflection")
             torque = signal_of("sense_out", "tau_Nm", "Nm", "measured torque")
             self.loop = LoopPlot(self._loop_area, deflection, torque)
+        self.spectrum = SpectrumPlot(self._loop_area, 1)
+        everything = [s for signals in self._signals for s in signals]
+        self.trigger_bar = TriggerBar(self.trigger, everything, self.feed.now_s)
+        self.trigger_bar.setVisible(False)
         self._split = QSplitter()
         self._split.addWidget(self._area)
         self._split.addWidget(self._loop_area)
@@ -199,10 +197,12 @@ class LiveWindow(QMainWindow):
             ("Shorter time", "+", partial(self.zoom, -1)),
             ("Longer time", "-", partial(self.zoom, 1)),
             ("Cursors", "C", self.toggle_cursors),
-            ("Cursor to the left", "Left", partial(self.move_cursor, -0.01)),
-            ("Cursor to the right", "Right", partial(self.move_cursor, 0.01)),
-            ("The other cursor", "Tab", self.other_cursor),
+            ("Cursor to the left", "Left", partial(self.cursors.move, -0.01)),
+            ("Cursor to the right", "Right", partial(self.cursors.move, 0.01)),
+            ("The other cursor", "Tab", self.cursors.other),
             ("Torque over deflection", "X", self.toggle_loop),
+            ("Spectrum", "F", self.toggle_spectrum),
+            ("Trigger", "G", self.toggle_trigger),
             ("Channels (Return chooses)", "K", partial(self.toggle_dock, "Channels")),
             ("Parameters", "E", partial(self.toggle_dock, "Parameters")),
             ("Note", "N", self.note.setFocus),
@@ -269,9 +269,14 @@ class LiveWindow(QMainWindow):
         if self.paused:
             return self._frozen
         found = {}
+        back_s = self.window_s
+        if self.trigger.on:
+            # Its crossing may be as old as a picture, and the one that is shown older still.
+            first_s = self.trigger.shown_s(self.window_s)[0]
+            back_s = np.fmax(2 * self.window_s, self.feed.now_s() - first_s)
         for name, ring in self.feed.rings.items():
             period_s = self._seconds[name.rpartition("_")[0]]
-            found[name] = ring.last(int(self.window_s / period_s) + 1)
+            found[name] = ring.last(int(back_s / period_s) + 1)
         return found
 
     def _turn(self) -> None:
@@ -288,7 +293,8 @@ class LiveWindow(QMainWindow):
         shown = self._shown()
         now_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
         if not self.paused:
-            self.bands.item.setXRange(now_s - self.window_s, now_s, padding=0)
+            span = self._triggered(shown) if self.trigger.on else (now_s - self.window_s, now_s)
+            self.bands.item.setXRange(*span, padding=0)
         # Who zooms into a still picture sees every row there.
         left_s, right_s = self.bands.item.viewRange()[0]
         shown = {n: s.between(left_s, right_s) for n, s in shown.items()}
@@ -297,10 +303,21 @@ class LiveWindow(QMainWindow):
         self.bands.draw(shown, left_s, right_s)
         if self.loop is not None and self._loop_area.isVisible():
             self.loop.draw(shown)
-        if self.panels[0].cursors[0].isVisible():
-            self._read_cursors(shown)
+        if self.spectrum.item.isVisible():
+            self.spectrum.draw(shown)
+        if self.cursors.on:
+            self.cursors.read(shown)
         self._tell(shown)
         self.drawn_frames += 1
+
+    def _triggered(self, shown: dict[str, Stretch]) -> tuple[float, float]:
+        # What is seen now stays until there is another whole picture.
+        signal = self.trigger_bar.signal
+        self.trigger.look(shown[signal.stream], signal.values(shown), self.window_s)
+        if math.isnan(self.trigger.last_s):
+            left_s, right_s = self.bands.item.viewRange()[0]
+            return left_s, right_s
+        return self.trigger.shown_s(self.window_s)
 
     def _tell(self, shown: dict[str, Stretch]) -> None:
         news, theme = self.feed.news, self.theme
@@ -313,6 +330,7 @@ class LiveWindow(QMainWindow):
         parts += [f"mode: {mode}"] if mode else []
         parts += [f"acts: {acts}"] if acts else []
         parts += ["PAUSED (P)"] if self.paused else []
+        parts += [self.trigger.said()] if self.trigger.on else []
         self.state.setText(" &nbsp;|&nbsp; ".join(parts))
         self.fault.setText(self._alarm() or state_text(dialect, news.state))
         self.link.setText(self._health())
@@ -344,8 +362,7 @@ class LiveWindow(QMainWindow):
 
     def _health(self) -> str:
         news, recording = self.feed.news, self.feed.recording
-        lost = [f"{news.health[k]} {said}" for k, said in COUNTED.items() if news.health.get(k)]
-        parts = [f"link: {', '.join(lost)}" if lost else "link: nothing lost"]
+        parts = [link_text(news.health)]
         if recording is None:
             parts.append("not recorded")
         elif recording.error is not None:
@@ -369,6 +386,10 @@ class LiveWindow(QMainWindow):
         colours = self.theme.curves
         self.chosen.show(signals, self.theme, [colours[i % 8] for i in range(len(signals))])
         self.chosen.item.setVisible(bool(signals))
+        self.trigger_bar.offer([s for own in self._signals for s in own] + signals)
+        first, own = self._signals[0][-1], self.theme.measured
+        drawn = [(first, own), *((s, colours[i % 8]) for i, s in enumerate(signals))]
+        self.spectrum.show([s for s, _ in drawn], self.theme, [c for _, c in drawn])
 
     def toggle_dock(self, title: str) -> None:
         """Show or hide the channels, or the parameters."""
@@ -383,6 +404,23 @@ class LiveWindow(QMainWindow):
     def toggle_loop(self) -> None:
         """Show or hide torque over deflection."""
         self._loop_area.setVisible(not self._loop_area.isVisible())
+
+    def toggle_spectrum(self) -> None:
+        """Show or hide amplitude over frequency."""
+        self.spectrum.toggle()
+        self._loop_area.setVisible(True)
+
+    def toggle_trigger(self) -> None:
+        """Show or hide the trigger's fields; hidden it is off."""
+        on = not self.trigger_bar.isVisible()
+        self.trigger_bar.setVisible(on)
+        self.trigger_bar.mode.setCurrentText(NORMAL if on else OFF)
+        (self.trigger_bar.level if on else self._area).setFocus()
+
+    def toggle_cursors(self) -> None:
+        """Two lines across all plots, and what is there; the picture stands still."""
+        if self.cursors.toggle():
+            self.pause(True)
 
     def toggle_theme(self) -> None:
         """Dark or light."""
@@ -408,44 +446,6 @@ class LiveWindow(QMainWindow):
         self.note.clear()
         self._area.setFocus()
 
-    # -- cursors ---------------------------------------------------------------------------------
-
-    def toggle_cursors(self) -> None:
-        """Two lines across all plots, and what is there."""
-        on = not self.panels[0].cursors[0].isVisible()
-        left_s, right_s = self.bands.item.viewRange()[0]
-        for panel in (*self.panels, self.chosen):
-            for i, line in enumerate(panel.cursors):
-                line.setVisible(on)
-                line.setValue(left_s + (right_s - left_s) * (0.4 + 0.2 * i))
-        self.readout.setVisible(on)
-        if on:
-            self.pause(True)
-
-    def _cursor_moved(self, which: int, line: Any) -> None:
-        for panel in (*self.panels, self.chosen):
-            if panel.cursors[which].value() != line.value():
-                panel.cursors[which].setValue(line.value())
-
-    def move_cursor(self, part: float) -> None:
-        """Move the chosen cursor by a part of what is seen."""
-        left_s, right_s = self.bands.item.viewRange()[0]
-        line = self.panels[0].cursors[self._active_cursor]
-        line.setValue(line.value() + part * (right_s - left_s))
-
-    def other_cursor(self) -> None:
-        """Choose the other one."""
-        self._active_cursor = 1 - self._active_cursor
-
-    def _read_cursors(self, shown: dict[str, Stretch]) -> None:
-        first_s, second_s = (line.value() for line in self.panels[0].cursors)
-        lines = []
-        for i, at_s in enumerate((first_s, second_s)):
-            values = [v for p in (*self.panels, self.chosen) for v in p.at(at_s, shown)]
-            mark = "&#9656; " if i == self._active_cursor else ""
-            lines.append(f"{mark}<b>{at_s:.3f} s</b>: {', '.join(values)}")
-        self.readout.setText("<br>".join(lines) + f"<br>apart: {second_s - first_s:.3f} s")
-
     def closeEvent(self, event: QCloseEvent) -> None:
         """The connection and the recording are not the window's to end."""
         self._timer.stop()
@@ -462,34 +462,3 @@ def _toggle(item: QListWidgetItem) -> None:
 
 def _typing() -> bool:
     return isinstance(QApplication.focusWidget(), QLineEdit | QAbstractSpinBox)
-
-
-def run_live(
-    feed: LiveFeed,
-    dark: bool | None = None,
-    seconds: float | None = None,
-    screenshot: Path | None = None,
-) -> None:
-    """Open the view, and return when it is closed, or after some seconds.
-
-    dark: None: as the desktop has it.
-    screenshot: a picture, just before it closes.
-    """
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
-    if dark is None:
-        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
-    window = LiveWindow(feed, dark)
-    window.resize(1280, 860)
-    window.show()
-    if seconds is not None:
-        QTimer.singleShot(int(seconds * 1000), window.close)
-    if screenshot is not None:
-        before_ms = max(0, int((seconds or 5.0) * 1000) - 300)
-        QTimer.singleShot(before_ms, lambda: window.grab().save(str(screenshot)))
-    # Ctrl+C closes the window, so that the recording is ended well.
-    before = signal.signal(signal.SIGINT, lambda *_: window.close())
-    try:
-        application.exec()
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,15 @@ from esea_host.recording.layout import Array
 
 # Words whose flags say that something holds the drive back.
 LIMIT_WORDS = ("limits_status", "passivity_status")
+# What the health of a link counts, as it is shown.
+COUNTED = {
+    "gaps": "gaps",
+    "lost_frames": "frames lost",
+    "bad_frames": "damaged",
+    "reconnects": "reconnects",
+    "dropped_rows": "rows not recorded",
+    "not_shown": "rows not shown",
+}
 
 
 @dataclass(frozen=True)
@@ -66,6 +76,12 @@ def fault_text(dialect: Any, number: int) -> FaultText:
     meaning, _, cure = said.partition("Cure:")
     name = str(entry.name).removeprefix("ESEA_FAULT_")
     return FaultText(number, name, meaning.strip(), cure.strip().rstrip("."))
+
+
+def link_text(health: Mapping[str, int]) -> str:
+    """What the link has lost, by its counters."""
+    lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]
+    return f"link: {', '.join(lost)}" if lost else "link: nothing lost"
 
 
 def state_text(dialect: Any, name: str) -> str:

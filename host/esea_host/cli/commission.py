@@ -1,0 +1,166 @@
+"""``commission``: a machine made ready, step by step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from esea_gen.errors import UserError
+from esea_gen.studies.torque_check.check import RECORD_S, SETTLE_S
+from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import REPEATS
+from esea_host.cli.app import app, out
+from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.view import need_a_screen
+from esea_host.commissioning import (
+    STEPS,
+    CommissioningBench,
+    CommissioningEnded,
+    CommissioningRecord,
+    CommissioningStep,
+    HandAct,
+    StepOptions,
+    guide,
+    run_step,
+    simulated_bench,
+)
+from esea_host.connection import open_device
+from esea_host.connection.address import parse_address
+from esea_host.simulated import SimulatedBoard
+
+NAMES = ", ".join(s.name for s in STEPS)
+
+
+@app.command()
+def commission(
+    address: AddressArgument,
+    device: DeviceOption = None,
+    step: Annotated[
+        list[str] | None, typer.Option("--step", help=f"{NAMES}; again for more; default: all.")
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--record", metavar="DIR", help="Default: commissioning/DEVICE.")
+    ] = None,
+    terminal: Annotated[
+        bool,
+        typer.Option("--terminal", help="Without a window."),
+    ] = False,
+    mass: Annotated[float | None, typer.Option("--mass", help="Known mass in kg.")] = None,
+    arm: Annotated[float | None, typer.Option("--arm", help="Where it hangs, in m.")] = None,
+    angle: Annotated[float, typer.Option("--angle", help="Of the arm, deg off horizontal.")] = 0,
+    settle: Annotated[float, typer.Option("--settle", help="Of each load, s.")] = SETTLE_S,
+    judge: Annotated[float, typer.Option("--judge", help="Of each load, s.")] = RECORD_S,
+    repeats: Annotated[int, typer.Option("--repeats", help="Loads in each direction.")] = REPEATS,
+) -> None:
+    """Zero, encoders, motor sign, friction, known mass: pass or fail, a picture, a record."""
+    if (mass is None) != (arm is None):
+        raise UserError("Mass and arm belong together.", "Give --mass KG and --arm M.")
+    known = None if mass is None or arm is None else KnownLoad(mass, arm, math.radians(angle))
+    options = StepOptions(known, settle, judge, repeats)
+    chosen = _chosen(step, options)
+    with _bench(address, device) as bench:
+        record = CommissioningRecord(
+            folder or Path("commissioning") / bench.board.name, bench.board.name
+        )
+        if not terminal:
+            need_a_screen("--terminal")
+            from esea_host.windows.commission import run_commissioning
+
+            run_commissioning(bench, chosen, options, record)
+            passed = all(_passed(record, s, bench) for s in chosen)
+        else:
+            passed = _in_terminal(bench, chosen, options, record)
+    for line in record.summary(tuple((s.name, s.title) for s in STEPS), bench.board.digest):
+        out.print(line)
+    out.print(f"record: {record.folder}")
+    if not passed:
+        raise typer.Exit(1)
+
+
+def _passed(
+    record: CommissioningRecord, step: CommissioningStep, bench: CommissioningBench
+) -> bool:
+    entry = record.last(step.name, bench.board.digest)
+    return bool(entry and entry["passed"])
+
+
+def _chosen(names: list[str] | None, options: StepOptions) -> tuple[CommissioningStep, ...]:
+    known = {s.name: s for s in STEPS}
+    wrong = [n for n in names or () if n not in known]
+    if wrong:
+        raise UserError(f"There is no step '{wrong[0]}'.", f"Steps: {NAMES}.")
+    if "torque" in (names or ()) and options.known is None:
+        raise UserError("The torque check needs a known mass.", "Give --mass KG and --arm M.")
+    return tuple(s for s in STEPS if names is None or s.name in names)
+
+
+@contextmanager
+def _bench(address: str, device: str | None) -> Iterator[CommissioningBench]:
+    place = parse_address(address)
+    if place.kind == "file":
+        raise UserError("A file cannot be commissioned.", "Give the address of a board.")
+    if place.kind == "sim":
+        # Hands have to reach the virtual machine: it runs in this process.
+        name, _, rest = place.place.partition("?")
+        given = dict(o.partition("=")[::2] for o in rest.split("&") if o)
+        unknown = set(given) - {"plant", "seed"}
+        if unknown:
+            raise UserError(
+                f"'{unknown.pop()}' is no option of a simulated machine to commission.",
+                "There are plant and seed, as in sim:elbow_drive?plant=real&seed=3.",
+            )
+        if not given.get("seed", "0").isdigit():
+            raise UserError(f"seed={given['seed']} is no whole number.", "Write seed=3.")
+        seed = int(given.get("seed", 0))
+        drive = SimulatedBoard(name, plant=given.get("plant", "ideal"), person="nobody", seed=seed)
+        try:
+            yield simulated_bench(drive, out.print)
+        finally:
+            drive.close()
+        return
+    with open_device(address, device) as board:
+        yield CommissioningBench(board, _person, out.print)
+
+
+def _person(act: HandAct) -> None:
+    out.print("  Press Return when it is done and you are ready; Ctrl+C ends the step.")
+    try:
+        input()
+    except (KeyboardInterrupt, EOFError):
+        raise CommissioningEnded("The step was ended before it was through.") from None
+
+
+def _in_terminal(
+    bench: CommissioningBench,
+    chosen: tuple[CommissioningStep, ...],
+    options: StepOptions,
+    record: CommissioningRecord,
+) -> bool:
+    for line in guide(bench.board):
+        out.print(line)
+    passed = True
+    for step in chosen:
+        if step.name == "torque" and options.known is None:
+            out.print("torque: not done, for no --mass and --arm were given")
+            continue
+        motor = "   THE MOTOR MOVES; Ctrl+C stops it" if step.motor else ""
+        out.print(f"\n{step.title}: {step.finds}{motor}")
+        try:
+            result = run_step(bench, step, options)
+        except (CommissioningEnded, KeyboardInterrupt):
+            bench.device.stop()
+            out.print(f"{step.title}: ended; the board is told to stop")
+            return False
+        for line in result.lines():
+            out.print(line)
+        record.add(result, bench.device.identity)
+        passed = passed and result.passed
+        if not result.passed:
+            out.print("What comes next rests on this: put it right first.")
+            break
+    return passed

@@ -1,0 +1,27 @@
+"""Commissioning of a connected board, step by step: what to do, pass or fail, a picture, a record.
+
+The steps work with what every board tells and takes: the streams of its sensing task, and its own
+torque mode.  They judge with the studies that know how: :mod:`esea_gen.studies.startup` and
+:mod:`esea_gen.studies.torque_check`.
+"""
+
+from esea_host.commissioning.bench import CommissioningBench, CommissioningEnded, HandAct
+from esea_host.commissioning.record import CommissioningRecord
+from esea_host.commissioning.result import StepResult
+from esea_host.commissioning.simulated import SimulatedHands, simulated_bench
+from esea_host.commissioning.steps import STEPS, CommissioningStep, StepOptions, guide, run_step
+
+__all__ = [
+    "STEPS",
+    "CommissioningBench",
+    "CommissioningEnded",
+    "CommissioningRecord",
+    "CommissioningStep",
+    "HandAct",
+    "SimulatedHands",
+    "StepOptions",
+    "StepResult",
+    "guide",
+    "run_step",
+    "simulated_bench",
+]

@@ -1,0 +1,252 @@
+"""A board and the person beside it: what is asked of either, and what is captured meanwhile."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.studies.startup.motions import GearPath
+from esea_gen.studies.startup.procedures import require_drive
+from esea_gen.studies.startup.watch import DriveRecording
+from esea_host.connection import Batch, ConnectedDevice, Subscription
+from esea_host.recording.layout import Array
+from esea_link.transport import LinkError
+
+IN, OUT = "sense_in", "sense_out"
+TURN_S = 0.02  # from one command to the next
+DEADLINE_MS = 500
+HEARTBEAT_S = 1.5
+ARM_TRIES = 4
+ActKind = Literal["rest", "turn", "clamp", "load"]
+
+
+class CommissioningEnded(Exception):  # noqa: N818
+    """Somebody ended a step before it was through."""
+
+
+@dataclass(frozen=True)
+class HandAct:
+    """What a person is asked to do at the machine.
+
+    kind: ``rest`` at the joint's zero with nothing on it, ``turn`` by hand, ``clamp`` the output,
+        ``load`` it with a hanging mass while the motor is held.
+    torque_Nm: of the load.
+    path: how the joint is turned, as a simulated hand does it.
+    """
+
+    kind: ActKind
+    text: str
+    torque_Nm: float = 0.0
+    path: GearPath | None = None
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Rows of the sensing task, what it was given and what it gave, tick by tick.
+
+    given, told: structured, shape (n,).
+    """
+
+    tick_s: float
+    given: Array
+    told: Array
+
+    def __len__(self) -> int:
+        return len(self.told)
+
+    @property
+    def time_s(self) -> Array:
+        """Since the first row, shape (n,)."""
+        return np.asarray((self.told["sequence"] - self.told["sequence"][0]) * self.tick_s)
+
+    def __getitem__(self, name: str) -> Array:
+        rows = self.told if name in (self.told.dtype.names or ()) else self.given
+        return np.asarray(rows[name], np.float64)
+
+
+class CommissioningBench:
+    """A connected board, and somebody who does what is asked.
+
+    device: listened to.
+    hands: does an act, and returns when it is done.
+    pass_time: lets seconds go by; default: the computer's own.
+    hands_free: whether nobody has to do anything: all is simulated, time too.
+    """
+
+    def __init__(
+        self,
+        device: ConnectedDevice,
+        hands: Callable[[HandAct], None],
+        say: Callable[[str], None] = lambda _: None,
+        pass_time: Callable[[float], None] = time.sleep,
+        hands_free: bool = False,
+    ) -> None:
+        self.board = device.identity.device
+        require_drive(self.board)
+        missing = [n for n in (IN, OUT) if n not in device.streams]
+        if missing:
+            raise UserError(
+                f"{self.board.name} has no stream {missing[0]}.",
+                "Commissioning needs a drive whose sensing task is called sense.",
+            )
+        self.device, self.say = device, say
+        self._hands, self._pass_time, self.hands_free = hands, pass_time, hands_free
+        self._cancelled = threading.Event()
+        a = self.board.file.actuator
+        assert a is not None
+        self._full = 1 << round(a.encoder_bits.value)
+        self._gear_rad = 2 * math.pi / a.gear_ratio.value / self._full
+
+    def change_hands(self, hands: Callable[[HandAct], None]) -> None:
+        """Somebody else does what is asked."""
+        self._hands = hands
+
+    def cancel(self) -> None:
+        """End the step that runs, from any thread; the motor is stopped by it."""
+        self._cancelled.set()
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether the step that runs is to end."""
+        return self._cancelled.is_set()
+
+    def begin(self) -> None:
+        """A new step."""
+        self._cancelled.clear()
+
+    def ask(self, act: HandAct) -> None:
+        """Have a person do something."""
+        self.say(act.text)
+        self._hands(act)
+        self._check()
+
+    def wait(self, seconds: float) -> None:
+        """Let time go by."""
+        for _ in range(max(1, round(seconds / TURN_S))):
+            self._check()
+            self._pass_time(TURN_S)
+
+    def _check(self) -> None:
+        if self.cancelled:
+            raise CommissioningEnded("The step was ended before it was through.")
+
+    def capture(
+        self, seconds: float, each: Callable[[float], bool | None] | None = None
+    ) -> Capture:
+        """What the sensing task was given and gave meanwhile, without a hole.
+
+        each: called with the time, some times a second; False ends it early.
+        """
+        self.device.listen([IN, OUT])
+        queue = self.device.subscribe([IN, OUT])
+        try:
+            found = self._captured(queue, seconds, each)
+        finally:
+            self.device.receiver.unsubscribe(queue)
+        holes = [g for b in found for g in b.gaps]
+        if holes:
+            raise UserError(f"Rows are missing: {holes[0]}.", "Look at the link, and do it again.")
+        rows = {
+            name: [b.rows for b in found if b.layout.name == name and len(b.rows)]
+            for name in (IN, OUT)
+        }
+        if not all(rows.values()):
+            raise LinkError("the board told of no run", "Does it run?")
+        given, told = (np.concatenate(rows[n]) for n in (IN, OUT))
+        _, i, j = np.intersect1d(given["sequence"], told["sequence"], return_indices=True)
+        return Capture(self.device.identity.tick_us * 1e-6, given[i], told[j])
+
+    def _captured(
+        self, queue: Subscription, seconds: float, each: Callable[[float], bool | None] | None
+    ) -> list[Batch]:
+        found: list[Batch] = []
+        for k in range(math.ceil(seconds / TURN_S) + 1):
+            self._check()
+            if each is not None and each(k * TURN_S) is False:
+                break
+            self._pass_time(TURN_S)
+            found += queue.take(0.0)
+        return found
+
+    def recording(self, c: Capture) -> DriveRecording:
+        """A capture as the start-up's studies take it.
+
+        The shaft's turns count from the first row, where both sides of the cable stand together.
+        """
+        gear = np.unwrap(c["count_gear"], period=self._full) * self._gear_rad
+        motor, load = c["theta_motor_rad"], c["theta_load_rad"]
+        return DriveRecording(c.tick_s, c["u_Nm"], gear - gear[0] + motor[0], motor, load)
+
+    # -- what the board is asked -----------------------------------------------------------------
+
+    def reach(self, state: str, seconds: float = 1.0) -> bool:
+        """Wait for a state; whether it came."""
+        for _ in range(round(seconds / TURN_S)):
+            if self.device.state() == state:
+                return True
+            self.wait(TURN_S)
+        return self.device.state() == state
+
+    def make_ready(self) -> None:
+        """From any state without torque to READY, the zero taken; refuses where it needs a look."""
+        state = self.device.state()
+        if state == "UNKNOWN" and not self.reach("READY", 1.5):
+            state = self.device.state()
+        if state in ("READY", "UNKNOWN"):
+            return
+        fix = {
+            "UNREFERENCED": "Do the step 'zero' first.",
+            "STOPPED": "Release the stop first.",
+            "FAULT": "See to the fault, and clear it.",
+        }.get(state, "Wait until the motor is off.")
+        raise UserError(f"The board is {state}.", fix)
+
+    def _arm(self) -> None:
+        # The limits refuse while the controller has not quite let go of what was before: once more.
+        for _ in range(ARM_TRIES):
+            self.device.arm()
+            if self.reach("ARMED", 0.2) and not self.reach("READY", 0.1):
+                return
+            self.wait(0.3)
+        raise UserError(
+            f"The board took the motor off again {ARM_TRIES} times: its limits do not release.",
+            "Look at 'which limit acts' in the live view: esea-host view.",
+        )
+
+    def driven(self, seconds: float, wanted_Nm: Callable[[float], float]) -> Capture:
+        """Torque mode, armed for as long; motor off afterwards, stopped where something failed."""
+        device = self.device
+        self._arm()
+        moved = False
+
+        def turn(at_s: float) -> bool:
+            nonlocal moved
+            on = device.state() in ("ARMED", "ACTIVE")
+            moved = moved or on
+            # What the last heartbeat said may be of before it was armed.
+            if not on and (moved or at_s > HEARTBEAT_S):
+                return False
+            device.want(DEADLINE_MS, mode=1.0, tau_desired_Nm=wanted_Nm(at_s))
+            return True
+
+        try:
+            found = self.capture(seconds, turn)
+        except BaseException:
+            with contextlib.suppress(LinkError):
+                device.stop()
+            raise
+        with contextlib.suppress(LinkError):  # it may have switched itself off
+            device.disarm()
+            self.reach("READY", 5.0)
+        return found
+
+
+__all__ = ["Capture", "CommissioningBench", "CommissioningEnded", "HandAct"]

@@ -1,0 +1,261 @@
+"""What a turned or pushed drive says: the start-up's own evaluation, fed from a board."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.studies.startup.checks import RATIO_OFF, StartupCheck
+from esea_gen.studies.startup.regression import Estimate, fit_linear
+from esea_gen.studies.startup.sign import SignCheck
+from esea_gen.studies.startup.signals import Signals, motor_torque
+from esea_gen.studies.startup.watch import DriveRecording
+from esea_host.commissioning.bench import Capture
+from esea_host.recording.layout import Array
+
+AGAIN = "Do it again; look for what is loose, or touched the joint."
+LEAST_TURN_RAD = 0.5
+CELLS = 64  # in which errors over the travel are looked at
+TABLE = 16  # values of a correction, over the encoder's turn
+# Of a joint encoder: 0.3 deg at the deflection is some 3 % of full scale where the rubber is soft.
+ERROR_RAD = math.radians(0.3)
+LEAST_WORK_SHARE = 0.1
+SLOWEST_RAD_S, MOST_BEND_RAD_S2, LEAST_ROWS = 0.1, 1.5, 10
+
+
+# -- encoders -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class JudgedEncoders:
+    """Joint encoders against the motor's.
+
+    at_rad: angles of the joint; errors: of each side there, offset and ratio taken off.
+    """
+
+    checks: tuple[StartupCheck, ...]
+    problem: tuple[str, str] | None
+    found: dict[str, Any]
+    at_rad: Array
+    errors: dict[str, Array]
+    limit_rad: float = ERROR_RAD
+
+
+def _direction(gear: float, motor: float, load: float) -> tuple[str, str] | None:
+    seen = (
+        f"while the joint was turned the motor's encoder moved by {gear:+.3f} rad at the joint, "
+        f"the motor side's by {motor:+.3f} rad, the load side's by {load:+.3f} rad"
+    )
+    if max(abs(gear), abs(motor), abs(load)) < LEAST_TURN_RAD:
+        return (
+            seen,
+            f"Turn the joint by at least {LEAST_TURN_RAD:g} rad, positive direction first.",
+        )
+    for name, value, fix in (
+        ("motor's own encoder", gear, "Look at its cable; is the drive coupled to the joint?"),
+        ("motor-side encoder", motor, "Look at its magnet and its cable."),
+        ("load-side encoder", load, "Look at its magnet and its cable."),
+    ):
+        if abs(value) < 0.5 * LEAST_TURN_RAD:
+            return f"{seen}: the {name} hardly moved", fix
+    turned = "set encoder.{0}.direction to its opposite and calibrate its zero again."
+    if gear < 0 and motor < 0 and load < 0:
+        return (
+            seen,
+            "All count down: was the joint turned in the positive direction?  If it was, "
+            + (
+                turned.format("motor")
+                + "  The same for encoder.load; swap the motor's A and B channels."
+            ),
+        )
+    if load < 0 < motor:
+        return seen, "The load-side encoder counts the other way: " + turned.format("load")
+    if motor < 0 < load:
+        return seen, "The motor-side encoder counts the other way: " + turned.format("motor")
+    if gear < 0:
+        return seen, "The motor's own encoder counts the other way: swap its A and B channels."
+    if motor < 0:
+        return seen, "Both joint encoders count the other way: " + turned.format("motor and .load")
+    return None
+
+
+def _steady(r: DriveRecording) -> Array:
+    # Rows in which the drive turns evenly: little of the torque is inertia's.
+    smooth = np.convolve(np.gradient(r.gear_rad, r.tick_s), np.ones(51) / 51, "same")
+    bent = np.abs(np.gradient(smooth, r.tick_s)) > MOST_BEND_RAD_S2
+    return np.asarray((np.abs(smooth) > SLOWEST_RAD_S) & ~bent)
+
+
+def _ratio(r: DriveRecording, angle_rad: Array, tau_Nm: Array) -> float:
+    # Motion of a side over that of the motor's encoder, less what torque does to cable and rubber.
+    rows = np.flatnonzero(_steady(r))[::3]
+    tau = tau_Nm[rows]
+    terms = np.column_stack([r.gear_rad[rows], np.ones(len(rows)), tau, np.sign(tau)])
+    return float(np.linalg.lstsq(terms, angle_rad[rows], rcond=None)[0][0])
+
+
+def _error(r: DriveRecording, tau_Nm: Array, edges: Array) -> Array:
+    # Of the motor side over the travel, in cells.  Torque winds the cable up and lies in its gap:
+    # that comes with friction's sign both ways over every cell, so least squares tell it apart.
+    cell = np.digitize(r.gear_rad, edges) - 1
+    rows = np.flatnonzero(_steady(r) & (cell >= 0) & (cell < len(edges) - 1))[::3]
+    terms = np.zeros((len(rows), len(edges) + 1))
+    terms[np.arange(len(rows)), cell[rows]] = 1.0
+    terms[:, -2], terms[:, -1] = tau_Nm[rows], np.sign(tau_Nm[rows])
+    off = r.motor_rad[rows] - r.gear_rad[rows]
+    found = np.linalg.lstsq(terms, off, rcond=None)[0][:-2]
+    seen = np.bincount(cell[rows], minlength=len(edges) - 1) >= LEAST_ROWS
+    return np.where(seen, found, np.nan)
+
+
+def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEncoders:
+    """Direction and ratio of both joint encoders, error over the travel of the motor side's.
+
+    The load side's error cannot be told from what the torque that turns the drive does to the
+    rubber; the check with a known mass sees it.
+    """
+    far = int(np.argmax(np.abs(r.load_rad - r.load_rad[0])))
+    moved = [float(x[far] - x[0]) for x in (r.gear_rad, r.motor_rad, r.load_rad)]
+    names = "motor_encoder_rad", "motor_side_rad", "load_side_rad"
+    found: dict[str, Any] = {f"moved_{n}": v for n, v in zip(names, moved, strict=True)}
+    problem = _direction(*moved)
+    if problem is not None:
+        return JudgedEncoders((), problem, found, np.zeros(0), {})
+    checks = []
+    for side, angle in (("motor", r.motor_rad), ("load", r.load_rad)):
+        ratio = _ratio(r, angle, c["tau_Nm"])
+        found[f"{side}_ratio"] = ratio
+        checks.append(
+            StartupCheck(
+                "encoders", f"{side} side: motion over that of the motor's encoder, off 1",
+                100 * abs(ratio - 1), 100 * RATIO_OFF, "%",
+                "Correct actuator.gear_ratio or actuator.encoder_bits in the device file, or the "
+                "encoder's correction.",
+            )
+        )  # fmt: skip
+    low, high = np.percentile(r.gear_rad, [2, 98])
+    edges = np.linspace(float(low), float(high), CELLS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    error = _error(r, c["tau_Nm"], edges)
+    seen = np.isfinite(error)
+    if seen.sum() < CELLS / 2:
+        what = f"only {seen.sum()} of {CELLS} parts of the travel were gone through evenly"
+        return JudgedEncoders((), (what, "Turn it slowly and evenly, twice."), found, middle, {})
+    error -= np.polyval(np.polyfit(middle[seen], error[seen], 1), middle)
+    worst = float(np.max(np.abs(error[seen])))
+    table = _correction(device, c, "motor", middle, error)
+    found |= {"motor_error_rad": worst, "motor_correction_rad": table}
+    checks.append(
+        StartupCheck(
+            "encoders", "motor side: largest error over the travel", worst, ERROR_RAD, "rad",
+            "Put into the device file: encoder.motor.correction_rad with the values "
+            f"{[round(x, 5) for x in table]}; outside of the travel they say nothing.",
+        )
+    )  # fmt: skip
+    return JudgedEncoders(tuple(checks), None, found, middle, {"motor": error})
+
+
+def _correction(device: Device, c: Capture, side: str, at: Array, error: Array) -> list[float]:
+    # What is to be added to the raw angle at equal steps of the encoder's turn, on top of what is
+    # added already; 0 where the joint never was.
+    own = getattr(device.file.encoder, side)
+    sign = (
+        -1.0 if own is not None and own.direction is not None and own.direction.value < 0 else 1.0
+    )
+    before = own.correction_rad.values if own is not None and own.correction_rad else (0.0,) * TABLE
+    turn = 2 * math.pi
+    bits = round(device.file.encoder.resolution_bits.value)
+    raw = np.unwrap(c[f"count_{side}"] * turn / (1 << bits))
+    theta = c[f"theta_{side}_rad"]
+    order = np.argsort(theta)
+    nodes = np.arange(TABLE) * turn / TABLE
+    known = np.isfinite(error)
+    if not known.any():
+        return [0.0] * TABLE
+    raws = np.interp(at[known], theta[order], raw[order])
+    wanted = -sign * error[known]
+    rising = np.argsort(raws)
+    table = []
+    for k, node in enumerate(nodes):
+        turns = np.round((raws.mean() - node) / turn)
+        place = node + turn * turns
+        inside = raws.min() - turn / TABLE <= place <= raws.max() + turn / TABLE
+        more = float(np.interp(place, raws[rising], wanted[rising])) if inside else 0.0
+        table.append(float(before[k * len(before) // TABLE]) + more)
+    return table
+
+
+# -- motor sign -----------------------------------------------------------------------------------
+
+
+def commanded_work(device: Device, r: DriveRecording) -> tuple[float, float]:
+    """Work that the commanded torque did on the drive, and that in either direction, in J.
+
+    A motor that turns the way it is told to gives work; one that turns the other way seems to take
+    it.  Whatever friction, rubber and disturbance do, that sign is the motor's.
+    """
+    a = device.file.actuator
+    assert a is not None
+    torque = a.gear_ratio.value * motor_torque(r.u_Nm, a.tau_c_s.value, 0.0, r.tick_s)
+    steps = torque[1:] * np.diff(r.gear_rad)
+    return float(steps.sum()), float(np.abs(steps).sum())
+
+
+def motor_sign(
+    r: DriveRecording, wanted_Nm: Array, most_Nm: float, work_J: float, either_J: float
+) -> tuple[str, str] | None:
+    """What is wrong with the directions, and the fix; None where all agree."""
+    share = work_J / either_J if either_J else math.nan
+    if not share >= LEAST_WORK_SHARE:
+        told = f"the command did {work_J:+.3g} J of work on the drive, {either_J:.3g} J either way"
+        if share < 0:
+            return told, (
+                "The motor turns against its command: swap two of its phases, or the sign of the "
+                "torque in the drive's settings, never both."
+            )
+        return told, "It hardly moved: is the drive enabled, and does no brake hold the shaft?"
+    # The study's own check, on what was held one way and the other.
+    held = [np.flatnonzero(wanted_Nm * s > 0.98 * most_Nm) for s in (1, -1)]
+    if not all(len(h) > 10 for h in held):
+        return "It ended before both directions were held.", AGAIN
+    n = min(map(len, held))
+    rows = np.concatenate([h[-n:] for h in held])
+    command = np.repeat([most_Nm, -most_Nm], n)
+    part = DriveRecording(r.tick_s, command, r.gear_rad[rows], r.motor_rad[rows], r.load_rad[rows])
+    return SignCheck.of(part).problem()
+
+
+# -- friction -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TurnedFriction:
+    """Friction of a drive that somebody turned with its motor off.
+
+    rubber_Nm, model_Nm: over ``time_s``, at the samples that were used.
+    """
+
+    fc: Estimate
+    fv: Estimate
+    time_s: Array
+    rubber_Nm: Array
+    model_Nm: Array
+
+
+def turned_friction(device: Device, r: DriveRecording) -> TurnedFriction:
+    """Coulomb and viscous friction, from (5.2) with no motor torque.
+
+    The rubber's torque turns inertia and friction.  The cable's loss is in it: it is what a hand
+    feels, not the drive's own, which the start-up tells apart.
+    """
+    s = Signals(device, r, float(r.motor_rad[0] - r.load_rad[0]))
+    turning = -s.term(s.cable_Nm(0.0))
+    columns = [s.term(x) for x in (s.alpha_rad_s2, s.omega_rad_s, s.way)]
+    terms = np.column_stack([*columns, np.ones(len(s.used))])
+    fit = fit_linear(terms, turning, s.blocks)
+    fv, fc = (Estimate.of(fit.values[k], fit.deviation(k), fit.blocks) for k in (1, 2))
+    return TurnedFriction(fc, fv, s.used * r.tick_s, turning, terms @ fit.values)

@@ -1,0 +1,330 @@
+"""The steps of a commissioning, in the order in which they are safe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.studies.startup.checks import FRICTION_SHARE, StartupCheck
+from esea_gen.studies.startup.motions import GearPath
+from esea_gen.studies.startup.procedures import travel
+from esea_gen.studies.torque_check.check import (
+    RECORD_S,
+    SETTLE_S,
+    CheckDecision,
+    TorqueCheck,
+)
+from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS
+from esea_host.commissioning.bench import Capture, CommissioningBench, HandAct
+from esea_host.commissioning.drive import (
+    AGAIN,
+    commanded_work,
+    judged_encoders,
+    motor_sign,
+    turned_friction,
+)
+from esea_host.commissioning.pictures import new_picture, over, torque_bars
+from esea_host.commissioning.result import StepResult
+
+ZERO_TRIES, LOOK_S = 5, 1.0
+REST_RAD = 0.02  # about a degree: a joint that is held still by hand
+TURN_RAD_S, FRICTION_RAD_S = 0.5, (0.4, 0.8, 1.4)
+REACH_SHARE = 0.8  # of the travel that is left towards positive angles
+PUSH_NM_SHARE = 0.12  # of full scale: enough to wind the rubber up, and nobody is in the joint
+TIME = "time, s"
+
+
+@dataclass(frozen=True)
+class StepOptions:
+    """What a person chooses.
+
+    known: the hanging mass.
+    settle_s, record_s, repeats: of the torque check.
+    """
+
+    known: KnownLoad | None = None
+    settle_s: float = SETTLE_S
+    record_s: float = RECORD_S
+    repeats: int = REPEATS
+
+
+@dataclass(frozen=True)
+class CommissioningStep:
+    """One step.
+
+    finds: what it is for.
+    motor: whether the motor moves.
+    run: does it.
+    """
+
+    name: str
+    title: str
+    finds: str
+    run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)
+    motor: bool = False
+
+
+# -- zero -----------------------------------------------------------------------------------------
+
+
+def _zero(bench: CommissioningBench, _: StepOptions) -> StepResult:
+    bench.ask(
+        HandAct(
+            "rest", "Put the joint at its zero, nothing on it, nobody in it; let it stand still."
+        )
+    )
+    bench.wait(LOOK_S)
+    tries = 0
+    while tries < ZERO_TRIES:
+        tries += 1
+        bench.device.zero()
+        bench.wait(0.3)
+        if bench.reach("READY"):
+            break
+        bench.say(f"It was not still ({bench.device.state()}): once more.")
+    c = bench.capture(LOOK_S)
+    state = bench.device.state()
+    figure, (above, below) = new_picture("angles after zeroing", bench.device.simulated, 2)
+    mrad = [(n, 1e3 * c[f"theta_{n}_rad"]) for n in ("motor", "load")]
+    over(above, c.time_s, mrad, TIME, "joint, mrad", 1e3 * REST_RAD)
+    over(below, c.time_s, [("sensed torque", c["tau_Nm"])], TIME, "Nm", _limit_Nm(bench, "zero"))
+    if state != "READY":
+        fix = "Hold the joint still, and look at the encoders' status words in the live view."
+        problem = f"The board is {state} after {tries} tries, not READY.", fix
+        return StepResult("zero", ZERO, figure, problem=problem, found={"tries": tries})
+    at, spread = (max(f(c[f"theta_{n}_rad"]) for n in ("motor", "load")) for f in (_off, np.ptp))
+    torque = abs(float(np.mean(c["tau_Nm"])))
+    checks = (
+        StartupCheck("zero", "joint away from its zero", at, REST_RAD, "rad", AGAIN),
+        StartupCheck("zero", "motion while it is to stand", float(spread), REST_RAD, "rad", AGAIN),
+        StartupCheck(
+            "zero", "sensed torque with nothing on it", torque, _limit_Nm(bench, "zero"), "Nm",
+            "Take off what pulls at the joint, and zero again.",
+        ),
+    )  # fmt: skip
+    found = {"tries": tries, "joint_rad": at, "torque_Nm": torque}
+    return StepResult("zero", ZERO, figure, checks, found=found)
+
+
+def _off(x: np.ndarray) -> float:
+    return abs(float(np.mean(x)))
+
+
+def _limit_Nm(bench: CommissioningBench, criterion: str) -> float:
+    percent = next(x.percent for x in LIMITS if x.name == criterion)
+    return percent / 100 * bench.board.tau_full_scale_Nm
+
+
+# -- turned by hand -------------------------------------------------------------------------------
+
+
+def _reach_rad(device: Device) -> float:
+    return REACH_SHARE * travel(device)[1]
+
+
+def _turned(bench: CommissioningBench, how: str, speeds: tuple[float, ...]) -> Capture:
+    bench.make_ready()
+    reach = _reach_rad(bench.board)
+    legs = [(end, v) for v in speeds for end in (reach, 0.0)]
+    path = GearPath.through(legs, bench.device.identity.tick_us * 1e-6)
+    lasts_s = len(path) * bench.device.identity.tick_us * 1e-6 + 1.0
+    text = (
+        f"The motor stays off. From now on, for {lasts_s:.0f} s, turn the joint by hand at its "
+        f"output, to {math.degrees(reach):.0f} deg in the positive direction, then back: {how}"
+    )
+    bench.ask(HandAct("turn", text, path=path))
+    return bench.capture(lasts_s)
+
+
+def _encoders(bench: CommissioningBench, _: StepOptions) -> StepResult:
+    c = _turned(bench, "slowly, twice.", (TURN_RAD_S, TURN_RAD_S))
+    judged = judged_encoders(bench.board, c, bench.recording(c))
+    figure, (above, below) = new_picture("joint turned by hand", bench.device.simulated, 2)
+    r = bench.recording(c)
+    sides = [
+        ("motor's encoder", r.gear_rad),
+        ("motor side", r.motor_rad),
+        ("load side", r.load_rad),
+    ]
+    over(above, c.time_s, sides, TIME, "joint, rad")
+    errors = [(f"{side} side", 1e3 * e) for side, e in judged.errors.items()]
+    if errors:
+        limit = 1e3 * judged.limit_rad
+        over(below, judged.at_rad, errors, "joint, rad", "off the motor's encoder, mrad", limit)
+    return StepResult(
+        "encoders", ENCODERS, figure, judged.checks, judged.problem, judged.found
+    )  # fmt: skip
+
+
+def _friction(bench: CommissioningBench, _: StepOptions) -> StepResult:
+    speeds = ", then ".join(f"{v:g}" for v in FRICTION_RAD_S)
+    c = _turned(bench, f"at about {speeds} rad/s.", FRICTION_RAD_S)
+    f = turned_friction(bench.board, bench.recording(c))
+    figure, (axes,) = new_picture("torque that turns the drive", bench.device.simulated)
+    lines = [("by the rubber", f.rubber_Nm), ("friction and inertia as found", f.model_Nm)]
+    over(axes, f.time_s, lines, TIME, "Nm at the joint")
+    a = bench.board.file.actuator
+    assert a is not None
+    full_Nm = a.gear_ratio.value * a.u_max_Nm.value
+    lost = f.fc.value + f.fv.value * max(FRICTION_RAD_S)
+    look = "Look for a cable that rubs, a tight bearing, too much tension."
+    checks = (
+        StartupCheck(
+            "friction", f"friction at {max(FRICTION_RAD_S):g} rad/s over the motor's most",
+            100 * lost / full_Nm, 100 * FRICTION_SHARE, "%", look,
+        ),
+        StartupCheck(
+            "friction", "Coulomb friction over the device file's",
+            100 * f.fc.value / a.fc_Nm.value, 200.0, "%",
+            f"{look}  If it is the machine's own, run the start-up and use what it finds.",
+        ),
+        StartupCheck(
+            "friction", "half the interval of the Coulomb friction, of it",
+            100 * f.fc.half / abs(f.fc.value), 30.0, "%",
+            "Turn it evenly, and to and fro at each speed.",
+        ),
+        StartupCheck(
+            "friction", "Coulomb friction below nothing", max(0.0, -f.fc.value), 0.0, "Nm",
+            "A torque that helps is none: do the steps 'encoders' and 'torque' again.",
+        ),
+    )  # fmt: skip
+    found = {f"fc_{k}": v for k, v in f.fc.to_dict("Nm").items()}
+    found |= {f"fv_{k}": v for k, v in f.fv.to_dict("Nms_rad").items()}
+    return StepResult("friction", FRICTION, figure, checks, found=found)
+
+
+# -- motor sign -----------------------------------------------------------------------------------
+
+
+def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
+    bench.make_ready()
+    most_Nm = PUSH_NM_SHARE * bench.board.tau_full_scale_Nm
+    bench.ask(
+        HandAct(
+            "clamp",
+            "Clamp the output where it is, nobody in the joint. The motor will wind the rubber up "
+            f"a little, to {most_Nm:.2g} Nm, one way and the other.",
+        )
+    )
+    knots = np.array([0, 0.2, 0.8, 1.4, 2.6, 3.2, 3.8])
+    pushes = most_Nm * np.array([0, 0, 1, 1, -1, -1, 0])
+    c = bench.driven(float(knots[-1]), lambda at: float(np.interp(at, knots, pushes)))
+    fault = bench.device.fault()
+    name = bench.device.session.dialect.enums["ESEA_FAULT"].get(fault)
+    figure, (above, below) = new_picture("pushed against a clamp", bench.device.simulated, 2)
+    r = bench.recording(c)
+    moved = [("motor's encoder", 1e3 * (r.gear_rad - r.gear_rad[0]))]
+    moved.append(("motor side", 1e3 * (r.motor_rad - r.motor_rad[0])))
+    moved.append(("load side", 1e3 * (r.load_rad - r.load_rad[0])))
+    over(above, c.time_s, moved, TIME, "joint, mrad")
+    torques = [("wanted", c["tau_desired_Nm"]), ("sensed", c["tau_Nm"])]
+    over(below, c.time_s, torques, TIME, "Nm at the joint")
+    work_J, turned_J = commanded_work(bench.board, r)
+    found = {"command_work_J": work_J, "work_either_way_J": turned_J, "fault": fault}
+    problem = motor_sign(r, c["tau_desired_Nm"], most_Nm, work_J, turned_J)
+    if problem is None and fault:
+        said = getattr(name, "name", str(fault)).removeprefix("ESEA_FAULT_")
+        problem = f"The board switched itself off: {said}.", "See to the fault, and clear it."
+    checks: tuple[StartupCheck, ...] = ()
+    if problem is None:
+        error_Nm = float(np.sqrt(np.mean((c["tau_Nm"] - c["tau_desired_Nm"])[200:] ** 2)))
+        checks = (
+            StartupCheck(
+                "sign", "sensed torque off the wanted one, effective", error_Nm, 0.5 * most_Nm,
+                "Nm", "Look at the live view: which limit acts, and whether the cable is tight.",
+            ),
+        )  # fmt: skip
+        found["torque_error_rms_Nm"] = error_Nm
+    return StepResult("sign", SIGN, figure, checks, problem, found)
+
+
+# -- known mass -----------------------------------------------------------------------------------
+
+
+def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
+    if options.known is None:
+        raise UserError(
+            "The torque check needs a known mass on a known arm.", "Give --mass KG and --arm M."
+        )
+    bench.make_ready()
+    check = TorqueCheck(
+        bench.board, options.known, repeats=options.repeats,
+        settle_s=options.settle_s, record_s=options.record_s,
+    )  # fmt: skip
+    needed_s = check.settle_s + check.record_s + 0.2
+    parts = []
+    while (step := check.next_step) is not None:
+        sign = {"zero": 0, "plus": 1, "minus": -1}[step.kind]
+        number = f"{len(check.measurements) + 1} of {len(check.steps)}"
+        text = f"{number}. Hold the motor still. {step.text} Then wait {needed_s:.0f} s."
+        bench.ask(HandAct("load", text, torque_Nm=sign * check.known.torque_Nm))
+        c = bench.capture(needed_s)
+        # What hangs on the joint and what the rubber does to the joint are in balance.
+        hung_Nm = -c["tau_Nm"]
+        try:
+            check.record(step.label, c.time_s, hung_Nm, "esea-host commission")
+        except UserError as refused:
+            bench.say(str(refused))
+            continue
+        parts.append(hung_Nm)
+    figure, (above, below) = new_picture("hanging mass", bench.device.simulated, 2)
+    every = max(1, sum(map(len, parts)) // 4000)
+    tau = np.concatenate(parts)[::every]
+    tick_s = bench.device.identity.tick_us * 1e-6
+    seconds = every * tick_s * np.arange(len(tau))
+    over(above, seconds, [("load as sensed", tau)], "recorded time, s", "Nm", check.known.torque_Nm)
+    torque_bars(below, check)
+    hints = {x.name: f"{x.what[0].upper()}{x.what[1:]}. {x.reason[0].upper()}{x.reason[1:]}."
+             for x in LIMITS}  # fmt: skip
+    worst: dict[str, tuple[float, CheckDecision]] = {}
+    for d in check.decisions:
+        if d.criterion not in worst or d.value_Nm / d.limit_Nm > worst[d.criterion][0]:
+            worst[d.criterion] = d.value_Nm / d.limit_Nm, d
+    checks = tuple(
+        StartupCheck("torque", n, d.value_Nm, d.limit_Nm, "Nm", hints[n])
+        for n, (_, d) in worst.items()
+    )
+    return StepResult("torque", TORQUE, figure, checks, found={"torque_check": check.to_dict()})
+
+
+ZERO, ENCODERS, SIGN = "Zero", "Encoders: direction and error", "Motor sign"
+FRICTION, TORQUE = "Friction", "Torque of a known mass"
+STEPS = (
+    CommissioningStep("zero", ZERO, "the joint's zero, taken at rest", _zero),
+    CommissioningStep(
+        "encoders", ENCODERS,
+        "which way each encoder counts, and how far the motor side's is off over the travel",
+        _encoders,
+    ),
+    CommissioningStep("sign", SIGN, "that the motor turns the way it is told to", _sign, True),
+    CommissioningStep(
+        "friction", FRICTION, "friction of drive and cable, as a hand feels it", _friction
+    ),
+    CommissioningStep("torque", TORQUE, "that the sensor is right", _torque),
+)  # fmt: skip
+
+
+def guide(device: Device) -> list[str]:
+    """What there is to do, as lines of text."""
+    reach = math.degrees(_reach_rad(device))
+    lines = [
+        f"Commissioning of {device.name} ({device.title}); joint free from 0 to {reach:.0f} deg.",
+    ]
+    for k, step in enumerate(STEPS, 1):
+        motor = "; THE MOTOR MOVES" if step.motor else ""
+        lines.append(f"{k}. {step.name}: {step.finds}{motor}.")
+    return lines
+
+
+def run_step(
+    bench: CommissioningBench, step: CommissioningStep, options: StepOptions
+) -> StepResult:
+    """Do a step."""
+    bench.begin()
+    return step.run(bench, options)

@@ -1,0 +1,285 @@
+"""Guided screens of a commissioning: steps on the left, what to do and what came of it beside."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import io
+import threading
+from collections.abc import Callable
+
+from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QPixmap
+from PySide6.QtWidgets import (
+    QApplication,
+    QHBoxLayout,
+    QLabel,
+    QListWidget,
+    QMainWindow,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from esea_host.commissioning import (
+    CommissioningBench,
+    CommissioningEnded,
+    CommissioningRecord,
+    CommissioningStep,
+    HandAct,
+    StepOptions,
+    StepResult,
+    guide,
+    run_step,
+)
+from esea_host.windows.counting import take_many
+from esea_host.windows.stopping import StopSender
+from esea_host.windows.theme import LIGHT, STOP_STYLE
+
+take_many()
+
+
+class _News(QObject):
+    # From the thread that works to the one that draws.
+    asked = Signal(str)
+    said = Signal(str)
+    ended = Signal(object)
+
+
+class CommissioningWindow(QMainWindow):
+    """One step after another; each is done in a thread beside, and ends with a verdict.
+
+    bench: who answers what a step asks is changed to this window, unless it is simulated.
+    """
+
+    def __init__(
+        self,
+        bench: CommissioningBench,
+        steps: tuple[CommissioningStep, ...],
+        options: StepOptions,
+        record: CommissioningRecord,
+    ) -> None:
+        super().__init__()
+        self.bench, self.steps, self.options, self.record = bench, steps, options, record
+        self.result: StepResult | None = None
+        self.done: dict[str, StepResult] = {}
+        self._thread: threading.Thread | None = None
+        self._go_on = threading.Event()
+        self._news = _News()
+        self._news.asked.connect(self._show_asked)
+        self._news.said.connect(self._show_said)
+        self._news.ended.connect(self._show_ended)
+        # A board whose clock the steps move is stopped by the step; else past all that waits.
+        self._stopper = None if bench.hands_free else StopSender(bench.device)
+        bench.say = self._news.said.emit
+        if not bench.hands_free:
+            bench.change_hands(self._wait_for_person)
+        kind = "SIMULATED " if bench.device.simulated else ""
+        self.setWindowTitle(f"{kind}{bench.board.name}: commissioning - esea-host")
+        self._build()
+        self.setPalette(LIGHT.palette())
+        application = QApplication.instance()
+        assert application is not None
+        application.installEventFilter(self)
+
+    def _build(self) -> None:
+        self.list = QListWidget()
+        self.list.setFixedWidth(270)
+        self.list.currentRowChanged.connect(self._choose)
+        self.head, self.text, self.picture = QLabel(), QLabel(), QLabel()
+        for label in (self.head, self.text):
+            label.setWordWrap(True)
+            label.setTextFormat(Qt.TextFormat.RichText)
+        self.picture.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
+        self.start_button = QPushButton("Start  (S)")
+        self.start_button.clicked.connect(self.start)
+        self.ready_button = QPushButton("Done, go on  (Return)")
+        self.ready_button.clicked.connect(self.go_on)
+        self.stop_button = QPushButton("STOP  (Space)")
+        self.stop_button.setStyleSheet(STOP_STYLE)
+        self.stop_button.pressed.connect(self.stop)
+        buttons = QHBoxLayout()
+        for button in (self.start_button, self.ready_button):
+            button.setMinimumHeight(40)
+            buttons.addWidget(button)
+        buttons.addStretch(1)
+        buttons.addWidget(self.stop_button)
+        for button in (self.start_button, self.ready_button, self.stop_button):
+            button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        right = QVBoxLayout()
+        for part in (self.head, self.text):
+            right.addWidget(part)
+        right.addWidget(self.picture, 1)
+        right.addLayout(buttons)
+        whole = QHBoxLayout()
+        whole.addWidget(self.list)
+        whole.addLayout(right, 1)
+        middle = QWidget()
+        middle.setLayout(whole)
+        self.setCentralWidget(middle)
+        self.list.addItems([s.title for s in self.steps])
+        self._rename()
+        self.list.setCurrentRow(0)
+
+    @property
+    def step(self) -> CommissioningStep:
+        """The one that is chosen."""
+        return self.steps[max(0, self.list.currentRow())]
+
+    @property
+    def busy(self) -> bool:
+        """Whether a step runs."""
+        return self._thread is not None
+
+    def _rename(self) -> None:
+        for i, step in enumerate(self.steps):
+            entry = self.record.last(step.name, self.bench.board.digest)
+            mark = "  " if entry is None else "✓ " if entry["passed"] else "✗ "
+            word = "" if entry is None else "  passed" if entry["passed"] else "  FAILED"
+            self.list.item(i).setText(f"{mark}{i + 1}. {step.title}{word}")
+
+    def _choose(self, _: int) -> None:
+        step = self.step
+        motor = " <b>The motor moves.</b>" if step.motor else ""
+        self.head.setText(f"<h2>{step.title}</h2>{step.finds}.{motor}")
+        result = self.done.get(step.name)
+        self.text.setText("")
+        self.picture.clear()
+        if result is not None:
+            self._show_result(result)
+        elif self.list.currentRow() == 0:
+            lines = "<br>".join(html.escape(x) for x in guide(self.bench.board))
+            self.text.setText(f'<span style="color:{LIGHT.soft}">{lines}</span>')
+        self._enable(asking=False)
+
+    def _enable(self, asking: bool) -> None:
+        needs_mass = self.step.name == "torque" and self.options.known is None
+        self.start_button.setEnabled(not self.busy and not needs_mass)
+        self.ready_button.setEnabled(asking)
+        self.list.setEnabled(not self.busy)
+        if needs_mass:
+            self.text.setText("Start again with --mass KG and --arm M to do this one.")
+
+    # -- a step ----------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Do the chosen step."""
+        if self.busy or not self.start_button.isEnabled():
+            return
+        self.picture.clear()
+        self.text.setText("")
+        step = self.step
+        self._thread = threading.Thread(
+            target=self._work, args=(step,), name="esea-commission", daemon=True
+        )
+        self._enable(asking=False)
+        self._thread.start()
+
+    def _work(self, step: CommissioningStep) -> None:
+        try:
+            result = run_step(self.bench, step, self.options)
+            self.record.add(result, self.bench.device.identity)
+        except Exception as error:
+            if isinstance(error, CommissioningEnded):
+                with contextlib.suppress(Exception):
+                    self.bench.device.stop()
+            self._news.ended.emit(error)
+        else:
+            self._news.ended.emit(result)
+
+    def _wait_for_person(self, act: HandAct) -> None:
+        self._go_on.clear()
+        self._news.asked.emit(act.text)
+        while not self._go_on.wait(0.05):
+            if self.bench.cancelled:
+                return
+
+    def go_on(self) -> None:
+        """What was asked for is done."""
+        if not self.ready_button.isEnabled():
+            return
+        self.ready_button.setEnabled(False)
+        self._go_on.set()
+
+    def stop(self) -> None:
+        """End the step that runs, and stop the motor; returns at once."""
+        self.bench.cancel()
+        if self._stopper is not None:
+            self._stopper.stop()
+
+    # -- shown -----------------------------------------------------------------------------------
+
+    def _show_asked(self, text: str) -> None:
+        self.text.setText(f'<p style="font-size:17px">{html.escape(text)}</p>')
+        self._enable(asking=True)
+
+    def _show_said(self, text: str) -> None:
+        self.text.setText(f'<p style="font-size:17px">{html.escape(text)}</p>')
+
+    def _show_ended(self, end: object) -> None:
+        if self._thread is not None:
+            self._thread.join()
+        self._thread = None
+        if isinstance(end, StepResult):
+            self.done[end.step] = end
+            self._show_result(end)
+        else:
+            said = html.escape(str(end))
+            self.text.setText(f'<p style="color:{LIGHT.alarm}; font-size:17px">{said}</p>')
+        self._rename()
+        self._enable(asking=False)
+
+    def _show_result(self, result: StepResult) -> None:
+        colour = LIGHT.good if result.passed else LIGHT.alarm
+        first, *rest = result.lines()
+        more = "<br>".join(html.escape(x).replace("  ", "&nbsp;&nbsp;") for x in rest)
+        self.text.setText(f'<p style="color:{colour}; font-size:17px"><b>{first}</b></p>{more}')
+        drawn = io.BytesIO()
+        result.picture.savefig(drawn, format="png", dpi=80)
+        picture = QPixmap()
+        picture.loadFromData(drawn.getvalue())
+        self.picture.setPixmap(picture)
+
+    # -- keys ------------------------------------------------------------------------------------
+
+    def eventFilter(self, _: QObject, event: QEvent) -> bool:
+        """Space and Escape stop, S starts, Return goes on, whatever has the focus."""
+        if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
+            return False
+        keys = Qt.Key
+        jobs = {keys.Key_Space: self.stop, keys.Key_Escape: self.stop, keys.Key_S: self.start}
+        jobs |= {keys.Key_Return: self.go_on, keys.Key_Enter: self.go_on}
+        job = jobs.get(keys(event.key()))
+        if job is not None and not event.isAutoRepeat():
+            job()
+        return job is not None
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """A step that runs is ended first."""
+        if self.busy:
+            self.stop()
+            assert self._thread is not None
+            self._thread.join(3.0)
+        if self._stopper is not None:
+            self._stopper.close()
+        application = QApplication.instance()
+        if application is not None:
+            application.removeEventFilter(self)
+        super().closeEvent(event)
+
+
+def run_commissioning(
+    bench: CommissioningBench,
+    steps: tuple[CommissioningStep, ...],
+    options: StepOptions,
+    record: CommissioningRecord,
+    shown: Callable[[CommissioningWindow], None] = lambda _: None,
+) -> None:
+    """Open the screens, and return when they are closed."""
+    application = QApplication.instance() or QApplication([])
+    assert isinstance(application, QApplication)
+    window = CommissioningWindow(bench, steps, options, record)
+    window.resize(1180, 860)
+    window.show()
+    shown(window)
+    application.exec()

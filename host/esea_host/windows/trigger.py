@@ -1,0 +1,79 @@
+"""A trigger as an oscilloscope has it: the picture stands where a signal crosses a level."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from esea_host.windows.history import Floats, Stretch
+
+BEFORE = 0.2  # of the time that is shown, before the crossing
+OFF, NORMAL, SINGLE = "off", "normal", "single"
+MODES = (OFF, NORMAL, SINGLE)
+
+
+def crossings(stretch: Stretch, values: Floats, level: float, rising: bool) -> Floats:
+    """When a signal crosses a level in one direction, between its samples; never across a gap."""
+    above = values >= level
+    after = above[1:] & ~above[:-1] if rising else above[:-1] & ~above[1:]
+    after &= ~stretch.after_gap[1:] & np.isfinite(values[1:]) & np.isfinite(values[:-1])
+    at = np.flatnonzero(after)
+    share = (level - values[at]) / (values[at + 1] - values[at])
+    time_s = stretch.time_s
+    return np.asarray(time_s[at] + share * (time_s[at + 1] - time_s[at]))
+
+
+@dataclass
+class Trigger:
+    """What starts a picture.
+
+    mode: ``off``, ``normal`` (each crossing whose picture is whole), ``single`` (the next one).
+    last_s: the crossing that is shown; before the first NaN.
+    done: whether a single one has come.
+    """
+
+    mode: str = OFF
+    level: float = 0.0
+    rising: bool = True
+    last_s: float = math.nan
+    done: bool = False
+
+    @property
+    def on(self) -> bool:
+        """Whether pictures wait for it."""
+        return self.mode != OFF
+
+    def arm(self, now_s: float) -> None:
+        """Forget what was; the next crossing counts."""
+        self.done, self.last_s, self._from_s = False, math.nan, now_s
+
+    _from_s: float = -math.inf
+
+    def look(self, stretch: Stretch, values: Floats, window_s: float) -> float:
+        """The crossing to show now: the newest whose picture is whole."""
+        if self.done or not len(values):
+            return self.last_s
+        whole_s = stretch.time_s[-1] - (1 - BEFORE) * window_s
+        found = crossings(stretch, values, self.level, self.rising)
+        found = found[(found > self._from_s) & (found <= whole_s)]
+        if len(found):
+            self.last_s = float(found[0] if self.mode == SINGLE else found[-1])
+            # A picture is not begun again before it has been seen to its end.
+            self._from_s = self.last_s + (1 - BEFORE) * window_s
+            self.done = self.mode == SINGLE
+        return self.last_s
+
+    def shown_s(self, window_s: float) -> tuple[float, float]:
+        """From when to when the picture goes."""
+        return self.last_s - BEFORE * window_s, self.last_s + (1 - BEFORE) * window_s
+
+    def said(self) -> str:
+        """For the line above the picture."""
+        edge = "rises" if self.rising else "falls"
+        if not self.on:
+            return ""
+        if math.isnan(self.last_s):
+            return f"TRIGGER waits: {edge} through {self.level:g}"
+        return f"trigger at {self.last_s:.3f} s{', held' if self.done else ''}"

@@ -1,0 +1,193 @@
+"""Streams by name, the clocks of board and host, and what is handed on to other programs."""
+
+from __future__ import annotations
+
+import sys
+import types
+
+import numpy as np
+import pytest
+
+import esea_host
+from esea_gen.errors import UserError
+from esea_host.cli import main
+from esea_host.connection import listen_named
+from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet
+from esea_host.connection.receiver import Batch
+from esea_host.recording.clock import clock_fit
+from esea_host.recording.layout import StreamColumn, StreamLayout
+from esea_host.recording.writer import Recorder
+from esea_host.simulated import LockstepDevice
+
+
+@pytest.fixture
+def device(simulated_elbow):
+    simulated_elbow.restart()
+    return LockstepDevice(simulated_elbow)
+
+
+def test_values_by_name_and_rate_are_recorded_bit_for_bit(device, tmp_path):
+    named = listen_named(device, ["tau_Nm", "u_Nm", "limits_status", "sense.count_motor"], 100)
+    assert named == ["chosen"]
+    path = tmp_path / "a.mcap"
+    with device.record(path, [*named, "sense_in", "sense_out"]):
+        device.advance(0.5)
+    with esea_host.open_log(path) as log:
+        chosen, whole = log["chosen"], log["sense_out"]
+        assert np.all(np.diff(chosen.tick.astype(int)) == 10)
+        assert len(chosen) >= 45
+        assert chosen.units["tau_Nm"] == "Nm"
+        assert chosen.layout.columns[3].kind == "u4"
+        assert not log.gaps
+        at = np.searchsorted(whole.tick, chosen.tick)
+        inside = (at < len(whole)) & (chosen.tick >= whole.tick[0])
+        for name in ("tau_Nm", "u_Nm", "limits_status"):
+            a, b = chosen[name][inside], whole[name][at[inside]]
+            assert a.tobytes() == b.tobytes(), name
+        assert np.allclose(chosen.time_s[inside], whole.time_s[at[inside]])
+    with pytest.raises(UserError, match="cannot be streamed"):
+        listen_named(device, ["nothing"])
+
+
+def test_a_lost_message_of_named_values_is_a_gap(device):
+    (name,) = listen_named(device, ["tau_Nm"], 200)
+    queue = device.subscribe([name])
+    data, messages = bytearray(), []
+    for _ in range(300):
+        device.drive.tick()
+        data += device.drive.read()
+    session = device.session
+    number = session.dialect.MAVLINK_MSG_ID_ESEA_DATA
+    at = 0
+    while at < len(data):
+        end = at + 12 + data[at + 1]
+        messages.append(bytes(data[at:end]))
+        at = end
+    own = [i for i, m in enumerate(messages) if int.from_bytes(m[7:10], "little") == number]
+    lost = own[5]
+    rows_in = messages[lost][10 + 16]
+    device.receiver.take(b"".join(m for i, m in enumerate(messages) if i != lost))
+    gaps = [g for b in queue.take(0.0) for g in b.gaps]
+    assert [(g.stream, g.missing) for g in gaps] == [(name, rows_in)]
+    assert gaps[0].reason == "link"
+
+
+def test_drift_and_offset_of_the_clocks_are_found(tmp_path):
+    rng = np.random.default_rng(7)
+    drift, offset_ns = 37e-6, 1_795_000_000_123_456_789
+    board_ns = (np.arange(120) * 1_000_000_000 + rng.integers(0, 10**6, 120)).astype(np.int64)
+    late_ns = rng.exponential(4e6, 120).astype(np.int64)
+    host_ns = offset_ns + board_ns + np.rint(drift * board_ns).astype(np.int64) + late_ns
+    path = tmp_path / "a.mcap"
+    with Recorder(path) as recorder:
+        for h, b in zip(host_ns.tolist(), board_ns.tolist(), strict=True):
+            recorder.event("clock", {"host_ns": h, "board_ns": b})
+    with esea_host.open_log(path) as log:
+        fit = clock_fit(log)
+    assert fit.low_ppm < 37 < fit.high_ppm
+    assert fit.drift_ppm == pytest.approx(37, abs=15)
+    assert fit.offset_ns == pytest.approx(offset_ns, abs=2_000_000)
+    assert fit.late_p50_ms == pytest.approx(4 * np.log(2), rel=0.4)  # median of the exponential
+    assert fit.pairs == 120
+    assert "ppm" in str(fit)
+    with Recorder(tmp_path / "b.mcap") as recorder:
+        recorder.event("clock", {"host_ns": 1, "board_ns": 1})
+    with esea_host.open_log(tmp_path / "b.mcap") as log:
+        assert clock_fit(log) is None
+
+
+LAYOUT = StreamLayout(
+    "sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm", unit="Nm"))
+)
+
+
+def batch(first: int) -> Batch:
+    rows = np.zeros(3, LAYOUT.dtype)
+    rows["sequence"] = first + np.arange(3)
+    rows["tau_Nm"] = rows["sequence"] * 0.5
+    ns = rows["sequence"].astype(np.int64) * 1_000_000
+    return Batch(LAYOUT, rows, ns, 5_000_000_000 + int(ns[-1]))
+
+
+def test_foxglove_gets_the_recordings_own_messages(monkeypatch):
+    logged, made, stopped = [], [], []
+    library = types.SimpleNamespace(
+        start_server=lambda **k: types.SimpleNamespace(port=1234, stop=lambda: stopped.append(k)),
+        Schema=lambda **k: k,
+        Channel=lambda topic, **k: (
+            made.append((topic, k)),
+            types.SimpleNamespace(log=lambda m, log_time: logged.append((m, log_time))),
+        )[1],
+    )
+    monkeypatch.setitem(sys.modules, "foxglove", library)
+    outlet = FoxgloveOutlet(0)
+    assert outlet.said == "Foxglove: ws://127.0.0.1:1234"
+    outlet.put(batch(100))
+    outlet.put(batch(103))
+    outlet.close()
+    ((topic, told),) = made
+    assert topic == "/sense_out"
+    assert told["schema"] == {
+        "name": "esea.sense_out", "encoding": "protobuf", "data": LAYOUT.descriptor()
+    }  # fmt: skip
+    assert [LAYOUT.rows(m)["sequence"][0] for m, _ in logged] == list(range(100, 106))
+    assert np.all(np.diff([t for _, t in logged]) == 1_000_000)  # the board's time, not arrival's
+    assert stopped
+
+
+def test_lsl_gets_numbers_by_name_with_the_boards_time(monkeypatch):
+    pushed, labels, infos = [], [], []
+
+    class Node:
+        def append_child(self, _):
+            return self
+
+        def append_child_value(self, key, value):
+            labels.append((key, value))
+
+    def info(*words):
+        infos.append(words)
+        return types.SimpleNamespace(desc=Node)
+
+    library = types.SimpleNamespace(
+        StreamInfo=info,
+        StreamOutlet=lambda _: types.SimpleNamespace(
+            push_sample=lambda r, t: pushed.append((r, t))
+        ),
+        local_clock=iter([10.0, 10.5]).__next__,
+    )
+    monkeypatch.setitem(sys.modules, "pylsl", library)
+    outlet = LslOutlet("elbow_drive", {"sense_out": 1000.0})
+    outlet.put(batch(100))
+    outlet.put(batch(103))
+    assert infos == [
+        ("elbow_drive sense_out", "Mocap", 1, 1000.0, "double64", "elbow_drive sense_out")
+    ]
+    assert labels == [("label", "tau_Nm"), ("unit", "Nm")]
+    assert [r for r, _ in pushed] == [[50.0], [50.5], [51.0], [51.5], [52.0], [52.5]]
+    # The second batch came late: the first one's arrival counts, and steps are the board's.
+    assert [t for _, t in pushed] == pytest.approx(10.0 + 0.001 * np.arange(-2, 4))
+
+
+def test_without_the_library_the_way_to_it_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pylsl", None)
+    with pytest.raises(UserError, match="pip install pylsl"):
+        LslOutlet("x", {})
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    with pytest.raises(UserError, match="pip install foxglove-sdk"):
+        FoxgloveOutlet(0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["bridge", "tcp:127.0.0.1:1"], "Add --foxglove PORT, --lsl, or both"),
+        (["record", "tcp:127.0.0.1:1", "a.mcap", "--rate", "10"], "--rate is of --signal"),
+    ],
+)
+def test_wrong_words_are_refused_before_anything_is_connected(words, said, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["esea-host", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert said in " ".join(capsys.readouterr().err.split())
