@@ -4,3 +4,4 @@ Not a medical device; trained on simulated patients.
 """
 
 NOTICE = "Not a medical device. Trained on simulated patients, never on people."
+MEASURED_NOTICE = "Not a medical device. Tried on simulated patients only, never on people."

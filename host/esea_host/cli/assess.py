@@ -11,7 +11,7 @@ import typer
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
-from esea_host.assess import NOTICE
+from esea_host.assess import MEASURED_NOTICE, NOTICE
 from esea_host.cli.app import app, out
 from esea_host.cli.view import need_a_screen
 
@@ -67,7 +67,7 @@ def build(
 
     data = from_recordings(recordings) if recordings else simulate(patients, _say)
     digest = data.save(file)
-    out.print(NOTICE if not recordings else "Not a medical device.")
+    out.print(MEASURED_NOTICE if recordings else NOTICE)
     out.print(
         f"{file}: {len(data.category)} people, {len(data.categories)} categories, "
         f"{int(data.common.sum())} of {data.grid.cells} locations reached by all, {digest[:16]}"
@@ -189,10 +189,10 @@ def pendulum(
 
     time_s, angle, _ = angle_columns(recording)
     found = pendulum_test(time_s, angle)
-    out.print("Not a medical device.")
+    out.print(MEASURED_NOTICE)
     for line in found.sentences():
         out.print(line)
-    write_json(json_file, {"notice": "Not a medical device."} | vars(found))
+    write_json(json_file, {"notice": MEASURED_NOTICE} | vars(found))
 
 
 @assess.command("range")
@@ -211,11 +211,11 @@ def range_(
     from esea_host.assess.passive_tests import motion_range
 
     found = motion_range(read_recording(recording, height_m, mass_kg))
-    out.print("Not a medical device.")
+    out.print(MEASURED_NOTICE)
     for line in found.sentences():
         out.print(line)
     numbers = {k: v for k, v in vars(found).items() if isinstance(v, int | float)}
-    write_json(json_file, {"notice": "Not a medical device."} | numbers)
+    write_json(json_file, {"notice": MEASURED_NOTICE} | numbers)
     if figure is not None:
         buffer = io.BytesIO()
         loop_picture(found).savefig(buffer, format=figure.suffix[1:] or "png", dpi=150)
