@@ -276,6 +276,10 @@ def test_the_published_means_can_be_drawn(tmp_path):
     path.write_text("\n".join(rows) + "\n")
     found = read_survey(path)
     assert {q.name: q.mean for q in found.questions} == pytest.approx(TABLE_6_4)
+    # Typed from the thesis' section 6.6.2.1, beside ours in the words and in the JSON.
+    beside = {q["question"]: q["published_mean"] for q in found.to_dict()["questions"]}
+    assert beside == {"comfort": -0.2, "naturalness": -0.3, "control": -0.3, "effort": -0.2}
+    assert "mean -0.3 (published -0.3)" in found.lines()[2]
     axes = diverging_bars(found).axes[0]
     widths = np.array([p.get_width() for p in axes.patches]).reshape(4, 5)
     assert widths.sum(axis=1) == pytest.approx(10)
@@ -301,6 +305,14 @@ def test_two_coders(tmp_path):
     assert found.counts["two"]["elastomer"]["linearity"]["negative"] == 1
     assert found.disagreed == ("c3", "c4")
     json.dumps(found.to_dict(), allow_nan=False)
+    # Table 6.5, typed from the page: three positive and three negative on the ease of either.
+    table = found.to_dict()["published"]
+    assert table["spring"]["ease of movement"] == {"positive": 3, "negative": 3, "neutral": 0}
+    assert table["elastomer"]["nonlinearity"] == {"positive": 0, "negative": 0, "neutral": 1}
+    assert [t["neutral"] for t in table["spring"].values()] == [0, 0, 4, 0, 3]
+    lines = found.lines()
+    assert "    ease of movement   3/3/0   3/3/0" in lines
+    assert "    linearity          3/0/0   1/1/0" in lines  # comments 0, 2, 3; 4, 6
 
 
 HEADER = "participant,group,comfort,naturalness,control,effort\n"

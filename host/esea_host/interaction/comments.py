@@ -12,6 +12,7 @@ from typing import Any
 
 from esea_gen.errors import UserError
 from esea_host.interaction.design import ELEMENTS, read_table
+from esea_host.interaction.published import TABLE_6_5
 from esea_host.statistics import Agreement, NoStatisticError, cohens_kappa
 
 TONES = ("positive", "negative", "neutral")
@@ -39,6 +40,7 @@ class Comments:
             "coders": list(self.coders),
             "comments": self.comments,
             "counts": self.counts,
+            "published": published_counts(),
             "theme_agreement": {
                 k: None if a is None else a.to_dict() for k, a in self.theme_agreement.items()
             },
@@ -54,9 +56,33 @@ class Comments:
         for theme, found in self.theme_agreement.items():
             out.append(f"  {theme:18s} kappa {_said(found)}")
         out.append(f"  {'tone':18s} kappa {_said(self.tone_agreement)}")
+        out.append(
+            "positive/negative/neutral by theme, spring and elastomer; published, table 6.5:"
+        )
+        for coder, counts in self.counts.items():
+            out.append(f"  {coder}")
+            out += _counted(counts)
+        out += ["  published", *_counted(published_counts())]
         if self.disagreed:
             out.append(f"  to talk about: {', '.join(self.disagreed)}")
         return out
+
+
+def published_counts() -> dict[str, dict[str, dict[str, int]]]:
+    """Table 6.5 as this module counts: by element, theme and tone."""
+    return {
+        element: {t: dict(zip(TONES, row[k], strict=True)) for t, row in TABLE_6_5.items()}
+        for k, element in enumerate(ELEMENTS)
+    }
+
+
+def _counted(counts: dict[str, dict[str, dict[str, int]]]) -> list[str]:
+    themes = counts[ELEMENTS[0]]
+    return [
+        f"    {theme:18s} "
+        + "   ".join("/".join(str(n) for n in counts[e][theme].values()) for e in ELEMENTS)
+        for theme in themes
+    ]
 
 
 def _said(found: Agreement | None) -> str:

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from esea_gen.errors import UserError
 from esea_gen.plotting import INK, STYLE
 from esea_host.interaction.design import FIRST, SPRING, checked_group, read_table
+from esea_host.interaction.published import TABLE_6_4
 from esea_host.statistics import SignedRank, holm, signed_rank
 
 QUESTIONS = ("comfort", "naturalness", "control", "effort")
@@ -44,14 +45,20 @@ class Question:
 
     @property
     def mean(self) -> float:
-        """The published summary."""
+        """As the published summary has it."""
         return float(np.mean(self.answers))
+
+    @property
+    def published_mean(self) -> float:
+        """Of the published study's ten people (section 6.6.2.1)."""
+        return TABLE_6_4[self.name]
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "question": self.name,
             "mean": self.mean,
+            "published_mean": self.published_mean,
             "median": float(np.median(self.answers)),
             "counts": dict(zip(LEVELS, self.counts, strict=True)),
             "p": 1.0 if self.test is None else self.test.p,
@@ -78,7 +85,8 @@ class Survey:
             p = "all alike" if q.test is None else f"p {q.test.p:.3g}, Holm {q.p_holm:.3g}"
             zeros = 0 if q.test is None else q.test.zeros
             out.append(
-                f"  {q.name:12s} mean {q.mean:+.1f}  counts {'/'.join(map(str, q.counts))}  {p}"
+                f"  {q.name:12s} mean {q.mean:+.1f} (published {q.published_mean:+.1f})"
+                f"  counts {'/'.join(map(str, q.counts))}  {p}"
                 f"{f', {zeros} without a difference left out' if zeros else ''}"
             )
         return out
