@@ -44,6 +44,7 @@ SLOW_SAMPLE = (
     "test_inverse.py::test_published_signals_whole",
     "test_laws.py::test_the_emulated_board_runs_every_law[smc,mpc]",
     "test_main_job.py::",
+    "test_mutate_python.py::test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed",
 )
 
 

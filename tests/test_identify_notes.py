@@ -38,7 +38,7 @@ def told(
     sigma=None,
     recordings=None,
     verdict=None,
-    without=None,
+    pair=None,
     edges=(),
     rate_dropped=False,
 ):
@@ -52,14 +52,14 @@ def told(
             fit,
             SimpleNamespace(sigma=sigma or {}),
             verdict or verdict_of(),
-            without,
-            4.0,
+            pair,
         )
     )
 
 
 @pytest.fixture(autouse=True)
 def _known_scales(monkeypatch):
+    monkeypatch.setattr("esea_gen.identify.notes.largest_torque", lambda source, recordings: 4.0)
     monkeypatch.setattr("esea_gen.identify.notes.scales_assumed", lambda source: False)
 
 
@@ -89,14 +89,18 @@ def test_one_sided_loading_and_softening():
 
 @pytest.mark.parametrize(
     ("rms_Nm", "verdict"),
-    [(0.08, "the rate terms help"), (0.05, "do not help"), (0.04, "do not help")],
+    [
+        (0.08, "the rate terms help"),
+        (0.05, "the rate terms do not help, and are left out"),
+        (0.04, "the rate terms do not help, and are left out"),
+    ],
 )
 def test_what_the_rate_terms_are_worth_in_per_cent_of_full_scale(rms_Nm, verdict):
-    text = told(without=verdict_of(rms_Nm))
+    text = told(pair=(verdict_of(rms_Nm), verdict_of(0.05)))
     assert f"element {100 * rms_Nm / 4:.2f} %, with it 1.25 % of full scale" in text
     assert verdict in text
     assert "Held-out error without" not in told()
-    assert "Held-out error without" not in told(without=verdict_of(rms_Nm), rate_dropped=True)
+    assert "Held-out error without" not in told(pair=(verdict_of(rms_Nm),) * 2, rate_dropped=True)
 
 
 def test_why_there_are_no_rate_terms():
@@ -105,6 +109,9 @@ def test_why_there_are_no_rate_terms():
     assert "no stiffness, so it is left out" in told(without, rate_dropped=True)
     assert "no time was recorded" in told(without, recordings=[recording(), recording(timed=False)])
     assert "rate_terms = false" in told(without)
+    assert "as good or better" in told(without, pair=(verdict_of(),) * 2)
+    assert "marked assumed too" in told(recordings=[recording(timed=False)])
+    assert "marked assumed too" not in told()
 
 
 def test_samples_that_are_missing_are_counted():

@@ -218,6 +218,7 @@ def test_faults_are_noticed_or_told(checkout):
     assert (told["left_out_by_rule"], told["places"]) == (0, every_place)
 
 
+@pytest.mark.slow
 def test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed(checkout):
     source = checkout / "esea_gen/small/sums.py"
     source.write_text("def ends(n):\n    while n:\n        n -= 1\n")

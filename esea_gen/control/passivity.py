@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
+from esea_gen.control.passivity_streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
@@ -131,6 +132,7 @@ def passivity(device: DeviceData) -> Block:
         outputs=law.outputs(),
         equations=_equations(),
         step=law.step,
+        streams=STREAMS,
     )
 
 
@@ -210,8 +212,13 @@ class _Passivity:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
         going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
-        ranges = [in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients()]
-        sound = label("tunables_valid", ca.logic_and(*ranges), "no flipped bit: else all latches")
+        whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients()}
+        sound = label("tunables_valid", ca.logic_and(*whole.values()), "else the limits latch")
+        # A flipped one counts as the strictest until they have.
+        strictest = {"least_Nms_rad": self.damping, "energy_J": 0.1 * self.energy}
+        c = SimpleNamespace(
+            **{n: ca.if_else(ok, getattr(c, n), strictest[n]) for n, ok in whole.items()}
+        )
         on = label("on", ca.logic_and(seen, u.mode > 0.5), "a law acts")
         kp = label("stiffness_Nm_rad", ca.if_else(u.mode > 1.5, u.Kp_Nm_rad, 0.0))
         kd = label("wanted_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
